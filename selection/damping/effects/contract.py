@@ -211,8 +211,9 @@ def either_sign(
 ) -> tuple[Form, Form]:
     """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
 
-    ``rest``: of a `Form`.
+    ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
     """
+    rest = {"mirror": label or effect} | rest
 
     def side(sign: float) -> Form:
         def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
@@ -222,7 +223,7 @@ def either_sign(
             return report(sign * strength, *shapes)
 
         own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
-        return Form(effect, own_change, own_report, label=own_label, mirror=label or effect, **rest)
+        return Form(effect, own_change, own_report, label=own_label, **rest)
 
     return side(1.0), side(-1.0)
 

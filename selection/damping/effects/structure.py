@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import chain
 from math import inf, isfinite, log1p, tan
 
 import numpy as np
@@ -38,31 +37,19 @@ _MOST_FACTOR = 12.0
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln| of the factor beyond that of 3 tolerances. No form without simulated viscous damping."""
+    least = log1p(3.0 * scales.damping)
     if scales.viscous == 0.0:
         return ()
-    return _viscous_side(scales, 1.0), _viscous_side(scales, -1.0)
-
-
-def _viscous_side(scales: Scales, sign: float) -> Form:
-    least = log1p(3.0 * scales.damping)
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        c = Viscous(scales.viscous * np.exp(sign * (least + beyond)))
+        c = Viscous(scales.viscous * np.exp(beyond + np.copysign(least, beyond)))
         return replace(terms, forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": np.expm1(sign * (least + beyond))}
+        return {"relative": np.expm1(beyond + np.copysign(least, beyond))}
 
-    return Form(
-        "viscous-coefficient",
-        change,
-        report,
-        0.1,
-        largest=_MOST_FACTOR,
-        label=f"{sign:+.0f}",
-        replaces=Viscous.name,
-        sizes=_FACTORS,
-    )
+    rest = {"natural": 0.1, "largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
+    return either_sign("viscous-coefficient", change, report, **rest)
 
 
 VISCOUS_COEFFICIENT = Effect(
@@ -83,20 +70,16 @@ def simulate_frequency(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 def frequency_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: relative error beyond 3 tolerances, above or below."""
-    return _frequency_side(scales, 1.0), _frequency_side(scales, -1.0)
-
-
-def _frequency_side(scales: Scales, sign: float) -> Form:
     least = 3.0 * scales.frequency
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        return replace(terms, omega_n=scales.omega_n * (1.0 + sign * (least + beyond)))
+        return replace(terms, omega_n=scales.omega_n * (1.0 + (beyond + np.copysign(least, beyond))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": sign * (least + beyond)}
+        return {"relative": beyond + np.copysign(least, beyond)}
 
-    natural = scales.bandwidth
-    return Form("natural-frequency", change, report, natural, largest=0.3, label=f"{sign:+.0f}", replaces="frequency")
+    rest = {"natural": scales.bandwidth, "largest": 0.3, "replaces": "frequency", "mirror": ""}
+    return either_sign("natural-frequency", change, report, **rest)
 
 
 NATURAL_FREQUENCY = Effect(
@@ -130,9 +113,8 @@ def _planar_side(apart: FormVariable, sign: float, alike: bool, twin: Form | Non
         return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
 
     def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
-        values = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
-        values |= {"damping_ratio": damping}
-        return values | ({"alike": 1.0} if alike else {})
+        plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
+        return plane | {"damping_ratio": damping} | ({"alike": 1.0} if alike else {})
 
     label = ("above" if sign > 0.0 else "below") + (", damped alike" if alike else "")
     return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
@@ -170,8 +152,7 @@ def path(terms: Terms, compliance: Floats, ratio: Floats, loss: Floats) -> Terms
 
     def part(drive: Drive) -> Floats:
         x = drive.omega / centre
-        result: Floats = compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x)
-        return result
+        return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
 
     return replace(terms, compliance=(*terms.compliance, part))
 
@@ -256,9 +237,8 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     low = 0.3 * scales.bandwidth
     apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
-    return tuple(
-        chain.from_iterable(_path_side("second-mode", way, apart, loss, 1.0 / scales.loss) for way in (True, False))
-    )
+    above, below = (_path_side("second-mode", way, apart, loss, 1.0 / scales.loss) for way in (True, False))
+    return *above, *below
 
 
 #: Two close modes are those of two planes unless the rows say so: 1 to 4.

@@ -169,19 +169,15 @@ def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     model, W = leading.model, leading.weights
     z = np.tile(leading.y[model.size :], (len(x), 1))
     residuals = model.residuals(np.hstack([x, z]))
-    rows = model.problem.rows
-    one_hot = (np.tile(rows.sweep, len(W) // len(rows))[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
+    sweep = model.problem.rows.sweep_of_values
+    one_hot = (sweep[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
     gain, frequency = residuals.by_gain * model.scatter.amplitude, residuals.by_frequency * model.scatter.frequency
-    sweep = np.tile(rows.sweep, len(W) // len(rows))
     t = residuals.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
     # per sweep: the 2 x 2 matrix 1 + C^T W C and the vector C^T W t
     gg, ff = 1.0 + (W * gain**2) @ one_hot, 1.0 + (W * frequency**2) @ one_hot
     gf, gt, ft = (W * gain * frequency) @ one_hot, (W * gain * t) @ one_hot, (W * frequency * t) @ one_hot
     det = gg * ff - gf**2
     fitted = (ff * gt**2 - 2.0 * gf * gt * ft + gg * ft**2) / det
-    value = (
-        -0.5 * (t**2 @ W)
-        + 0.5 * np.sum(fitted - np.log(det), axis=1)
-        - 0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
-    )
+    prior = np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
+    value = -0.5 * (t**2 @ W) + 0.5 * np.sum(fitted - np.log(det), axis=1) - 0.5 * prior
     return np.where(np.isfinite(value), value, -np.inf)

@@ -132,7 +132,8 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
 def _differ(fit: ModelFit, other: ModelFit) -> bool:
     if fit.model.parts != other.model.parts:
         return True
-    return bool(np.max(np.abs(fit.y - other.y) / _sd(other)) > 0.5)
+    sd = np.sqrt(np.diag(other.covariance))
+    return bool(np.max(np.abs(fit.y - other.y) / sd) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:
@@ -149,10 +150,6 @@ def robust_weights(r: FloatArray) -> FloatArray:
     return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
 
 
-def _sd(fit: ModelFit) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(fit.covariance)))
-
-
 def _climb(
     model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf, share: float = _ROUGHLY
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -163,7 +160,7 @@ def _climb(
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
-        r = _white_residuals(model, y)
+        r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = _white_jacobian(model, y)
     damping = np.full(len(y), 1e-2)
@@ -189,11 +186,6 @@ def _climb(
         settled = (better & (gain < little)) | (damping[at] > 1e6)
         active[at[settled & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
-
-
-def _white_residuals(model: Model, y: FloatArray) -> FloatArray:
-    """Residuals (batch, m), freed of the correlation of neighbours."""
-    return decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
 
 
 def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -239,23 +231,15 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
     counts = robust_weights(r) if weights is None else weights
     rooted = decorrelate(J * np.sqrt(counts)[:, np.newaxis], model, model.scatter.correlation)[0]
     H = rooted.T @ rooted + np.eye(len(y))
-    return ModelFit(
-        model,
-        y,
-        r,
-        J,
-        counts,
-        posterior,
-        posterior - 0.5 * float(np.linalg.slogdet(H)[1]),
-        np.asarray(np.linalg.inv(H)),
-    )
+    evidence = posterior - 0.5 * float(np.linalg.slogdet(H)[1])
+    return ModelFit(model, y, r, J, counts, posterior, evidence, np.asarray(np.linalg.inv(H)))
 
 
 def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
     """Columns (m, ..) as they are without the correlation of neighbours, and ln of the determinant of the change."""
     if rho == 0.0:
         return columns, 0.0
-    sweep = np.tile(model.problem.rows.sweep, len(columns) // len(model.problem.rows))
+    sweep = model.problem.rows.sweep_of_values
     follows = np.concatenate([[False], sweep[1:] == sweep[:-1]])
     follows[:: len(model.problem.rows)] = False
     size = np.sqrt(1.0 - rho**2)

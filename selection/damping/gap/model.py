@@ -184,8 +184,7 @@ class Model:
         r = own.r.reshape(batch, size + 1, -1)
         by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
         at = np.arange(batch) * (size + 1)
-        one_hot = self.problem.rows.sweep[:, np.newaxis] == np.arange(self.sweeps)
-        one_hot = np.tile(one_hot, (r.shape[2] // len(self.problem.rows), 1))
+        one_hot = self.problem.rows.sweep_of_values[:, np.newaxis] == np.arange(self.sweeps)
         by_gain = own.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
         by_frequency = own.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
         return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
@@ -227,15 +226,13 @@ def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter
     A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
     parts: list[FloatArray] = []
     for channel in rows.channels:
-        left = _third(terms, rows, A, phase) if channel == "third" else _cross(terms, rows, A, phase)
+        if channel == "third":
+            left = third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
+        else:
+            left = _cross(terms, rows, A, phase)
         left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
         parts += [left.real, left.imag]
     return parts
-
-
-def _third(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
-    """Predicted less measured third harmonic."""
-    return third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
 
 
 def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
@@ -244,11 +241,8 @@ def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> Comple
     Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
     """
     seen = 1.0 / rows.sd_cross
-    across, along, measured = (
-        cross_motion(terms, A, rows.drive) * seen,
-        A * np.exp(-1j * phase) * seen,
-        rows.cross * seen,
-    )
+    across, along = cross_motion(terms, A, rows.drive) * seen, A * np.exp(-1j * phase) * seen
+    measured = rows.cross * seen
     way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     left = measured - way * across
     size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)

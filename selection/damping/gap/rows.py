@@ -6,7 +6,7 @@ Noise of every row: as stated, else from how roughly the residuals of a referenc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import pi
 
@@ -101,9 +101,9 @@ class Rows:
         return np.concatenate(parts) < UNSEEN
 
     @property
-    def values(self) -> int:
-        """Number of residuals: amplitudes, then phases and phasors of other channels where there are any."""
-        return len(self) * (1 + self.has_phase + 2 * len(self.channels))
+    def sweep_of_values(self) -> IntArray:
+        """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
+        return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
 
     @property
     def levels(self) -> int:
@@ -123,10 +123,7 @@ class Rows:
 
 
 #: Fields of `Rows` with one entry a row, but for its sweep.
-BY_ROW = (
-    *("row", "F", "omega", "u", "phase", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio"),
-    *("own", "sd_amplitude", "sd_phase", "third", "cross", "sd_third", "sd_cross"),
-)
+BY_ROW = tuple({field.name for field in fields(Rows)} - {"sweep", "sweeps", "level", "has_phase", "channels"})
 #: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
 UNSEEN = 1e9
 
