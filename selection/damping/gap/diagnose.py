@@ -12,6 +12,7 @@ import numpy as np
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.gap import size, weighing
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.next_test import NextTest, rank_tests
@@ -27,27 +28,8 @@ from damping.gap.problem import (
 from damping.gap.rows import read_rows
 from damping.gap.search import Hypothesis, Search
 from damping.gap.simulation import Simulate
-from damping.gap.size import (
-    Gap,
-    HeldOut,
-    LevelDeviation,
-    describe_repeatability,
-    hold_levels_out,
-    list_levels,
-    measure_gap,
-)
 from damping.gap.unknowns import spread
-from damping.gap.weighing import (
-    Explanation,
-    Group,
-    blend_probabilities,
-    cover_probability,
-    describe_doubts,
-    describe_held_out,
-    estimate_in_library,
-    group_equivalent_effects,
-    weigh_hypotheses,
-)
+from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
@@ -112,11 +94,11 @@ class Diagnosis(Explained):
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
     unexplained: bool
-    levels: tuple[LevelDeviation, ...]
-    gap: Gap
+    levels: tuple[size.LevelDeviation, ...]
+    gap: size.Gap
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
-    held_out: HeldOut | None
+    held_out: size.HeldOut | None
     local: tuple[LocalEstimate, ...]
     damping_trend: PowerTrend | None
     frequency_trend: PowerTrend | None
@@ -157,11 +139,11 @@ def explain(
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     known, search = search_hypotheses(start, library)
-    hypotheses = weigh_hypotheses(search.ranked())
+    hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    in_library = estimate_in_library(describe_doubts(tests, hypotheses), leading, known.dispersion)
-    weighed = blend_probabilities(hypotheses, in_library)
+    in_library = weighing.estimate_in_library(weighing.describe_doubts(tests, hypotheses), leading, known.dispersion)
+    weighed = weighing.blend_probabilities(hypotheses, in_library)
     return Explained(record, mode, known, search, library, weighed, tests, in_library, tuple(cautions))
 
 
@@ -179,18 +161,20 @@ def diagnose(
     """
     explained = explain(record, mode, effects, states, simulate)
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
-    held_out = hold_levels_out(known, explained.search, leading.best)
-    gap = measure_gap(leading.best)
-    apart = describe_repeatability(known, leading.best)
-    doubts = [*apart, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
+    held_out = size.hold_levels_out(known, explained.search, leading.best)
+    gap = size.measure_gap(leading.best)
+    apart = size.describe_repeatability(known, leading.best)
+    doubts = [*apart, *list_ends(leading.best), *weighing.describe_held_out(leading, gap, held_out)]
     left = unexplained(leading.best, explained.tests, explained.library)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
-        explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([explanation.hypothesis for explanation in hypotheses], explained.library),
+        explanations=weighing.cover_probability(hypotheses),
+        groups=weighing.group_equivalent_effects(
+            [explanation.hypothesis for explanation in hypotheses], explained.library
+        ),
         unexplained=known.dispersion > 1.0 or left or bool(apart),
-        levels=list_levels(leading.best),
+        levels=size.list_levels(leading.best),
         gap=gap,
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),

@@ -63,9 +63,7 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
     omega = np.asarray(omega, dtype=float)
     blocks = [_roots(force, F, omega, start, M, omega_n) for start in range(0, omega.size, _BLOCK)]
     row, roots = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    order = np.lexsort((roots, row))
-    row, amplitude = row[order], np.exp(roots[order])
-    table = by_row(row, amplitude, omega.size)
+    table = by_row(row, np.exp(roots), omega.size)
     filled = ~np.isnan(table)
     frequency = np.broadcast_to(omega[:, np.newaxis], table.shape)
     with np.errstate(invalid="ignore"):
@@ -115,10 +113,18 @@ def _roots(
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         return _log_force(force, points, block[rows], M, omega_n, np.log(F))
 
+    row, roots = list_roots(level, u, block.size)
+    return start + row, roots
+
+
+def list_roots(level: Level, u: FloatArray, rows: int) -> tuple[IntArray, FloatArray]:
+    """Rows and places of every root of a level between points of the grid ``u``, sorted by row and place."""
     with np.errstate(all="ignore"):
-        value, derivative = level(u, np.arange(block.size)[:, np.newaxis])
-        row, low, high = brackets(level, u, value, derivative)
-        return start + row, bracketed_newton(lambda points: level(points, row), low, high)
+        value, derivative = level(u, np.arange(rows)[:, np.newaxis])
+        row, low, high = _brackets(level, u, value, derivative)
+        roots = bracketed_newton(lambda points: level(points, row), low, high)
+    order = np.lexsort((roots, row))
+    return row[order], roots[order]
 
 
 def _log_force(
@@ -134,7 +140,7 @@ def _log_force(
     return np.asarray(0.5 * np.log(squared) - log_F), np.asarray(derivative)
 
 
-def brackets(
+def _brackets(
     level: Level, u: FloatArray, value: FloatArray, derivative: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Rows and ends of all cells, or halves of cells cut at an extremum, over which the value changes sign."""

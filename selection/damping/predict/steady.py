@@ -73,6 +73,8 @@ def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: 
 _FAR = 1e15
 #: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
 _WIDEST = 127.0
+#: ln A between which a force is looked for whose parts do not all grow with amplitude.
+_GRID = np.arange(-46.0, 46.25, 0.25)
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,6 @@ class SteadyState:
 def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
     """X = (K - M omega^2) A + S: the force in phase with displacement that the motion needs."""
     return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
-
-
-def complex_stiffness(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> np.ndarray:
-    """Z = K - M omega^2 + (S + i C)/A, complex."""
-    return np.asarray((elastic(force, A, omega, M, omega_n) + 1j * force.quadrature(A, omega)) / A)
 
 
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -130,7 +127,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
             return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
         grows = _grows(force, omega)
-        low, high = _bracket(force, target, omega) if grows else _scan(force, target, omega)
+        low, high = _scan(force, target, omega, np.array([-_WIDEST, _WIDEST]) if grows else _GRID)
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
             C, slope = force.grow(np.exp(u), omega)
@@ -204,25 +201,16 @@ def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArr
 def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
     """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
     C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
-    result: FloatArray = np.log(np.maximum(C, 0.0)) - target
-    return result
+    return np.asarray(np.log(np.maximum(C, 0.0)) - target)
 
 
-def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the root of a growing C: the widest there can be; NaN where there is none."""
-    low, high = np.full(target.shape, -_WIDEST), np.full(target.shape, _WIDEST)
-    crosses = (_excess(force, low, omega, target) < 0.0) & (_excess(force, high, omega, target) >= 0.0)
-    return np.where(crosses, low, np.nan), np.where(crosses, high, np.nan)
-
-
-def _scan(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the first rise of C through F; NaN where there is none."""
+def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """ln A below and above the first rise of C through F between points of a grid; NaN where there is none."""
     low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
     below = np.zeros(target.shape, dtype=bool)
-    grid = np.arange(-46.0, 46.25, 0.25)
     for before, u in zip(np.roll(grid, 1), grid, strict=True):
-        now_below = _excess(force, np.full(target.shape, u), omega, target) < 0.0
-        rises = below & ~now_below & np.isnan(low)
+        excess = _excess(force, np.full(target.shape, u), omega, target)
+        rises = below & (excess >= 0.0) & np.isnan(low)
         low[rises], high[rises] = before, u
-        below = now_below
+        below = excess < 0.0
     return low, high
