@@ -143,21 +143,16 @@ def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
     return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
-def _clipped(fit: ModelFit) -> tuple[FloatArray, float, float]:
-    """Squares of clipped residuals with their mean and standard deviation under noise."""
-    x = np.linspace(-8.0, 8.0, 4001)
-    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
-    square = np.minimum(x * x, CLIP**2)
-    mean = float(p @ square)
-    return np.minimum(fit.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
-
-
 def _windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = fit.model.problem.rows
     quantities = 1 + rows.has_phase
-    squares, mean, sd = _clipped(fit)
-    squares = squares[: quantities * len(rows)]
+    x = np.linspace(-8.0, 8.0, 4001)
+    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
+    clipped = np.minimum(x * x, CLIP**2)
+    mean = float(p @ clipped)  # of clipped squares under noise, with their standard deviation
+    sd = float(np.sqrt(p @ clipped**2 - mean**2))
+    squares = np.minimum(fit.r**2, CLIP**2)[: quantities * len(rows)]
     # noise that is larger in some rows than in others is no local disturbance: their spread is that of all rows
     excess = (squares - max(mean, squares.mean())) / max(sd, squares.std())
     excess = excess.reshape(-1, len(rows)).sum(axis=0)

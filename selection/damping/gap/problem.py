@@ -94,16 +94,14 @@ def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: 
 
 def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
     """The library without what is known of the rig, and what the simulation claims no knowledge of."""
-    out = set()
-    if mode.rig.planes == 1:
-        out.add("planar-coupling")
-    if mode.rig.force == "measured":
-        out.add("force-dropout")
-    if mode.rig.rate is not None or np.any(rows.rate != 0.0):
-        out.add("sweep-rate")
-    if mode.tolerance.from_record:
-        out |= {"viscous-coefficient", "natural-frequency"}
-    return {name: effect for name, effect in effects.items() if name not in out}
+    known = {
+        "planar-coupling": mode.rig.planes == 1,
+        "force-dropout": mode.rig.force == "measured",
+        "sweep-rate": mode.rig.rate is not None or bool(np.any(rows.rate != 0.0)),
+        "viscous-coefficient": mode.tolerance.from_record,
+        "natural-frequency": mode.tolerance.from_record,
+    }
+    return {name: effect for name, effect in effects.items() if not known.get(name, False)}
 
 
 def scales(rows: Rows, mode: Mode) -> Scales:

@@ -123,19 +123,11 @@ OUTLYING = 3.3
 
 def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
     """The deviations of every sweep at a fit."""
-    model, sweeps = fit.model, fit.model.sweeps
-    gain, frequency = fit.y[model.size :].reshape(2, sweeps)
-    scatter = model.scatter
-    return tuple(
-        LevelDeviation(
-            sweep,
-            float(np.expm1(gain[k] * scatter.amplitude)),
-            float(gain[k]),
-            float(np.expm1(frequency[k] * scatter.frequency)),
-            float(frequency[k]),
-        )
-        for k, sweep in enumerate(model.problem.rows.sweeps)
-    )
+    model = fit.model
+    deviations = fit.y[model.size :].reshape(2, model.sweeps)
+    gain, frequency = np.expm1(deviations.T * (model.scatter.amplitude, model.scatter.frequency)).T
+    columns = (column.tolist() for column in (gain, deviations[0], frequency, deviations[1]))
+    return tuple(LevelDeviation(*of_sweep) for of_sweep in zip(model.problem.rows.sweeps, *columns, strict=True))
 
 
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:

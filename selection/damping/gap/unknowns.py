@@ -86,14 +86,15 @@ def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
     )
     w, at = np.concatenate(weights), np.concatenate(places)
     combined = np.sum(w * residual[at], axis=1)
-    found = []
+    choices = []
     for rho in SHARES:
         shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
         of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
         s = max(spread(combined / of_shape), LEAST)
-        price = _PRICE if rho else 0.0
-        found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
-    return max(found, key=lambda choice: choice[0])[1]
+        squares = np.minimum((combined / of_shape / s) ** 2, CLIP**2)
+        log_p = -float(len(combined) * np.log(s) + 0.5 * np.sum(squares))
+        choices.append((log_p - float(np.sum(np.log(of_shape))) - (_PRICE if rho else 0.0), s * shape))
+    return max(choices, key=lambda choice: choice[0])[1]
 
 
 def spread(values: FloatArray) -> float:
@@ -101,10 +102,6 @@ def spread(values: FloatArray) -> float:
     dropped = int(_TRIMMED * len(values))
     kept = np.sort(values**2)[: len(values) - dropped]
     return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
-
-
-def _log_likelihood(values: FloatArray, s: float) -> float:
-    return -float(len(values) * np.log(s) + 0.5 * np.sum(np.minimum((values / s) ** 2, CLIP**2)))
 
 
 def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:

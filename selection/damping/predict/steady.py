@@ -126,7 +126,8 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
         if exponents is not None:
             return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
-        grows = _grows(force, omega)
+        # no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes
+        grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
         low, high = _scan(force, target, omega, np.array([-_WIDEST, _WIDEST]) if grows else _GRID)
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -149,8 +150,8 @@ def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tupl
         previous, omega = omega, backbone(force, amplitude, M, omega_n)
         if not np.any(np.abs(omega - previous) > 1e-15 * previous):
             break
-    settled = np.abs(omega - previous) <= 1e-12 * previous
-    return np.where(settled, amplitude, np.nan), np.where(settled, omega, np.nan)
+    converged = np.abs(omega - previous) <= 1e-12 * previous
+    return np.where(converged, amplitude, np.nan), np.where(converged, omega, np.nan)
 
 
 def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Floats) -> SteadyState:
@@ -184,11 +185,6 @@ def _newton_step(force: Force, A: FloatArray, omega: Floats, kappa: Floats, F: F
     C = force.quadrature(A, omega)
     squared = X * X + C * C
     return np.asarray(0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * force.slope(A, omega)))
-
-
-def _grows(force: Force, omega: Floats) -> bool:
-    """Whether no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes."""
-    return all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
 
 
 def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:
