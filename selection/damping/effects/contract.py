@@ -253,14 +253,23 @@ class Effect:
     kind: Kind
     sentence: str
     forms: Callable[[Scales], tuple[Form, ...]]
-    simulate: Callable[[Terms, Mapping[str, float]], Terms]
+    simulate: Callable[[Terms, Mapping[str, Any]], Terms]
     shapes: tuple[Shape, ...] = ()
-    force: Callable[[Mapping[str, float]], Force] | None = None
+    force: Callable[[Mapping[str, Any]], Force] | None = None
     damping: str = ""
     corrects: str = ""
     need: Need = ""
     denies: frozenset[str] = frozenset()
     prior: float = 1.0
+
+    def changed_by(self, report: Callable[..., dict[str, Floats]]) -> Callable[..., Terms]:
+        """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
+        defaults = {shape.name: shape.default for shape in self.shapes if shape.default is not None}
+        return lambda terms, *values: self.simulate(terms, defaults | report(*values))
+
+    def form(self, report: Callable[..., dict[str, Floats]], natural: float, **rest: Any) -> Form:
+        """The form of such a change; ``rest``: of a `Form`."""
+        return Form(self.name, self.changed_by(report), report, natural, **rest)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

@@ -43,16 +43,11 @@ def _jumping_form(scales: Scales) -> Form:
     patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
     shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
 
-    def change(terms: Terms, size: Floats, *jumps: Floats) -> Terms:
-        for sweep, jump in enumerate(jumps, 1):
-            terms = drifting(terms, "frequency", size * jump, 0.0, sweep)
-        return terms
-
     def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
         return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
 
     sizes = tuple(scales.bandwidth * share for share in _DRIFTS)
-    return Form("drift", change, report, scales.bandwidth, shapes, _MOST_DRIFT, "level to level", sizes=sizes)
+    return DRIFT.form(report, scales.bandwidth, shapes=shapes, largest=_MOST_DRIFT, label="level to level", sizes=sizes)
 
 
 def _drift_side(
@@ -64,19 +59,17 @@ def _drift_side(
         values = {quantity: size} | ({"settling": settling[0]} if settling else {})
         return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
 
-    def change(terms: Terms, size: Floats, *settling: Floats) -> Terms:
-        return drifting(terms, quantity, size, settling[0] if settling else 0.0, sweep)
-
+    change = DRIFT.changed_by(report)
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
     return either_sign("drift", change, report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
 
 
-def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
+def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: Floats) -> Terms:
     """ln of the frequency or the damping changed by ``change`` from the first row to the last, or in one sweep only."""
 
     def part(drive: Drive) -> Floats:
-        if sweep:
+        if np.any(sweep):
             return change * (drive.sweep == sweep)
         if np.any(settling):
             return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
@@ -87,16 +80,16 @@ def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, swee
     return replace(terms, detuned=(*terms.detuned, part))
 
 
-def simulate_drift(terms: Terms, table: Mapping[str, float]) -> Terms:
+def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
 
     ``frequency_1`` and so on: of each sweep.
     """
     for quantity in ("frequency", "damping"):
-        if table[quantity] != 0.0:
+        if np.any(table[quantity]):
             terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
     for sweep in range(1, _MOST_JUMPS + 1):
-        if table[f"frequency_{sweep}"] != 0.0:
+        if np.any(table[f"frequency_{sweep}"]):
             terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
     return terms
 

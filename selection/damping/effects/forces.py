@@ -22,7 +22,7 @@ from damping.forces.powers import Displacement, DisplacementVelocity, QuadraticD
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
 
-def _adds(force: Callable[[Mapping[str, float]], Force]) -> Callable[[Terms, Mapping[str, float]], Terms]:
+def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
     return lambda terms, table: terms.with_force(force(table))
 
@@ -31,20 +31,15 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
     """The effect that adds a force of one coefficient."""
     unit = kind(1.0)
 
-    def change(terms: Terms, coefficient: Floats) -> Terms:
-        return terms.with_force(kind(coefficient))
-
-    def report(coefficient: Floats) -> dict[str, Floats]:
-        return {"coefficient": coefficient}
-
     def forms(scales: Scales) -> tuple[Form, ...]:
         per_coefficient = float(unit.quadrature(scales.A_high, scales.omega_n)) / scales.A_high
-        return (Form(name, change, report, scales.loss / per_coefficient),)
+        return (effect.form(lambda coefficient: {"coefficient": coefficient}, scales.loss / per_coefficient),)
 
-    def force(table: Mapping[str, float]) -> Force:
+    def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
 
-    return Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    effect = Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    return effect
 
 
 #: Forces of one coefficient.
@@ -115,10 +110,7 @@ def _joint_form(
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
         return {"stiffness": stiffness, "limit": limit, **dict(zip(("kappa",), kappa, strict=False)), **bounded}
 
-    def change(terms: Terms, *values: Floats) -> Terms:
-        return terms.with_force(joint_force(report(*values)))
-
-    return Form("slip", change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
+    return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
 
 
 SLIP = Effect(
@@ -147,20 +139,17 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         def coefficient(stiffness: Floats, exponent: Floats) -> Floats:
             return stiffness * scales.A_high ** (1.0 - exponent)
 
-        def change(terms: Terms, stiffness: Floats, exponent: Floats = 3.0) -> Terms:
-            return terms.with_force(_spring(sign * coefficient(stiffness, exponent), exponent))
-
         def report(stiffness: Floats, *exponent: Floats) -> dict[str, Floats]:
             stated = dict(zip(("exponent",), exponent, strict=False))
             return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0)), **stated}
 
-        cubic = Form(name, change, report, scales.loss, largest=scales.stiffness, label="cubic")
+        cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
         return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")
 
-    def force(table: Mapping[str, float]) -> Force:
+    def force(table: Mapping[str, Floats]) -> Force:
         return _spring(sign * table["coefficient"], table["exponent"])
 
-    return Effect(
+    effect = Effect(
         name=name,
         kind="force",
         sentence=sentence,
@@ -174,6 +163,7 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         need="sweep",
         denies=frozenset({denied}),
     )
+    return effect
 
 
 def _spring(coefficient: Floats, exponent: Floats) -> Force:

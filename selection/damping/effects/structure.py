@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, isfinite, log1p, tan
+from math import inf, log1p, tan
 
 import numpy as np
 
@@ -121,10 +121,7 @@ def _planar_side(apart: FormVariable, sign: float, alike: bool, twin: Form | Non
 
 
 def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The second plane of a table ``angle`` (rad), ``frequency_ratio``, ``damping_ratio``.
-
-    With ``alike`` other than 0 all forces act in it too.
-    """
+    """The second plane of a table; with ``alike`` other than 0 all forces act in it too."""
     alike = table["alike"] != 0.0
     plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], alike, table["damping_ratio"])
     return replace(terms, plane=plane)
@@ -146,47 +143,31 @@ PLANAR_COUPLING = Effect(
 )
 
 
-def path(terms: Terms, compliance: Floats, ratio: Floats, loss: Floats) -> Terms:
-    """One more mode: R = compliance/(ratio^2 - x^2 + i loss ratio x), x = omega/omega_n."""
-    centre = terms.omega_n
-
-    def part(drive: Drive) -> Floats:
-        x = drive.omega / centre
-        return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
-
-    return replace(terms, compliance=(*terms.compliance, part))
-
-
-def _path_side(effect: str, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
+def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
     """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``."""
 
-    def values(strength: Floats, apart: Floats, damping: Floats) -> tuple[Floats, Floats, Floats]:
+    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
         ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
         loss = 2.0 * damping
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
-        return strength * size * nearest, ratio, loss
+        return {"compliance": strength * size * nearest, "frequency_ratio": ratio, "loss": loss}
 
-    def change(terms: Terms, strength: Floats, apart: Floats, damping: Floats) -> Terms:
-        return path(terms, *values(strength, apart, damping))
-
-    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
-        return dict(zip(("compliance", "frequency_ratio", "loss"), values(strength, apart, damping), strict=True))
-
-    label = "above" if above else "below"
-    return either_sign(effect, change, report, label, natural=0.1, shapes=(distance, loss), largest=30.0)
+    label, change, shapes = "above" if above else "below", effect.changed_by(report), (distance, loss)
+    return either_sign(effect.name, change, report, label, natural=0.1, shapes=shapes, largest=30.0)
 
 
-def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The mode of a table ``compliance``, ``frequency_ratio``, ``loss``.
+def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """One more mode: R = ``compliance``/(r^2 - x^2 + i ``loss`` r x), x = omega/omega_n, r = ``frequency_ratio``.
 
-    Without a frequency ratio, modes far above: R = compliance (1 + slope (x - 1)).
+    Without a frequency ratio, modes far above: R = compliance (1 + ``slope`` (x - 1)).
     """
-    compliance, slope, centre = table["compliance"], table["slope"], terms.omega_n
-    if isfinite(table["frequency_ratio"]):
-        return path(terms, compliance, table["frequency_ratio"], table["loss"])
+    compliance, ratio, loss, centre = table["compliance"], table["frequency_ratio"], table["loss"], terms.omega_n
 
     def part(drive: Drive) -> Floats:
-        return compliance * (1.0 + slope * (drive.omega / centre - 1.0))
+        x = drive.omega / centre
+        if not np.all(np.isfinite(ratio)):
+            return compliance * (1.0 + table["slope"] * (x - 1.0))
+        return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
 
     return replace(terms, compliance=(*terms.compliance, part))
 
@@ -208,15 +189,13 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     resonance = 1.0 / scales.loss
     apart = FormVariable.between(1.5 * scales.reach, 3.0, starts=(-1.0, 0.5))
 
-    def change(terms: Terms, strength: Floats) -> Terms:
-        return path(terms, strength * resonance, 0.0, 0.0)  # rigid-body motion: -compliance/x^2
-
     def report(strength: Floats) -> dict[str, Floats]:
-        return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}
+        return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2
 
+    change = RESIDUAL_MODES.changed_by(report)
     return (
-        *_path_side("residual-modes", True, apart, _LOSS, resonance),
-        *_path_side("residual-modes", False, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, True, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, False, apart, _LOSS, resonance),
         *either_sign("residual-modes", change, report, "rigid body", natural=0.1, largest=30.0),
     )
 
@@ -237,7 +216,7 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     low = 0.3 * scales.bandwidth
     apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
-    above, below = (_path_side("second-mode", way, apart, loss, 1.0 / scales.loss) for way in (True, False))
+    above, below = (_paths(SECOND_MODE, way, apart, loss, 1.0 / scales.loss) for way in (True, False))
     return *above, *below
 
 
