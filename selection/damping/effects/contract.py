@@ -17,12 +17,12 @@ from damping.forces.shapes import Shape, completed
 class Plane(NamedTuple):
     """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
 
-    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
+    ``in_both``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
     """
 
     weight: Floats
     ratio: Floats
-    alike: bool
+    in_both: bool
     damping: Floats = 1.0
 
 

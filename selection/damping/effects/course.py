@@ -18,6 +18,17 @@ _SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
 #: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
+#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
+_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
+#: Sweeps up to which the frequency of each may be its own.
+_MOST_JUMPS = 8
+#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
+_MANY_SWEEPS = 6
+#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
+BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
+#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
+_RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
+_MOST_RATE = 30.0
 
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
@@ -30,12 +41,6 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
         *_drift_side("settling", scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
         *chain.from_iterable(_drift_side("frequency", scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps),
     )
-
-
-#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
-_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
-#: Sweeps up to which the frequency of each may be its own.
-_MOST_JUMPS = 8
 
 
 def _jumping_form(scales: Scales) -> Form:
@@ -121,10 +126,6 @@ def offset_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
-#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
-_MANY_SWEEPS = 6
-
-
 def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
     def change(terms: Terms, size: Floats) -> Terms:
         return one_sweep(terms, sweep, size, force)
@@ -159,10 +160,6 @@ LEVEL_OFFSET = Effect(
 )
 
 
-#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
-BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
-
-
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
 
@@ -178,11 +175,6 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
 
     shapes = (BETWEEN, BETWEEN)
     return either_sign("sweep-rate", change, report, natural=0.1, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
-
-
-#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
-_RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
-_MOST_RATE = 30.0
 
 
 def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:

@@ -21,6 +21,15 @@ from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
+#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
+_LIMITS = np.geomspace(0.01, 3.0, 9)
+_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
+#: The same where none is above the scale.
+_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
+_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
+#: Exponent of a spring that is no cubic one: 1.5 to 8.
+_EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
+
 
 def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
@@ -50,14 +59,6 @@ OF_ONE_COEFFICIENT = (
     _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
     _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),
 )
-
-
-#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
-_LIMITS = np.geomspace(0.01, 3.0, 9)
-_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
-#: The same where none is above the scale.
-_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
-_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
 
 
 class ManyJoints(Sum):
@@ -123,9 +124,6 @@ SLIP = Effect(
     force=joint_force,
     damping=Slip.name,
 )
-
-#: Exponent of a spring that is no cubic one: 1.5 to 8.
-_EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 
 
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:

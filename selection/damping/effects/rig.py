@@ -14,6 +14,19 @@ from damping.arrays import FloatArray, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, either_sign
 from damping.forces.shapes import LENGTH, TIME, Shape
 
+#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
+NOTCHES: dict[str, Callable[[Floats], Floats]] = {
+    "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
+    "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
+    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
+}
+#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+_DELAY = 0.25
+#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
+_OVER = np.linspace(0.0, 5.0, 400)
+#: Least slope of a reading at which the motion behind it is looked for.
+_LEAST_SLOPE = 0.05
+
 
 def with_gain(terms: Terms, size: Floats) -> Terms:
     """ln of the reading over the displacement changed by ``size``."""
@@ -56,14 +69,6 @@ PHASE_LAG = Effect(
     shapes=(Shape("lag"),),
     need="phase",
 )
-
-
-#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
-NOTCHES: dict[str, Callable[[Floats], Floats]] = {
-    "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
-    "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
-    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
-}
 
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
@@ -129,9 +134,6 @@ def simulate_delay(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * table["delay"]))
 
 
-#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
-_DELAY = 0.25
-
 TIME_DELAY = Effect(
     name="time-delay",
     kind="instrument",
@@ -144,10 +146,6 @@ TIME_DELAY = Effect(
 )
 
 
-#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
-_OVER = np.linspace(0.0, 5.0, 400)
-
-
 def _clipped_sine(over: FloatArray) -> FloatArray:
     """ln of the fundamental of a sine of amplitude exp(over) clipped at 1: (2/pi)(a asin(1/a) + sqrt(1 - 1/a^2))."""
     a = np.exp(np.maximum(over, 0.0))
@@ -157,8 +155,6 @@ def _clipped_sine(over: FloatArray) -> FloatArray:
 
 _CLIPPED = _clipped_sine(_OVER)
 _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
-#: Least slope of a reading at which the motion behind it is looked for.
-_LEAST_SLOPE = 0.05
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 
 

@@ -20,6 +20,24 @@ from damping.forces.shapes import FORCE, LENGTH, Shape
 
 #: True value over the simulated one, less 1; the value itself is positive.
 RELATIVE = Shape("relative", above=-1.0)
+#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
+_FACTORS = (0.3, 1.0, 2.0, 4.0)
+#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
+_MOST_FACTOR = 12.0
+#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
+DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
+#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
+#: far above have none.
+PATH = (
+    Shape("compliance", LENGTH / FORCE),
+    Shape("frequency_ratio", least=0.0, default=inf),
+    Shape("loss", least=0.0, default=0.0),
+    Shape("slope", default=0.0),
+)
+#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
+_LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
+#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+_OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -27,12 +45,6 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
     factor = 1.0 + table["relative"]
     forces = (replace(f, coefficient=f.coefficient * factor) if isinstance(f, Viscous) else f for f in terms.forces)
     return replace(terms, forces=tuple(forces))
-
-
-#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
-_FACTORS = (0.3, 1.0, 2.0, 4.0)
-#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
-_MOST_FACTOR = 12.0
 
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
@@ -94,10 +106,6 @@ NATURAL_FREQUENCY = Effect(
 )
 
 
-#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
-DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
-
-
 def planar_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: tan^2(theta). Shape: |omega_y/omega_p - 1|, a fraction of the bandwidth to the edge of the band.
 
@@ -108,22 +116,22 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
     return tuple(_planar_side(apart, sign, False, _planar_side(apart, sign, True)) for sign in (1.0, -1.0))
 
 
-def _planar_side(apart: FormVariable, sign: float, alike: bool, twin: Form | None = None) -> Form:
+def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
-        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
+        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, in_both, damping))
 
     def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
         plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
-        return plane | {"damping_ratio": damping} | ({"alike": 1.0} if alike else {})
+        return plane | {"damping_ratio": damping} | ({"alike": 1.0} if in_both else {})
 
-    label = ("above" if sign > 0.0 else "below") + (", damped alike" if alike else "")
+    label = ("above" if sign > 0.0 else "below") + (", damped alike" if in_both else "")
     return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
 
 
 def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
     """The second plane of a table; with ``alike`` other than 0 all forces act in it too."""
-    alike = table["alike"] != 0.0
-    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], alike, table["damping_ratio"])
+    in_both = table["alike"] != 0.0
+    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], in_both, table["damping_ratio"])
     return replace(terms, plane=plane)
 
 
@@ -172,18 +180,6 @@ def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return replace(terms, compliance=(*terms.compliance, part))
 
 
-#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
-#: far above have none.
-PATH = (
-    Shape("compliance", LENGTH / FORCE),
-    Shape("frequency_ratio", least=0.0, default=inf),
-    Shape("loss", least=0.0, default=0.0),
-    Shape("slope", default=0.0),
-)
-#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
-_LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
-
-
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode beyond the rows, at 1.5 reaches or up to four times as high or low, or rigid-body motion; either sign."""
     resonance = 1.0 / scales.loss
@@ -219,9 +215,6 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     above, below = (_paths(SECOND_MODE, way, apart, loss, 1.0 / scales.loss) for way in (True, False))
     return *above, *below
 
-
-#: Two close modes are those of two planes unless the rows say so: 1 to 4.
-_OWN_MASS = 0.25
 
 SECOND_MODE = Effect(
     name="second-mode",

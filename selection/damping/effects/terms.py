@@ -28,6 +28,16 @@ from damping.effects.contract import Drive, Instrument, Terms, add_parts
 NEAREST = 1e-6
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
+#: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
+_CYCLE = 24
+#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
+#: taken to first order: differences of nearly equal numbers say less.
+_SLOW = 1e-8
+_SLOWLY = 1e-3
+#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
+_LOUDEST = 50.0
+#: Least square of the frequency that rings over that of the drive: numbers stay finite where nothing does.
+_RINGS = 0.01
 
 
 @dataclass(frozen=True)
@@ -90,15 +100,15 @@ def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray,
     return v, slope
 
 
-def _at_resonance(found: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _at_resonance(receptance: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
-    stiffness = 1.0 / found.H
+    stiffness = 1.0 / receptance.H
     # a simulation without damping loses nothing at all, and would stand still at no amplitude
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
-    squared = found.H * found.H
+    squared = receptance.H * receptance.H
     real = np.log(F) - np.log(np.abs(loss))
     by_u, by_frequency = (
-        (-(part / squared).imag / loss).astype(np.complex128) for part in (found.by_u, found.by_frequency)
+        (-(part / squared).imag / loss).astype(np.complex128) for part in (receptance.by_u, receptance.by_frequency)
     )
     return np.asarray(real - 0.5j * np.pi), by_u, by_frequency
 
@@ -133,8 +143,8 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     by_u, by_frequency = squared * slope, squared * by_stiffness
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
-        t, ratio, alike, damping = terms.plane
-        other = terms if alike else replace(terms, forces=terms.viscous)
+        t, ratio, in_both, damping = terms.plane
+        other = terms if in_both else replace(terms, forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
         Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
         second, squared = hurried(Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0), terms, drive)
@@ -148,19 +158,15 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     return _Receptance(H, paths, by_u, by_frequency)
 
 
-def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _shares(terms: Terms, receptance: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum reads A."""
-    per_reading = A / np.abs(found.H)
+    per_reading = A / np.abs(receptance.H)
     if terms.plane is None:
-        own = np.abs(found.paths[0]) * per_reading
+        own = np.abs(receptance.paths[0]) * per_reading
         return own, own
     t = np.asarray(terms.plane.weight)
-    first, second = (np.abs(path) * per_reading for path in found.paths)
+    first, second = (np.abs(path) * per_reading for path in receptance.paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
-
-
-#: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
-_CYCLE = 24
 
 
 def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
@@ -191,14 +197,6 @@ def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
     return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))
 
 
-#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
-#: taken to first order: differences of nearly equal numbers say less.
-_SLOW = 1e-8
-_SLOWLY = 1e-3
-#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
-_LOUDEST = 50.0
-
-
 def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
     """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
 
@@ -226,10 +224,6 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     per = (1.0 - share) / (2j * M * own) + share / (2j * M * omega)
     other = (1.0 - share) / (2j * M * own) / (0.5 * loss + 1j * (omega + own))
     return per * motion - other, -per * per * memory.by_p(memory.lewis)
-
-
-#: Least square of the frequency that rings over that of the drive: numbers stay finite where nothing does.
-_RINGS = 0.01
 
 
 class _Memory(NamedTuple):

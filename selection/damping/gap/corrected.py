@@ -24,6 +24,14 @@ from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
+#: Draws from which intervals are taken; their content.
+_DRAWS = 400
+CONTENT = 0.9
+#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
+#: counts as one at the end of its range.
+_FAR = 2.5
+_FULL = 0.9
+
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
     """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
@@ -43,11 +51,6 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
     return parameters
 
 
-#: Draws from which intervals are taken; their content.
-_DRAWS = 400
-CONTENT = 0.9
-
-
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
     """Intervals of the parameters of every effect of a fit, of `CONTENT`, from its Gaussian posterior.
 
@@ -64,12 +67,6 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
             if np.ndim(drawn) == 1 and np.ptp(drawn) > 0.0
         }
     return intervals
-
-
-#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
-#: counts as one at the end of its range.
-_FAR = 2.5
-_FULL = 0.9
 
 
 def list_ends(fit: ModelFit) -> list[str]:

@@ -38,6 +38,10 @@ CLIP = 3.0
 SPLINES = 6
 #: Rows in a window of frequency.
 _WINDOWS = (4, 8, 16)
+#: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
+FREE = "stiffness and damping with amplitude"
+#: Splines that the record determines to less than this share of the best determined one are left out.
+_SEEN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -92,10 +96,6 @@ def motion(fit: ModelFit) -> FloatArray:
 def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
     """Real and imaginary multiples of shapes (k, n): (2 k, n)."""
     return np.concatenate([shape, 1j * shape])
-
-
-#: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
-FREE = "stiffness and damping with amplitude"
 
 
 def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
@@ -187,10 +187,6 @@ def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effe
     """
     forces = sum(effects[name].kind == "force" for name in fit.effects)
     return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.many_wild
-
-
-#: Splines that the record determines to less than this share of the best determined one are left out.
-_SEEN = 1e-4
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ class ModelFit:
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects."""
-        return self.model.effects
+        return tuple(part.form.effect for part in self.model.parts)
 
     @property
     def measured(self) -> FloatArray:
@@ -183,8 +183,8 @@ def _climb(
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
         little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
-        settled = (better & (gain < little)) | (damping[at] > 1e6)
-        active[at[settled & (scale == 1.0)]] = False
+        converged = (better & (gain < little)) | (damping[at] > 1e6)
+        active[at[converged & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
 
 

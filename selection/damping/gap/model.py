@@ -36,6 +36,12 @@ STEP = 1e-4
 #: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
 TYPICAL_GAP = 3.0
 SPREAD = 1.5
+#: Largest part of the motion that a channel across it picks up because it is not square to it.
+_SKEW = 0.1
+#: Newton's method for a steady state: most steps, longest step in ln A, and misfit in ln A at which it has converged.
+_MOST_STEPS = 40
+_LONGEST = 0.5
+_CONVERGED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -134,11 +140,6 @@ class Model:
     at: FloatArray | None = field(default=None, compare=False)
 
     @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return tuple(part.form.effect for part in self.parts)
-
-    @property
     def size(self) -> int:
         """Number of variables x."""
         return len(self.problem.simulation.names) + sum(part.size for part in self.parts)
@@ -217,10 +218,6 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, sensitivity, prediction, motion)
 
 
-#: Largest part of the motion that a channel across it picks up because it is not square to it.
-_SKEW = 0.1
-
-
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
     """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
     A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
@@ -257,11 +254,6 @@ def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms
     return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))
 
 
-_MOST_STEPS = 40
-_LONGEST = 0.5
-_SETTLED = 1e-10
-
-
 class Motion(NamedTuple):
     """ln of the amplitude and the phase lag (rad) of a steady state, (n,) each."""
 
@@ -280,7 +272,7 @@ def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
         misfit = u - prediction.P.real[0]
         closer = np.abs(misfit) < least
         best, least = np.where(closer, u, best), np.where(closer, np.abs(misfit), least)
-        if np.all(least < _SETTLED):
+        if np.all(least < _CONVERGED):
             break
         d = 1.0 - prediction.by_u.real[0]
         u = u - np.clip(misfit * d / (d * d + FOLD**4), -_LONGEST, _LONGEST)

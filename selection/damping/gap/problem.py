@@ -25,6 +25,10 @@ from damping.records.record import Record
 
 #: Standard deviation of the ln of a noise that was estimated from roughness, at least.
 NOISE_ERROR = 0.2
+#: A resonance farther from the simulated one than this is that of another mode.
+_ANOTHER_MODE = 0.12
+#: Rows without which a sweep says nothing of a resonance.
+_FEW_ROWS = 3
 
 
 @dataclass(frozen=True)
@@ -130,12 +134,6 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
     if stated.amplitude is None and stated.frequency is None:
         return Scatter(NO_SCATTER, NO_SCATTER) if len(rows.sweeps) < 2 else None
     return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
-
-
-#: A resonance farther from the simulated one than this is that of another mode.
-_ANOTHER_MODE = 0.12
-#: Rows without which a sweep says nothing of a resonance.
-_FEW_ROWS = 3
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:

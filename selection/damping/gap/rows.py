@@ -19,6 +19,11 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
+#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
+UNSEEN = 1e9
+#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
+SAME_STIFFNESS = 1e-3
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -124,8 +129,6 @@ class Rows:
 
 #: Fields of `Rows` with one entry a row, but for its sweep.
 BY_ROW = tuple({field.name for field in fields(Rows)} - {"sweep", "sweeps", "level", "has_phase", "channels"})
-#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
-UNSEEN = 1e9
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:
@@ -182,10 +185,6 @@ def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> Flo
         own = sweep == number
         up[own] = np.sign(np.sum((time[own] - time[own].mean()) * (omega[own] - omega[own].mean()))) or 1.0
     return up
-
-
-#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
-SAME_STIFFNESS = 1e-3
 
 
 def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:

@@ -17,6 +17,12 @@ from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
+#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
+OUTLYING = 3.3
+#: Most levels held out, the highest first; content of the interval.
+MOST_FOLDS = 3
+CONTENT = 0.9
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -71,29 +77,31 @@ def refitted(leading: ModelFit) -> ModelFit:
 
 def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
     """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
-    model = fit.model if effects else Model(fit.model.problem, (), fit.model.scatter)
-    k = len(fit.model.problem.simulation.names)
-    x = fit.y[: fit.model.size] if effects else np.where(_replaced(fit, k), 0.0, fit.y[:k])
+    names = fit.model.problem.simulation.names
+    model, x = fit.model, fit.y[: fit.model.size]
+    if not effects:
+        replaced = {part.form.replaces for part in fit.model.parts}
+        model = Model(fit.model.problem, (), fit.model.scatter)
+        x = np.where([name in replaced for name in names], 0.0, fit.y[: len(names)])
     z = fit.y[fit.model.size :] * float(deviations)
     return deviated(model.terms(x[np.newaxis]), fit.model.problem.rows, z[np.newaxis], fit.model.scatter)
-
-
-def _replaced(fit: ModelFit, k: int) -> FloatArray:
-    """Variables of the simulation that an effect took the place of."""
-    names = fit.model.problem.simulation.names[:k]
-    return np.array([any(part.form.replaces == name for part in fit.model.parts) for name in names])
 
 
 def nominal_residuals(leading: ModelFit) -> FloatArray:
     """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
     model = _alone(leading)
-    r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
-    return whitened(r[0], J[0, :, model.size :])
+    return _whiten_residuals(model, np.zeros(model.size))
 
 
 def _alone(leading: ModelFit) -> Model:
     """The simulation alone, with the leading fit's repeatability and the noise as it is."""
     return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
+
+
+def _whiten_residuals(model: Model, x: FloatArray) -> FloatArray:
+    """Residuals at variables x (size,), sweeps without deviations, whitened by noise and repeatability."""
+    r, J = model.jacobian(np.concatenate([x, np.zeros(2 * model.sweeps)])[np.newaxis])
+    return whitened(r[0], J[0, :, model.size :])
 
 
 def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
@@ -115,10 +123,6 @@ class LevelDeviation:
     gain_sigma: float
     frequency: float
     frequency_sigma: float
-
-
-#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
-OUTLYING = 3.3
 
 
 def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
@@ -152,11 +156,6 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
                     "something else may hide in it"
                 )
     return repeatability
-
-
-#: Most levels held out, the highest first; content of the interval.
-MOST_FOLDS = 3
-CONTENT = 0.9
 
 
 @dataclass(frozen=True)
@@ -236,6 +235,4 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
 def _predicted(chosen: ModelFit, test: Problem) -> FloatArray:
     """Whitened residuals of rows that a fit has not seen."""
     model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
-    y = np.concatenate([chosen.y[: chosen.model.size], np.zeros(2 * model.sweeps)])
-    r, J = model.jacobian(y[np.newaxis])
-    return whitened(r[0], J[0, :, model.size :])
+    return _whiten_residuals(model, chosen.y[: chosen.model.size])

@@ -22,6 +22,11 @@ _HIGH = 60.0
 _FARTHEST = 3000.0
 #: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
 _UNSEEN_GAP = 1e-3
+#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
+#: gain more than ``_SLIGHT``.
+_FAR = 0.2
+SURE = 50.0
+_SLIGHT = 0.2
 
 
 @dataclass(frozen=True)
@@ -78,13 +83,6 @@ def _starts(
 def at_gap(start: Start, gap: float) -> FloatArray:
     """Variables of a start with the strength that opens a gap of so many units of noise."""
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
-
-
-#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
-#: gain more than ``_SLIGHT``.
-_FAR = 0.2
-SURE = 50.0
-_SLIGHT = 0.2
 
 
 def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:

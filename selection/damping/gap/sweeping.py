@@ -28,6 +28,8 @@ Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
+#: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
+_GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
 
 
 def simulate_sweeps(
@@ -129,10 +131,6 @@ def _label(number: int) -> str:
         label = chr(ord("A") + number % 26) + label
         number = number // 26 - 1
     return label
-
-
-#: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
-_GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
 
 
 def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "down"] = "up") -> SteadyState:

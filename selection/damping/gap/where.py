@@ -30,6 +30,14 @@ MOST_CELLS = 8
 FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.
 VISIBLE = 1.0
+#: How near to phase resonance a row is taken that stands for it, rad.
+RESONANCE_FOUND = 0.1
+#: Bands of amplitude in every sweep.
+BANDS = 4
+#: With fewer values only growth in proportion is tried.
+FEW = 6
+#: Powers of amplitude that are tried.
+POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
 
 @dataclass(frozen=True)
@@ -118,16 +126,6 @@ def _runs(rows: Rows, marked: BoolArray) -> Iterator[IntArray]:
         for part in np.split(own, np.flatnonzero(np.diff(marked[own].astype(int))) + 1):
             if len(part) and marked[part[0]]:
                 yield part
-
-
-#: How near to phase resonance a row is taken that stands for it, rad.
-RESONANCE_FOUND = 0.1
-#: Bands of amplitude in every sweep.
-BANDS = 4
-#: With fewer values only growth in proportion is tried.
-FEW = 6
-#: Powers of amplitude that are tried.
-POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
 
 @dataclass(frozen=True)

@@ -92,15 +92,15 @@ def finely(omega: FloatArray) -> tuple[FloatArray, int]:
     return np.interp(index, np.arange(omega.size), omega), between
 
 
-def followed(found: Branches, between: int, direction: Literal["up", "down"]) -> SteadyState:
+def followed(states: Branches, between: int, direction: Literal["up", "down"]) -> SteadyState:
     """The states that a slow sweep passes, at every ``between``-th frequency of the branches."""
-    size = found.omega.size
+    size = states.omega.size
     forward = range(size) if direction == "up" else range(size - 1, -1, -1)
-    choice = _follow(found, forward)[::between]
+    choice = _follow(states, forward)[::between]
     rows = np.arange(0, size, between)
     known = choice >= 0
-    amplitude = np.where(known, found.amplitude[rows, choice], np.nan)
-    return SteadyState(amplitude=amplitude, phase=np.where(known, found.phase[rows, choice], np.nan))
+    amplitude = np.where(known, states.amplitude[rows, choice], np.nan)
+    return SteadyState(amplitude=amplitude, phase=np.where(known, states.phase[rows, choice], np.nan))
 
 
 def _roots(
@@ -167,13 +167,13 @@ def by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
     return table
 
 
-def _follow(found: Branches, forward: range) -> IntArray:
+def _follow(states: Branches, forward: range) -> IntArray:
     """Column of the state that the sweep is on at each row, -1 where there is none."""
-    phasor = found.amplitude * np.exp(-1j * found.phase)
-    choice = np.full(found.omega.size, -1)
+    phasor = states.amplitude * np.exp(-1j * states.phase)
+    choice = np.full(states.omega.size, -1)
     here: complex | None = None
     for i in forward:
-        stable = np.flatnonzero(found.stable[i])
+        stable = np.flatnonzero(states.stable[i])
         if stable.size == 0:
             here = None
             continue

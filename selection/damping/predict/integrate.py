@@ -29,6 +29,20 @@ _MOST_PIECES = 2000
 #: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute one is this times
 #: the scale of the motion.
 _RTOL = 1e-11
+#: Periods of free settling before each shot from rest: more where the shots before found nothing.
+_FREE_FROM_REST = (8, 24, 72)
+#: The same from the motion at a neighbouring frequency, which is nearly right already.
+_FREE = (2, 24, 72)
+#: Newton steps of a shot; it converges in four or five, or not at all.
+_MOST_SHOTS = 15
+#: Change over one period, relative to the amplitude, at which a shot has hit.
+_HIT = 1e-8
+#: Periods of one window in which a motion is watched settling.
+_WINDOW = 5
+#: Relative agreement of successive windows, extrapolated to all that follow.
+_AGREEMENT = 1e-6
+#: Windows left for settling: 3000 periods, at which a damping of 0.1 % has taken e^-18 of the transient.
+_MOST_WINDOWS = 600
 
 
 @dataclass(frozen=True)
@@ -165,22 +179,6 @@ def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> Stat
     stretches = tuple(joint.stretch(stretch, q - start) for joint, stretch in joints)
     v = 0.0 if solution.status == 1 else v  # it turned
     return State(float(solution.t[-1]), q, v, stretches, np.asarray(solution.y[2:, -1]))
-
-
-#: Periods of free settling before each shot from rest: more where the shots before found nothing.
-_FREE_FROM_REST = (8, 24, 72)
-#: The same from the motion at a neighbouring frequency, which is nearly right already.
-_FREE = (2, 24, 72)
-#: Newton steps of a shot; it converges in four or five, or not at all.
-_MOST_SHOTS = 15
-#: Change over one period, relative to the amplitude, at which a shot has hit.
-_HIT = 1e-8
-#: Periods of one window in which a motion is watched settling.
-_WINDOW = 5
-#: Relative agreement of successive windows, extrapolated to all that follow.
-_AGREEMENT = 1e-6
-#: Windows left for settling: 3000 periods, at which a damping of 0.1 % has taken e^-18 of the transient.
-_MOST_WINDOWS = 600
 
 
 @dataclass(frozen=True)

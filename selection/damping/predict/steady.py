@@ -27,6 +27,12 @@ SMALL_STEP = 1e-8
 SMALL_VALUE = 1e-6
 #: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
+#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
+_FAR = 1e15
+#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
+_WIDEST = 127.0
+#: ln A between which a force is looked for whose parts do not all grow with amplitude.
+_GRID = np.arange(-46.0, 46.25, 0.25)
 
 
 def bracketed_newton(
@@ -67,14 +73,6 @@ def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: 
         of_high = (function(middle) >= 0.0) == side
         low, high = np.where(of_high, low, middle), np.where(of_high, middle, high)
     return 0.5 * (low + high)
-
-
-#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
-_FAR = 1e15
-#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
-_WIDEST = 127.0
-#: ln A between which a force is looked for whose parts do not all grow with amplitude.
-_GRID = np.arange(-46.0, 46.25, 0.25)
 
 
 @dataclass(frozen=True)

@@ -187,7 +187,7 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
     return Rate(
         octaves_a_minute=(1.0 if upwards else -1.0) * float(moved.x[3]),
         standard_error=float(np.sqrt(covariance[3, 3])),
-        severity=_severity(moved.x[3], frequency, least),
+        severity=abs(moved.x[3]) * log(2.0) / 60.0 * frequency / (2.0 * least * frequency) ** 2,
         misfit=float(np.sqrt(np.mean(moved.fun**2))),
         steady_misfit=float(np.sqrt(np.mean(standing.fun**2))),
     )
@@ -224,11 +224,6 @@ def _fit_near(
     limits = ([-0.05, log(1e-4), -0.5, bounds[0]], [0.05, log(0.3), 20.0, bounds[1]])
     start = [0.0, log(0.01), 0.5, last]
     return least_squares(left, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
-
-
-def _severity(rate: float, frequency: float, ratio: float) -> float:
-    """(df/dt)/(2 zeta f)^2 of a rate in octaves a minute."""
-    return abs(rate) * log(2.0) / 60.0 * frequency / (2.0 * ratio * frequency) ** 2
 
 
 def _largest_severity(rows: pd.DataFrame, mass: float) -> float:
