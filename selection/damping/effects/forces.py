@@ -109,7 +109,7 @@ def _joint_form(
     label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] = MappingProxyType({})
 ) -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        return {"stiffness": stiffness, "limit": limit, **dict(zip(("kappa",), kappa, strict=False)), **bounded}
+        return {"stiffness": stiffness, "limit": limit} | ({"kappa": kappa[0]} if kappa else {}) | dict(bounded)
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
 
@@ -138,8 +138,8 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
             return stiffness * scales.A_high ** (1.0 - exponent)
 
         def report(stiffness: Floats, *exponent: Floats) -> dict[str, Floats]:
-            stated = dict(zip(("exponent",), exponent, strict=False))
-            return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0)), **stated}
+            stated = {"exponent": exponent[0]} if exponent else {}
+            return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0))} | stated
 
         cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
         return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")

@@ -196,7 +196,7 @@ def saturation_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the largest reading over the level of saturation. Shape of compression: its power."""
 
     def report(size: Floats, *power: Floats) -> dict[str, Floats]:
-        return {"level": scales.A_high / size, **dict(zip(("power",), power, strict=False))}
+        return {"level": scales.A_high / size} | ({"power": power[0]} if power else {})
 
     power = FormVariable.between(1.0, 8.0, starts=(-0.5, 0.7))
     return (

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf, log1p, tan
+from typing import Any
 
 import numpy as np
 
@@ -60,8 +61,9 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": np.expm1(beyond + np.copysign(least, beyond))}
 
-    rest = {"natural": 0.1, "largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
-    return either_sign("viscous-coefficient", change, report, **rest)
+    # neither side mirrors the other: both begin at 3 tolerances
+    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
+    return either_sign("viscous-coefficient", change, report, natural=0.1, **options)
 
 
 VISCOUS_COEFFICIENT = Effect(
@@ -90,8 +92,8 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
     def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": beyond + np.copysign(least, beyond)}
 
-    rest = {"natural": scales.bandwidth, "largest": 0.3, "replaces": "frequency", "mirror": ""}
-    return either_sign("natural-frequency", change, report, **rest)
+    options: dict[str, Any] = {"largest": 0.3, "replaces": "frequency", "mirror": ""}  # as above
+    return either_sign("natural-frequency", change, report, natural=scales.bandwidth, **options)
 
 
 NATURAL_FREQUENCY = Effect(

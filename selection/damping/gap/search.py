@@ -269,10 +269,10 @@ class Search:
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
         prior += sum(np.log(self.effects[name].prior) for name in effects)
         best = plain[first]
-        rest = [fit for fit in plain if fit.model.parts != best.model.parts]  # the nearest of other forms stays too
-        others = sorted(rest, key=lambda fit: -fit.log_evidence)[:1]
-        others = [fit for fit in others if fit.log_evidence > best.log_evidence - _CLOSE]
-        hypothesis = Hypothesis(effects, near[first], best, tuple(others), evidence, evidence + float(prior), forms)
+        least = best.log_evidence - _CLOSE
+        rest = [fit for fit in plain if fit.model.parts != best.model.parts and fit.log_evidence > least]
+        others = tuple(sorted(rest, key=lambda fit: -fit.log_evidence)[:1])  # the nearest of other forms
+        hypothesis = Hypothesis(effects, near[first], best, others, evidence, evidence + float(prior), forms)
         self.hypotheses[hypothesis.key] = hypothesis
         return hypothesis
 
