@@ -112,12 +112,11 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
 
 def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
     """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
-    model = fit.model
-    places = np.arange(model.size)[np.newaxis]
-    dropped = np.hstack([own[0] for part, own in model.own_variables(places) if part.form.effect == name])
+    model, y = fit.model, fit.y[np.newaxis]
+    own = [x for part, x in model.own_variables(y) if part.form.effect != name]
+    x = np.hstack([y[:, : len(model.problem.simulation.names)], *own])
     parts = tuple(part for part in model.parts if part.form.effect != name)
-    x, z = np.delete(fit.y[: model.size], dropped), fit.y[model.size :]
-    return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
+    return replace(model, parts=parts, at=None), x, y[:, model.size :]
 
 
 def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
