@@ -401,7 +401,9 @@ class Forking:
 
     def ask(self, order: dict[str, object]) -> int | None:
         print(json.dumps(order), file=self.server.stdin, flush=True)
-        return json.loads(self.server.stdout.readline())
+        answer = self.server.stdout.readline()
+        assert answer, "the process that forks the others has ended"
+        return json.loads(answer)
 
     def start(
         self,

@@ -27,6 +27,7 @@ from damping_pipelines.terminal import end_with_parent, progress
 from damping_validation import calibration_tables as tables
 from damping_validation.calibration import (
     CALIBRATED,
+    FREQUENCY_NOISES,
     LEVEL,
     LEVELS,
     NOISES,
@@ -181,6 +182,7 @@ def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, see
         "levels": LEVELS,
         "spans": SPANS,
         "noises": NOISES,
+        "frequency_noises": FREQUENCY_NOISES,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values) + "\n"
 

@@ -20,6 +20,7 @@ from damping.infer.doubt import (
     OTHER_SHARES,
     SLOPES,
     SLOWER,
+    STEADY,
     STEEPER,
     extend,
     find_joint_probability,
@@ -112,11 +113,14 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
 
 
 def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
-    z = np.array([0.0, 1.0])
-    for joint, up, down in ((JOINTS, 1.0, 1.0), (1.0, LETS_GO**2, LETS_GO**2), (0.0, 1.0 / LETS_GO, 1.0)):
-        for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, down)):
-            slope = extend(0.7 * z[None], stray_slope * z[None], z, joint)[0, 1] - 0.7
-            np.testing.assert_allclose(slope, factor * stray_slope, rtol=1e-3)  # second order: 1e-5 of it
+    z = np.array([0.0, 1.0, 2.0])
+    far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
+    for joint, up, least in ((JOINTS, 1.0, 0.0), (1.0, 1.0, far), (0.0, 1.0 / STEADY, 0.0)):
+        for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
+            near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
+            own = factor * stray_slope / 0.7
+            np.testing.assert_allclose(near, own, rtol=1e-3)  # second order: 1e-5 of it
+            np.testing.assert_allclose(beyond, np.copysign(np.hypot(own, least), own), rtol=1e-3)
 
 
 def test_levels_of_a_decay_drift_together(peaks):

@@ -191,14 +191,14 @@ def test_a_number_that_sets_the_work_has_its_limit(tmp_path, damping, option):
     assert not (tmp_path / "out").exists()
 
 
-#: ``damping check`` with standard output full, or closed by its reader.
-CHECK = """import os, sys
-from damping_pipelines.cli import main
-if sys.argv.pop(1) == "closed":
+#: ``python -m damping_pipelines.cli check`` with standard output full, or closed by its reader.
+CHECK = """import os, runpy, sys
+if sys.argv[1] == "closed":
     read, write = os.pipe()
     os.close(read)
     os.dup2(write, 1)
-main(["check", *sys.argv[1:]])
+sys.argv[1] = "check"
+runpy.run_module("damping_pipelines.cli", run_name="__main__", alter_sys=True)
 """
 
 

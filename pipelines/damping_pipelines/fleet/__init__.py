@@ -16,17 +16,8 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
+from damping_pipelines.fleet import dataset
 from damping_pipelines.fleet.analyse import OUT_OF_TIME
-from damping_pipelines.fleet.dataset import (
-    MULTIPLES,
-    TIME_LIMIT,
-    FleetDataSet,
-    FleetResult,
-    FleetSettings,
-    FleetTask,
-    find_cases,
-    tasks_of,
-)
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
 from damping_pipelines.fleet.runners import (
     DIED,
@@ -62,7 +53,7 @@ def fleet(
     replace: bool = False,
     max_size: int,
     despite: Sequence[str] = (),
-    time_limit: float = TIME_LIMIT,
+    time_limit: float = dataset.TIME_LIMIT,
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
@@ -70,7 +61,7 @@ def fleet(
     InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: every record failed, or the
     workers are gone.
     """
-    check_loads(force or MULTIPLES, level)
+    check_loads(force or dataset.MULTIPLES, level)
     if workers is not None and workers < 0:
         raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
@@ -80,20 +71,20 @@ def fleet(
     require_checks(despite)
     address = None if dashboard == "off" else dashboard
     check_address(address)
-    settings = FleetSettings(
+    settings = dataset.FleetSettings(
         seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
-    cases = find_cases(records)
+    cases = dataset.find_cases(records)
     with sole_writer(out, ("fleet.html",)):
-        kept = FleetDataSet(out / "records")
+        kept = dataset.FleetDataSet(out / "records")
         for path in kept.set_broken_aside():
             told = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
             print(f"damping: {told}", file=sys.stderr)
         book = _Book(kept, out, _final(kept))
         if not replace:
-            _refuse_loss(kept, tasks_of(cases, settings))
+            _refuse_loss(kept, dataset.tasks_of(cases, settings))
         with progress("fleet", len(cases)) as done:
-            tasks = book.new(tasks_of(cases, settings), done)
+            tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
             if not first or (scheduler is None and workers == 0):
@@ -112,14 +103,14 @@ def fleet(
 class _Book:
     """What is there, what is wanted, and results not written yet."""
 
-    kept: FleetDataSet
+    kept: dataset.FleetDataSet
     out: Path
     there: set[str]
     wanted: set[str] = field(default_factory=set)
-    results: list[FleetResult] = field(default_factory=list)
+    results: list[dataset.FleetResult] = field(default_factory=list)
     written: float = field(default_factory=time.monotonic)
 
-    def new(self, tasks: Iterable[FleetTask], done: Advance) -> Iterator[FleetTask]:
+    def new(self, tasks: Iterable[dataset.FleetTask], done: Advance) -> Iterator[dataset.FleetTask]:
         """Tasks whose results are not there."""
         for known, run in itertools.groupby(tasks, lambda task: task.key in self.there):
             if known:
@@ -131,7 +122,7 @@ class _Book:
                     self.wanted.add(task.key)
                     yield task
 
-    def keep(self, results: Iterator[FleetResult], done: Callable[[str], None]) -> None:
+    def keep(self, results: Iterator[dataset.FleetResult], done: Callable[[str], None]) -> None:
         """Write results in batches as they come; what has come is written even when the run is interrupted."""
         try:
             for result in results:
@@ -152,7 +143,7 @@ class _Book:
         self.results, self.written = [], time.monotonic()
 
 
-def _final(kept: FleetDataSet) -> set[str]:
+def _final(kept: dataset.FleetDataSet) -> set[str]:
     """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
     table = kept.read(["reason"])
     chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME))
@@ -190,7 +181,7 @@ def _check_code(client: Client) -> None:
                 )
 
 
-def _refuse_loss(kept: FleetDataSet, tasks: Iterable[FleetTask]) -> None:
+def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask]) -> None:
     """InputError where rows are there that this run does not want, though nothing says that their record changed."""
     names, contents, keys = set(), set(), set()
     for task in tasks:
@@ -209,7 +200,7 @@ def _refuse_loss(kept: FleetDataSet, tasks: Iterable[FleetTask]) -> None:
         )
 
 
-def _drop(out: Path, wanted: set[str], kept: FleetDataSet) -> None:
+def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
     """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
     table = kept.read(["report"])
     for report in table.loc[~table["key"].isin(wanted), "report"]:
@@ -219,7 +210,7 @@ def _drop(out: Path, wanted: set[str], kept: FleetDataSet) -> None:
     kept.keep(wanted)
 
 
-def _seal(out: Path, kept: FleetDataSet, page: bytes, settings: FleetSettings) -> None:
+def _seal(out: Path, kept: dataset.FleetDataSet, page: bytes, settings: dataset.FleetSettings) -> None:
     """The page and the manifest, which names every file of the run."""
     rows = kept.read(["report", "record_sha256", "model_sha256"])
     stems = [f"reports/{Path(report).stem}" for report in rows["report"]]
@@ -238,10 +229,11 @@ def _seal(out: Path, kept: FleetDataSet, page: bytes, settings: FleetSettings) -
     )
 
 
-def _finish(out: Path, kept: FleetDataSet, settings: FleetSettings) -> None:
+def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettings) -> None:
     """The page of the fleet, and what to say at the end."""
     table = kept.read(COLUMNS)
-    asked = "the largest design force" if settings.forces else f"{max(MULTIPLES):g} times the largest tested force"
+    multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
+    asked = "the largest design force" if settings.forces else multiple
     page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
     _seal(out, kept, page.encode(), settings)
     counts = table["status"].value_counts()

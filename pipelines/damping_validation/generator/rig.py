@@ -98,6 +98,24 @@ RIG_KINDS = {
     ),
     "sweep-rate": Kind(draw_no_shape, 1.5, rows=_move_frequency),
 }
+
+
+def _draw_cycle_shape(rng: Generator, bench: Bench) -> Shape:
+    """Cycles in the course of the test, and their phase."""
+    return (rng.uniform(1.5, 4.0), rng.uniform(0.0, 2 * np.pi))
+
+
+def _drift_cyclically(e: AppliedEffect) -> Changes:
+    """The natural frequency goes up and down by size times xi, as with day and night."""
+    wave = np.sin(2 * np.pi * e.shape[0] * e.course + e.shape[1])
+    return {"tuning": e.rows.tuning * (1 + e.size * e.bench.xi * wave)}
+
+
+def _draw_share(low: float, high: float) -> Callable[[Generator, Bench], Shape]:
+    """A shape of one number, uniform: a place over A, or over the speed at A."""
+    return lambda rng, bench: (rng.uniform(low, high),)
+
+
 DRIFT_KINDS = {
     # the natural frequency moves by size times xi in the course of the test, as with temperature
     "drift": Kind(
@@ -106,6 +124,17 @@ DRIFT_KINDS = {
         rows=lambda e: {"tuning": e.rows.tuning * (1 + e.shape[0] * e.size * e.bench.xi * e.course)},
     ),
     "drift:levels": Kind(_draw_seed_shape, 3.0, rows=_drift_by_level),
+    "drift:cyclic": Kind(_draw_cycle_shape, 3.0, rows=_drift_cyclically),
+    # a bolt gives way at a moment of the test: the natural frequency falls by size times xi
+    "drift:loosened": Kind(
+        _draw_share(-0.3, 0.3),
+        4.0,
+        rows=lambda e: {"tuning": e.rows.tuning * (1 - e.size * e.bench.xi * (e.course > e.shape[0]))},
+    ),
+    # the viscous coefficient goes with the course of the test, by up to half of size on either side
+    "drift:damping": Kind(
+        draw_either_sign, 1.5, rows=lambda e: {"loss": e.rows.loss * (1 + e.shape[0] * e.size * e.course)}
+    ),
 }
 
 
@@ -150,11 +179,6 @@ FOREIGN_RIG = {
     ),
     "phase-drift": Kind(draw_either_sign, 1.0, rows=lambda e: {"lag": e.rows.lag + e.shape[0] * e.size * e.course}),
 }
-
-
-def _draw_share(low: float, high: float) -> Callable[[Generator, Bench], Shape]:
-    """A shape of one number, uniform: a place over A, or over the speed at A."""
-    return lambda rng, bench: (rng.uniform(low, high),)
 
 
 def _elastic(law: str, low: float, high: float) -> Kind:
@@ -227,17 +251,6 @@ def _draw_neighbours_shape(rng: Generator, bench: Bench) -> Shape:
     return (-bench.xi * rng.uniform(1.5, 5.0), draw_sign(rng), bench.xi * rng.uniform(1.5, 5.0), draw_sign(rng))
 
 
-def _draw_cycle_shape(rng: Generator, bench: Bench) -> Shape:
-    """Cycles in the course of the test, and their phase."""
-    return (rng.uniform(1.5, 4.0), rng.uniform(0.0, 2 * np.pi))
-
-
-def _drift_cyclically(e: AppliedEffect) -> Changes:
-    """The natural frequency goes up and down by size times xi, as with day and night."""
-    wave = np.sin(2 * np.pi * e.shape[0] * e.course + e.shape[1])
-    return {"tuning": e.rows.tuning * (1 + e.size * e.bench.xi * wave)}
-
-
 FOREIGN_STRUCTURE = {
     "clearance": _elastic("clearance", 0.15, 0.6),
     "stop": _elastic("stop", 0.3, 0.8),
@@ -259,17 +272,6 @@ FOREIGN_STRUCTURE = {
         _draw_neighbours_shape,
         0.6,
         lambda e: e.add(build_mode(e, e.shape[0], 1.0, e.shape[1]), build_mode(e, e.shape[2], 1.0, e.shape[3])),
-    ),
-    "cyclic-drift": Kind(_draw_cycle_shape, 3.0, rows=_drift_cyclically),
-    # a bolt gives way at a moment of the test: the natural frequency falls by size times xi
-    "loosened": Kind(
-        _draw_share(-0.3, 0.3),
-        4.0,
-        rows=lambda e: {"tuning": e.rows.tuning * (1 - e.size * e.bench.xi * (e.course > e.shape[0]))},
-    ),
-    # the viscous coefficient goes with the course of the test, by up to half of size on either side
-    "warming-damper": Kind(
-        draw_either_sign, 1.5, rows=lambda e: {"loss": e.rows.loss * (1 + e.shape[0] * e.size * e.course)}
     ),
 }
 FOREIGN_KINDS = {**FOREIGN_STRUCTURE, **FOREIGN_RIG}

@@ -15,15 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.balance import (
-    TrueRows,
-    chosen_rows,
-    guess,
-    project,
-    recorded,
-    sensor_phasor,
-    sweep_phasor,
-)
+from damping_validation.generator import balance
 from damping_validation.generator.laws import JUMPS, Array, Complex, Structure
 
 STEPS = 256
@@ -56,7 +48,7 @@ class TrueState:
 class TrueMotion:
     """The equations of motion of a structure at the rows of a test (arrays made once, used at every step)."""
 
-    def __init__(self, structure: Structure, rows: TrueRows, steps: int = STEPS) -> None:
+    def __init__(self, structure: Structure, rows: balance.TrueRows, steps: int = STEPS) -> None:
         self.structure, self.rows, self.steps = structure, rows, steps
         angle = np.arange(2 * steps + 1) * np.pi / steps
         #: The drive over its amplitude at every half step.
@@ -71,7 +63,7 @@ class TrueMotion:
 
     def chosen(self, chosen: Mask) -> TrueMotion:
         """The same at the chosen rows alone."""
-        return TrueMotion(self.structure, chosen_rows(self.rows, chosen), self.steps)
+        return TrueMotion(self.structure, balance.chosen_rows(self.rows, chosen), self.steps)
 
     def acceleration(self, q: Array, v: Array, z: tuple[Array, ...], drive: float) -> Array:
         """Second derivatives of the coordinates when the force is at ``drive`` of its amplitude."""
@@ -126,7 +118,7 @@ class TrueMotion:
         """What ``project`` makes of one cycle, and the state at its end."""
         samples = np.empty((self.steps, self._h.size))
         end = self.cycle(state, samples)[0]
-        return *project(self.structure, self.rows, samples), end
+        return *balance.project(self.structure, self.rows, samples), end
 
 
 def started(motion: TrueMotion, guess: Complex) -> TrueState:
@@ -218,7 +210,9 @@ class NoSteadyStateError(Exception):
     """No stable steady state was found at some row."""
 
 
-def steady(structure: Structure, rows: TrueRows, guesses: Sequence[Complex], steps: int = STEPS) -> tuple[Complex, ...]:
+def steady(
+    structure: Structure, rows: balance.TrueRows, guesses: Sequence[Complex], steps: int = STEPS
+) -> tuple[Complex, ...]:
     """Steady phasors, row by row, before gain, lag and leak: at the sensor, its third harmonic, across the axis.
 
     ``guesses`` of the main coordinate's phasor are tried in turn where those before gave no stable state.
@@ -276,19 +270,19 @@ def _position(motion: TrueMotion, state: TrueState) -> Complex:
     return position
 
 
-def guesses(structure: Structure, rows: TrueRows) -> tuple[Complex, Complex]:
+def guesses(structure: Structure, rows: balance.TrueRows) -> tuple[Complex, Complex]:
     """Where the shooting starts: on the branch that the sweep follows, then on the other one."""
-    return guess(structure, rows), guess(structure, rows, other=True)
+    return balance.guess(structure, rows), balance.guess(structure, rows, other=True)
 
 
-def true_phasors(structure: Structure, rows: TrueRows) -> tuple[Complex, ...]:
+def true_phasors(structure: Structure, rows: balance.TrueRows) -> tuple[Complex, ...]:
     """As ``steady``; where the frequency moves, of the moving one by averages (no harmonics are known then)."""
     if not rows.swept:
         return steady(structure, rows, guesses(structure, rows))
-    first = sensor_phasor(structure, rows, sweep_phasor(structure, rows))
+    first = balance.sensor_phasor(structure, rows, balance.sweep_phasor(structure, rows))
     return first, np.zeros_like(first), np.zeros_like(first)
 
 
-def true_record(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
+def true_record(structure: Structure, rows: balance.TrueRows) -> tuple[Array, Array]:
     """Amplitude and lag, without noise. NoSteadyStateError where no stable steady state is found."""
-    return recorded(true_phasors(structure, rows)[0], rows)
+    return balance.recorded(true_phasors(structure, rows)[0], rows)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
+from damping.infer.best_fit import BestFit
 from damping.infer.doubt import JOINTS, find_joint_probability
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
@@ -247,7 +248,13 @@ def plan_loads(
     """
     laws = load_candidates(data) if laws is None else laws
     resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
-    ranked = rank_laws(data, seed, resonating or laws, done, estimate, hold_out=False, distinct=True)
+
+    def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit) -> Evidence:
+        weighed = estimate(coordinates, data, seed, fit)
+        done(coordinates.law.name)
+        return weighed
+
+    ranked = rank_laws(data, seed, resonating or laws, estimate=weigh, hold_out=False, distinct=True)
     planned = [
         Planned(row.law, row.weight, row.coordinates, row.evidence)
         for row in ranked.candidates

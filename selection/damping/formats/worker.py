@@ -183,9 +183,12 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
                 contents.known[name] = contents.known[place]
             dataset = file[place]
             _readable(h5py, dataset, name)
-            shape, part = _choose_rows(dataset.shape, contents.rows)
-            contents.refuse_beyond(shape, max(dataset.dtype.itemsize, 16))
-            array = _numbers(dataset[part], name)
+            part, longest = [slice(n) for n in dataset.shape], max(dataset.shape, default=0)
+            if contents.rows and part:  # the samples that are wanted, along the longest axis
+                first, last = (min(place, longest) for place in contents.rows)
+                part[dataset.shape.index(longest)] = slice(first, last)
+            contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], max(dataset.dtype.itemsize, 16))
+            array = _numbers(dataset[tuple(part)], name)
             named = dataset.attrs.get("units", dataset.attrs.get("unit"))
             if isinstance(named, str | bytes):
                 contents.units[name] = _as_text(named)
@@ -194,16 +197,6 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
 
 def _as_text(value: object) -> str:
     return (value.decode(errors="replace") if isinstance(value, bytes) else str(value))[:60]
-
-
-def _choose_rows(shape: Any, rows: list[int]) -> tuple[Any, Any]:
-    """Shape and index of the samples that are wanted, along the longest axis."""
-    if not rows or not shape:
-        return shape, ()
-    axis = max(range(len(shape)), key=lambda k: shape[k])
-    part = slice(*(min(place, shape[axis]) for place in rows))
-    index = tuple(part if k == axis else slice(n) for k, n in enumerate(shape))
-    return tuple(cut.stop - (cut.start or 0) for cut in index), index
 
 
 def _rattlesnake(h5py: Any, file: Any, contents: Contents) -> Read:

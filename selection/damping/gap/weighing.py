@@ -28,11 +28,11 @@ COVER = 0.95
 TEMPERATURE_OUTSIDE = 8.0
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.68
-NOTHING_BLAMED = -0.07
-PER_DECADE = 0.53
-PER_MAKESHIFT = 4.10
-PER_END = 2.54
+IN_LIBRARY = 1.32
+NOTHING_BLAMED = 0.89
+PER_DECADE = 0.52
+PER_MAKESHIFT = 3.07
+PER_END = 2.32
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0

@@ -51,9 +51,12 @@ OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 #: Prior median of the relative scatter of a measured resonance frequency; as good as one level that tells it.
 FREQUENCY_SCATTER = 3e-4
-#: By this factor strays are wider each time that a joint is twice, three times as probable as before, and upward ones
-#: narrower where it is excluded: beyond 1.4 a damper that saturates escapes above the band in a fifth of trials.
-LETS_GO = 1.4
+#: Where a joint is excluded, upward strays are narrower by this factor: beyond 1.4 a damper that saturates escapes above
+#: the band in a fifth of trials.
+STEADY = 1.3
+#: Standard deviation of the ln of a slope that is left to a joint far beyond the test, each time that it is twice, three
+#: times as probable as before: where the levels leave less, as of a joint that has only begun to slip, strays are wider.
+LETS_GO = 0.4
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
 
@@ -139,12 +142,14 @@ def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: float = 
     grow far where damping stops growing. NaN counts as steep. ``joint``: probability that what dissipates slips.
     """
     lean = joint / JOINTS - 1.0
-    up, down = STEEPER * LETS_GO**lean, LETS_GO ** max(lean, 0.0)
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
     delta = np.diff(strays, axis=1) / step
-    grown = np.minimum(np.where(delta > 0.0, up, down) * delta / q, 10.0)  # far beyond ``SLOPES``
-    slope = np.clip(q * np.exp(grown), *SLOPES)
+    grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
+    spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
+    least = LETS_GO * max(lean, 0.0) * -np.expm1((z[0] - z[:-1]) / LENGTH)
+    grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
+    slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), *SLOPES)  # 10: far beyond ``SLOPES``
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)

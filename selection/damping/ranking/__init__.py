@@ -138,7 +138,7 @@ def rank_laws(
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in failed for c in row.cautions))
     groups = [[fit] for fit in fits] if distinct else group_equivalents(fits, data, learn_noise(fits, data))
     prior = prior_masses([group[0].law for group in groups])
-    rows = [_weigh(group, mass, data, seed, estimate, done) for group, mass in zip(groups, prior, strict=True)]
+    rows = [_weigh(group, mass, data, seed, estimate) for group, mass in zip(groups, prior, strict=True)]
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
         raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
@@ -175,23 +175,13 @@ def _fit_laws(
             failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient makes it carry the measured forces",)))
         else:
             fits.append(fit)
-    for row in failed:
-        done(row.name)
+        done(law.name)
     return fits, failed
 
 
-def _weigh(
-    group: Sequence[BestFit],
-    prior: float,
-    data: Observations,
-    seed: int,
-    estimate: Estimate,
-    done: Callable[[str], None],
-) -> Candidate:
+def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int, estimate: Estimate) -> Candidate:
     """The row of a group of equivalent laws with its score; what cannot be done becomes a caution."""
     fit, names = group[0], tuple(other.law.name for other in group[1:])
-    for member in group:
-        done(member.law.name)
     try:
         weighed = estimate(fit.coordinates, data, seed, fit)
     except AnalysisError as error:

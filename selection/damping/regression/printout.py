@@ -163,11 +163,12 @@ def _describe_models(result: Regression) -> list[str]:
 
 def _describe_goodness(result: Regression) -> str:
     sums, fit, deviations = result.sums, result.selected.fit, result.deviations
+    names = ("fitted", "observed", "difference")
     table = _align_columns(
         ("", "fitted E", "observed E", "E fitted - observed"),
         [
-            ("sum", *map(_number, list(sums.values())[:3])),
-            ("sum of squares", *map(_number, list(sums.values())[3:])),
+            ("sum", *(_number(sums[name]) for name in names)),
+            ("sum of squares", *(_number(sums[f"{name}_squared"]) for name in names)),
         ],
     )
     rows = [
