@@ -145,4 +145,4 @@ def lab() -> Lab:
 @pytest.fixture
 def no_folds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Diagnoses that hold no level out, which takes a fifth of their time: where nobody looks at it."""
-    monkeypatch.setattr("damping.gap.diagnose.hold_levels_out", lambda *_: None)
+    monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)

@@ -34,7 +34,7 @@ def written(lab, tmp_path):
 def test_the_corrected_model_has_no_gap(lab, written, name, monkeypatch):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)
-    monkeypatch.setattr("damping.gap.diagnose.hold_levels_out", lambda *_: None)  # nobody asks
+    monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)  # nobody asks
     again = diagnose(first.record, read_mode(written(name)))
     assert again.leading.effects == ()
     assert not again.unexplained

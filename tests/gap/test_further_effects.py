@@ -13,9 +13,8 @@ from scipy.integrate import solve_ivp
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
-from damping.effects.hurried import _Memory, _remembered
 from damping.effects.rig import clipping, compressing
-from damping.effects.terms import predict, third_harmonic
+from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
 from damping.forces import make
 from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose

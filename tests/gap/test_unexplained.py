@@ -63,5 +63,5 @@ def test_a_channel_that_was_not_measured_has_no_residuals(lab):
     third = {"amplitude_3": 1e-4 * record.column("amplitude"), "phase_3": np.zeros(len(record))}
     rows = read_rows(Record(record.table.assign(**third), "with a third harmonic"), lab.mode())
     assert rows.channels == ("third",)
-    assert rows.values == 4 * len(rows)  # amplitude, phase, two parts of the third harmonic
+    assert len(rows.sweep_of_values) == 4 * len(rows)  # amplitude, phase, two parts of the third harmonic
     assert rows.seen.all()

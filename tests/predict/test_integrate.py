@@ -26,8 +26,15 @@ from damping.forces import (
     Viscous,
 )
 from damping.predict.branches import branches, sweep
-from damping.predict.integrate import TimeState, steady_state_in_time, sweep_in_time
-from damping.predict.integration import Oscillator, State, advance, at_rest
+from damping.predict.integrate import (
+    Oscillator,
+    State,
+    TimeState,
+    advance,
+    at_rest,
+    steady_state_in_time,
+    sweep_in_time,
+)
 
 M, omega_n, F = 2.0, 10.0, 5.0
 K = M * omega_n**2

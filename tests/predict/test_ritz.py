@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from damping.effects.contract import Drive, Terms
+from damping.effects.terms import complex_stiffness
 from damping.forces import (
     Coulomb,
     CubicStiffness,
@@ -23,7 +25,6 @@ from damping.forces import (
 )
 from damping.predict.steady import (
     backbone,
-    complex_stiffness,
     phase_lag,
     phase_resonance,
     required_force,
@@ -84,7 +85,7 @@ def test_steady_states_are_those_of_a_general_root_finder(force: Force) -> None:
 def test_complex_stiffness_gives_force_and_phase() -> None:
     force = Sum((Viscous(1.0), Slip(400.0, 0.02)))
     A, omega = np.array([0.01, 0.05, 0.4]), 10.3
-    Z = complex_stiffness(force, A, omega, M, omega_n)
+    Z, _ = complex_stiffness(Terms(M, omega_n, force.forces), A, Drive(np.ones(3), np.full(3, omega)))
     np.testing.assert_allclose(np.abs(Z) * A, required_force(force, A, omega, M, omega_n), rtol=1e-14)
     np.testing.assert_allclose(np.angle(Z), phase_lag(force, A, omega, M, omega_n), rtol=1e-14)
 

@@ -4,26 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from damping.effects import course, forces, rig, structure
 from damping.effects.contract import Effect, Terms
-from damping.effects.course import DRIFT, LEVEL_OFFSET, SWEEP_RATE
-from damping.effects.forces import (
-    COULOMB_FRICTION,
-    DISPLACEMENT,
-    DISPLACEMENT_VELOCITY,
-    QUADRATIC_DISPLACEMENT,
-    SLIP,
-    STIFFNESS_HARDENING,
-    STIFFNESS_SOFTENING,
-    VELOCITY_SQUARED,
-)
-from damping.effects.rig import AMPLITUDE_SCALE, BACKGROUND, FORCE_DROPOUT, PHASE_LAG, SENSOR_SATURATION, TIME_DELAY
-from damping.effects.structure import (
-    NATURAL_FREQUENCY,
-    PLANAR_COUPLING,
-    RESIDUAL_MODES,
-    SECOND_MODE,
-    VISCOUS_COEFFICIENT,
-)
 from damping.errors import InputError
 from damping.forces.shapes import describe_nearest_of
 
@@ -31,28 +13,23 @@ from damping.forces.shapes import describe_nearest_of
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
     for effect in (
-        VISCOUS_COEFFICIENT,
-        DISPLACEMENT,
-        VELOCITY_SQUARED,
-        DISPLACEMENT_VELOCITY,
-        QUADRATIC_DISPLACEMENT,
-        COULOMB_FRICTION,
-        SLIP,
-        STIFFNESS_HARDENING,
-        STIFFNESS_SOFTENING,
-        NATURAL_FREQUENCY,
-        PLANAR_COUPLING,
-        SECOND_MODE,
-        RESIDUAL_MODES,
-        DRIFT,
-        AMPLITUDE_SCALE,
-        PHASE_LAG,
-        TIME_DELAY,
-        FORCE_DROPOUT,
-        LEVEL_OFFSET,
-        SENSOR_SATURATION,
-        BACKGROUND,
-        SWEEP_RATE,
+        structure.VISCOUS_COEFFICIENT,
+        *forces.OF_ONE_COEFFICIENT,
+        forces.SLIP,
+        *forces.SPRINGS,
+        structure.NATURAL_FREQUENCY,
+        structure.PLANAR_COUPLING,
+        structure.SECOND_MODE,
+        structure.RESIDUAL_MODES,
+        course.DRIFT,
+        rig.AMPLITUDE_SCALE,
+        rig.PHASE_LAG,
+        rig.TIME_DELAY,
+        rig.FORCE_DROPOUT,
+        course.LEVEL_OFFSET,
+        rig.SENSOR_SATURATION,
+        rig.BACKGROUND,
+        course.SWEEP_RATE,
     )
 }
 

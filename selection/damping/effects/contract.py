@@ -17,12 +17,12 @@ from damping.forces.shapes import Shape, completed
 class Plane(NamedTuple):
     """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
 
-    ``alike``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
+    ``in_both``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
     """
 
     weight: Floats
     ratio: Floats
-    alike: bool
+    in_both: bool
     damping: Floats = 1.0
 
 
@@ -59,11 +59,15 @@ def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
     return sum((part(drive) for part in parts), start=0.0)
 
 
-class Reading(NamedTuple):
-    """What an instrument makes of amplitudes; ln in, ln and its slope out. ``unread`` is the inverse, kept finite."""
+#: What something makes of amplitudes: ln in, ln and its slope out.
+Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
-    read: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    unread: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+class Reading(NamedTuple):
+    """What an instrument reads of amplitudes; ``unread`` is the inverse, kept finite."""
+
+    read: Instrument
+    unread: Instrument
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Terms:
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
             are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
-            known one goes. ringing: how what rings is read, see `damping.effects.hurried`.
+            known one goes. ringing: how what rings is read, see `damping.effects.terms.hurried`.
     """
 
     M: Floats
@@ -207,8 +211,9 @@ def either_sign(
 ) -> tuple[Form, Form]:
     """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
 
-    ``rest``: of a `Form`.
+    ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
     """
+    rest = {"mirror": label or effect} | rest
 
     def side(sign: float) -> Form:
         def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
@@ -218,7 +223,7 @@ def either_sign(
             return report(sign * strength, *shapes)
 
         own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
-        return Form(effect, own_change, own_report, label=own_label, mirror=label or effect, **rest)
+        return Form(effect, own_change, own_report, label=own_label, **rest)
 
     return side(1.0), side(-1.0)
 
@@ -248,14 +253,23 @@ class Effect:
     kind: Kind
     sentence: str
     forms: Callable[[Scales], tuple[Form, ...]]
-    simulate: Callable[[Terms, Mapping[str, float]], Terms]
+    simulate: Callable[[Terms, Mapping[str, Any]], Terms]
     shapes: tuple[Shape, ...] = ()
-    force: Callable[[Mapping[str, float]], Force] | None = None
+    force: Callable[[Mapping[str, Any]], Force] | None = None
     damping: str = ""
     corrects: str = ""
     need: Need = ""
     denies: frozenset[str] = frozenset()
     prior: float = 1.0
+
+    def changed_by(self, report: Callable[..., dict[str, Floats]]) -> Callable[..., Terms]:
+        """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
+        defaults = {shape.name: shape.default for shape in self.shapes if shape.default is not None}
+        return lambda terms, *values: self.simulate(terms, defaults | report(*values))
+
+    def form(self, report: Callable[..., dict[str, Floats]], natural: float, **rest: Any) -> Form:
+        """The form of such a change; ``rest``: of a `Form`."""
+        return Form(self.name, self.changed_by(report), report, natural, **rest)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

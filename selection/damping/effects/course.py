@@ -18,6 +18,17 @@ _SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
 #: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
+#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
+_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
+#: Sweeps up to which the frequency of each may be its own.
+_MOST_JUMPS = 8
+#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
+_MANY_SWEEPS = 6
+#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
+BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
+#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
+_RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
+_MOST_RATE = 30.0
 
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
@@ -32,27 +43,16 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
-#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
-_DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
-#: Sweeps up to which the frequency of each may be its own.
-_MOST_JUMPS = 8
-
-
 def _jumping_form(scales: Scales) -> Form:
     """The frequency of each sweep is its own; strength: their root mean square deviation, shapes: each over it."""
     patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
     shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
 
-    def change(terms: Terms, size: Floats, *jumps: Floats) -> Terms:
-        for sweep, jump in enumerate(jumps, 1):
-            terms = drifting(terms, "frequency", size * jump, 0.0, sweep)
-        return terms
-
     def report(size: Floats, *jumps: Floats) -> dict[str, Floats]:
         return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
 
     sizes = tuple(scales.bandwidth * share for share in _DRIFTS)
-    return Form("drift", change, report, scales.bandwidth, shapes, _MOST_DRIFT, "level to level", sizes=sizes)
+    return DRIFT.form(report, scales.bandwidth, shapes=shapes, largest=_MOST_DRIFT, label="level to level", sizes=sizes)
 
 
 def _drift_side(
@@ -64,19 +64,17 @@ def _drift_side(
         values = {quantity: size} | ({"settling": settling[0]} if settling else {})
         return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
 
-    def change(terms: Terms, size: Floats, *settling: Floats) -> Terms:
-        return drifting(terms, quantity, size, settling[0] if settling else 0.0, sweep)
-
+    change = DRIFT.changed_by(report)
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
     return either_sign("drift", change, report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
 
 
-def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: float) -> Terms:
+def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: Floats) -> Terms:
     """ln of the frequency or the damping changed by ``change`` from the first row to the last, or in one sweep only."""
 
     def part(drive: Drive) -> Floats:
-        if sweep:
+        if np.any(sweep):
             return change * (drive.sweep == sweep)
         if np.any(settling):
             return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
@@ -87,16 +85,16 @@ def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, swee
     return replace(terms, detuned=(*terms.detuned, part))
 
 
-def simulate_drift(terms: Terms, table: Mapping[str, float]) -> Terms:
+def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
 
     ``frequency_1`` and so on: of each sweep.
     """
     for quantity in ("frequency", "damping"):
-        if table[quantity] != 0.0:
+        if np.any(table[quantity]):
             terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
     for sweep in range(1, _MOST_JUMPS + 1):
-        if table[f"frequency_{sweep}"] != 0.0:
+        if np.any(table[f"frequency_{sweep}"]):
             terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
     return terms
 
@@ -126,10 +124,6 @@ def offset_forms(scales: Scales) -> tuple[Form, ...]:
     return tuple(
         chain.from_iterable(_offset_side(sweep, force) for sweep in range(1, scales.sweeps + 1) for force in channels)
     )
-
-
-#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
-_MANY_SWEEPS = 6
 
 
 def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
@@ -166,10 +160,6 @@ LEVEL_OFFSET = Effect(
 )
 
 
-#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
-BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
-
-
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
 
@@ -185,11 +175,6 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
 
     shapes = (BETWEEN, BETWEEN)
     return either_sign("sweep-rate", change, report, natural=0.1, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
-
-
-#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
-_RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
-_MOST_RATE = 30.0
 
 
 def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:

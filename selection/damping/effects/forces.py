@@ -8,7 +8,9 @@ A restoring force with a cubic term or one like it, q |q|: the resonance bends t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,8 +21,17 @@ from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
+#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
+_LIMITS = np.geomspace(0.01, 3.0, 9)
+_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
+#: The same where none is above the scale.
+_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
+_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
+#: Exponent of a spring that is no cubic one: 1.5 to 8.
+_EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 
-def _adds(force: Callable[[Mapping[str, float]], Force]) -> Callable[[Terms, Mapping[str, float]], Terms]:
+
+def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
     return lambda terms, table: terms.with_force(force(table))
 
@@ -29,43 +40,25 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
     """The effect that adds a force of one coefficient."""
     unit = kind(1.0)
 
-    def change(terms: Terms, coefficient: Floats) -> Terms:
-        return terms.with_force(kind(coefficient))
-
-    def report(coefficient: Floats) -> dict[str, Floats]:
-        return {"coefficient": coefficient}
-
     def forms(scales: Scales) -> tuple[Form, ...]:
         per_coefficient = float(unit.quadrature(scales.A_high, scales.omega_n)) / scales.A_high
-        return (Form(name, change, report, scales.loss / per_coefficient),)
+        return (effect.form(lambda coefficient: {"coefficient": coefficient}, scales.loss / per_coefficient),)
 
-    def force(table: Mapping[str, float]) -> Force:
+    def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
 
-    return Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    effect = Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    return effect
 
 
-DISPLACEMENT = _coefficient_effect(
-    "displacement", Displacement, "damping in proportion to displacement (case II) is missing"
+#: Forces of one coefficient.
+OF_ONE_COEFFICIENT = (
+    _coefficient_effect("displacement", Displacement, "damping in proportion to displacement (case II) is missing"),
+    _coefficient_effect("velocity-squared", VelocitySquared, "damping with the square of velocity (III) is missing"),
+    _coefficient_effect("displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"),
+    _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
+    _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),
 )
-VELOCITY_SQUARED = _coefficient_effect(
-    "velocity-squared", VelocitySquared, "damping with the square of velocity (III) is missing"
-)
-DISPLACEMENT_VELOCITY = _coefficient_effect(
-    "displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"
-)
-QUADRATIC_DISPLACEMENT = _coefficient_effect(
-    "quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"
-)
-COULOMB_FRICTION = _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing")
-
-
-#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
-_LIMITS = np.geomspace(0.01, 3.0, 9)
-_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
-#: The same where none is above the scale.
-_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
-_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
 
 
 class ManyJoints(Sum):
@@ -73,11 +66,9 @@ class ManyJoints(Sum):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """The sums of C, dC/d ln A, S and dS/d ln A."""
-        stiffness, limit = (
-            np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit")
-        )
+        values = (np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit"))
         rank = 1 + max(np.ndim(A), np.ndim(omega))
-        slips = Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in (stiffness, limit)))
+        slips = Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in values))
         C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in slips.averages(A, omega))
         return C, slope, S, in_phase_slope
 
@@ -95,12 +86,8 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
         places, beyond = _LIMITS_BELOW, [1.0 - end**kappa for end in _ENDS_BELOW]
     else:
         places, beyond = _LIMITS, [np.exp(-(end**kappa)) for end in _ENDS]
-    return ManyJoints(
-        tuple(
-            Slip(stiffness * (before - after), limit * place)
-            for place, (before, after) in zip(places, pairwise(beyond), strict=True)
-        )
-    )
+    ranges = zip(places, pairwise(beyond), strict=True)
+    return ManyJoints(tuple(Slip(stiffness * (before - after), limit * place) for place, (before, after) in ranges))
 
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
@@ -119,17 +106,12 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def _joint_form(
-    label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] | None = None
+    label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] = MappingProxyType({})
 ) -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        return (
-            {"stiffness": stiffness, "limit": limit} | dict(zip(("kappa",), kappa, strict=False)) | dict(bounded or {})
-        )
+        return {"stiffness": stiffness, "limit": limit} | ({"kappa": kappa[0]} if kappa else {}) | dict(bounded)
 
-    def change(terms: Terms, *values: Floats) -> Terms:
-        return terms.with_force(joint_force(report(*values)))
-
-    return Form("slip", change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
+    return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
 
 
 SLIP = Effect(
@@ -143,9 +125,6 @@ SLIP = Effect(
     damping=Slip.name,
 )
 
-#: Exponent of a spring that is no cubic one: 1.5 to 8.
-_EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
-
 
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
     """The effect of a spring of ``sign`` times its (positive) coefficient.
@@ -158,23 +137,17 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         def coefficient(stiffness: Floats, exponent: Floats) -> Floats:
             return stiffness * scales.A_high ** (1.0 - exponent)
 
-        def change(terms: Terms, stiffness: Floats, exponent: Floats = 3.0) -> Terms:
-            return terms.with_force(_spring(sign * coefficient(stiffness, exponent), exponent))
+        def report(stiffness: Floats, *exponent: Floats) -> dict[str, Floats]:
+            stated = {"exponent": exponent[0]} if exponent else {}
+            return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0))} | stated
 
-        def report(stiffness: Floats, exponent: Floats | None = None) -> dict[str, Floats]:
-            if exponent is None:
-                return {"coefficient": coefficient(stiffness, 3.0)}
-            return {"coefficient": coefficient(stiffness, exponent), "exponent": exponent}
+        cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
+        return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")
 
-        return tuple(
-            Form(name, change, report, scales.loss, shapes, largest=scales.stiffness, label=label)
-            for label, shapes in (("cubic", ()), ("of any power", (_EXPONENT,)))
-        )
-
-    def force(table: Mapping[str, float]) -> Force:
+    def force(table: Mapping[str, Floats]) -> Force:
         return _spring(sign * table["coefficient"], table["exponent"])
 
-    return Effect(
+    effect = Effect(
         name=name,
         kind="force",
         sentence=sentence,
@@ -188,15 +161,15 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         need="sweep",
         denies=frozenset({denied}),
     )
+    return effect
 
 
 def _spring(coefficient: Floats, exponent: Floats) -> Force:
     return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
 
-STIFFNESS_HARDENING = _stiffness_effect(
-    "stiffness-hardening", 1.0, "the stiffness grows with amplitude", denied="stiffness-softening"
-)
-STIFFNESS_SOFTENING = _stiffness_effect(
-    "stiffness-softening", -1.0, "the stiffness falls with amplitude", denied="stiffness-hardening"
+#: Springs that bend the resonance, to higher or to lower frequencies.
+SPRINGS = (
+    _stiffness_effect("stiffness-hardening", 1.0, "the stiffness grows with amplitude", "stiffness-softening"),
+    _stiffness_effect("stiffness-softening", -1.0, "the stiffness falls with amplitude", "stiffness-hardening"),
 )

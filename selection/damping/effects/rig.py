@@ -14,6 +14,19 @@ from damping.arrays import FloatArray, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, either_sign
 from damping.forces.shapes import LENGTH, TIME, Shape
 
+#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
+NOTCHES: dict[str, Callable[[Floats], Floats]] = {
+    "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
+    "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
+    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
+}
+#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+_DELAY = 0.25
+#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
+_OVER = np.linspace(0.0, 5.0, 400)
+#: Least slope of a reading at which the motion behind it is looked for.
+_LEAST_SLOPE = 0.05
+
 
 def with_gain(terms: Terms, size: Floats) -> Terms:
     """ln of the reading over the displacement changed by ``size``."""
@@ -58,24 +71,6 @@ PHASE_LAG = Effect(
 )
 
 
-#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
-NOTCHES: dict[str, Callable[[Floats], Floats]] = {
-    "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
-    "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
-    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
-}
-
-
-def notched(terms: Terms, depth: Floats, width: Floats, centre: Floats, notch: str) -> Terms:
-    """The force times 1 - depth notch((omega/omega_n - 1 - centre)/width)."""
-    omega_n = terms.omega_n
-
-    def received(drive: Drive) -> Floats:
-        return np.log1p(-depth * NOTCHES[notch]((drive.omega / omega_n - 1.0 - centre) / width))
-
-    return replace(terms, received=(*terms.received, received))
-
-
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: depth/(1 - depth). Shapes: width over omega_n, from half the bandwidth to the band measured; centre."""
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
@@ -84,22 +79,28 @@ def dropout_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
-    def change(terms: Terms, strength: Floats, width: Floats, centre: Floats = 0.0) -> Terms:
-        return notched(terms, strength / (1.0 + strength), width, centre, notch)
-
     def report(strength: Floats, width: Floats, centre: Floats | None = None) -> dict[str, Floats]:
         kind = {} if notch == "gaussian" else {notch: 1.0}
         place = {} if centre is None else {"centre": centre}
         return {"depth": strength / (1.0 + strength), "width": width} | place | kind
 
     label = notch if len(shapes) == 1 else f"{notch} beside resonance"
-    return Form("force-dropout", change, report, 0.2, shapes, largest=20.0, label=label)
+    return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0, label=label)
 
 
-def simulate_dropout(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The dip of a table ``depth``, ``width`` and ``centre`` (over omega_n); Gaussian but for another that is not 0."""
+def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """The force times 1 - ``depth`` notch((omega/omega_n - 1 - ``centre``)/``width``).
+
+    The notch is Gaussian but for another that is not 0.
+    """
     notch = next((name for name in ("lorentzian", "receptance") if table[name]), "gaussian")
-    return notched(terms, table["depth"], table["width"], table["centre"], notch)
+    omega_n = terms.omega_n
+
+    def received(drive: Drive) -> Floats:
+        place = (drive.omega / omega_n - 1.0 - table["centre"]) / table["width"]
+        return np.log1p(-table["depth"] * NOTCHES[notch](place))
+
+    return replace(terms, received=(*terms.received, received))
 
 
 FORCE_DROPOUT = Effect(
@@ -122,34 +123,27 @@ FORCE_DROPOUT = Effect(
 def delay_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the lag at omega_n, at most 1 rad, of either sign."""
 
-    def change(terms: Terms, lag: Floats) -> Terms:
-        return delayed(terms, lag / scales.omega_n)
+    def report(lag: Floats) -> dict[str, Floats]:
+        return {"delay": lag / scales.omega_n}
 
-    return either_sign("time-delay", change, lambda lag: {"delay": lag / scales.omega_n}, natural=0.1, largest=1.0)
+    return either_sign("time-delay", TIME_DELAY.changed_by(report), report, natural=0.1, largest=1.0)
 
 
-def delayed(terms: Terms, delay: Floats) -> Terms:
+def simulate_delay(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The reading comes ``delay`` late, s."""
-    return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * delay))
+    return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * table["delay"]))
 
-
-#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
-_DELAY = 0.25
 
 TIME_DELAY = Effect(
     name="time-delay",
     kind="instrument",
     sentence="the phases are off in proportion to frequency (a delay)",
     forms=delay_forms,
-    simulate=lambda terms, table: delayed(terms, table["delay"]),
+    simulate=simulate_delay,
     shapes=(Shape("delay", TIME),),
     need="phase",
     prior=_DELAY,
 )
-
-
-#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
-_OVER = np.linspace(0.0, 5.0, 400)
 
 
 def _clipped_sine(over: FloatArray) -> FloatArray:
@@ -161,8 +155,6 @@ def _clipped_sine(over: FloatArray) -> FloatArray:
 
 _CLIPPED = _clipped_sine(_OVER)
 _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
-#: Least slope of a reading at which the motion behind it is looked for.
-_LEAST_SLOPE = 0.05
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 
 
@@ -203,28 +195,19 @@ def compressing(level: Floats, power: Floats) -> Reading:
 def saturation_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the largest reading over the level of saturation. Shape of compression: its power."""
 
-    def clip(terms: Terms, size: Floats) -> Terms:
-        return replace(terms, readings=(*terms.readings, clipping(scales.A_high / size)))
-
-    def compress(terms: Terms, size: Floats, power: Floats) -> Terms:
-        return replace(terms, readings=(*terms.readings, compressing(scales.A_high / size, power)))
-
-    def clip_values(size: Floats) -> dict[str, Floats]:
-        return {"level": scales.A_high / size}
-
-    def compress_values(size: Floats, power: Floats) -> dict[str, Floats]:
-        return {"level": scales.A_high / size, "power": power}
+    def report(size: Floats, *power: Floats) -> dict[str, Floats]:
+        return {"level": scales.A_high / size} | ({"power": power[0]} if power else {})
 
     power = FormVariable.between(1.0, 8.0, starts=(-0.5, 0.7))
     return (
-        Form("sensor-saturation", clip, clip_values, 1.0, label="clipped", sizes=(0.85, 1.0, 1.2, 2.0)),
-        Form("sensor-saturation", compress, compress_values, 0.5, (power,), largest=2.0, label="compressed"),
+        SENSOR_SATURATION.form(report, 1.0, label="clipped", sizes=(0.85, 1.0, 1.2, 2.0)),
+        SENSOR_SATURATION.form(report, 0.5, shapes=(power,), largest=2.0, label="compressed"),
     )
 
 
-def simulate_saturation(terms: Terms, table: Mapping[str, float]) -> Terms:
+def simulate_saturation(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """Clipped at ``level``, or compressed towards it where ``power`` is not 0."""
-    own = compressing(table["level"], table["power"]) if table["power"] else clipping(table["level"])
+    own = compressing(table["level"], table["power"]) if np.any(table["power"]) else clipping(table["level"])
     return replace(terms, readings=(*terms.readings, own))
 
 
@@ -239,23 +222,20 @@ SENSOR_SATURATION = Effect(
 )
 
 
-def with_background(terms: Terms, amplitude: Floats, angle: Floats) -> Terms:
-    """A signal of constant ``amplitude`` that lags the force by ``angle``."""
-    signal = amplitude * np.exp(-1j * np.asarray(angle))
-    return replace(terms, compliance=(*terms.compliance, lambda drive: signal / drive.F))
-
-
 def background_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the signal over the largest reading. Shape: its angle."""
     angle = FormVariable(0.0, 1.8, starts=(-1.4, -0.6, 0.0, 0.6, 1.4), linear=True)
 
-    def change(terms: Terms, size: Floats, angle: Floats) -> Terms:
-        return with_background(terms, size * scales.A_high, angle)
-
     def report(size: Floats, angle: Floats) -> dict[str, Floats]:
         return {"amplitude": size * scales.A_high, "angle": angle}
 
-    return (Form("background", change, report, 0.05, (angle,), largest=1.0),)
+    return (BACKGROUND.form(report, 0.05, shapes=(angle,), largest=1.0),)
+
+
+def simulate_background(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """A signal of constant ``amplitude`` that lags the force by ``angle``."""
+    signal = table["amplitude"] * np.exp(-1j * np.asarray(table["angle"]))
+    return replace(terms, compliance=(*terms.compliance, lambda drive: signal / drive.F))
 
 
 BACKGROUND = Effect(
@@ -263,7 +243,7 @@ BACKGROUND = Effect(
     kind="instrument",
     sentence="a constant signal is added to the reading",
     forms=background_forms,
-    simulate=lambda terms, table: with_background(terms, table["amplitude"], table["angle"]),
+    simulate=simulate_background,
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
     need="sweep",
 )

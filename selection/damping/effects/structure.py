@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import chain
-from math import inf, isfinite, log1p, tan
+from math import inf, log1p, tan
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,24 @@ from damping.forces.shapes import FORCE, LENGTH, Shape
 
 #: True value over the simulated one, less 1; the value itself is positive.
 RELATIVE = Shape("relative", above=-1.0)
+#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
+_FACTORS = (0.3, 1.0, 2.0, 4.0)
+#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
+_MOST_FACTOR = 12.0
+#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
+DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
+#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
+#: far above have none.
+PATH = (
+    Shape("compliance", LENGTH / FORCE),
+    Shape("frequency_ratio", least=0.0, default=inf),
+    Shape("loss", least=0.0, default=0.0),
+    Shape("slope", default=0.0),
+)
+#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
+_LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
+#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+_OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -30,39 +48,22 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
     return replace(terms, forces=tuple(forces))
 
 
-#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
-_FACTORS = (0.3, 1.0, 2.0, 4.0)
-#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
-_MOST_FACTOR = 12.0
-
-
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln| of the factor beyond that of 3 tolerances. No form without simulated viscous damping."""
+    least = log1p(3.0 * scales.damping)
     if scales.viscous == 0.0:
         return ()
-    return _viscous_side(scales, 1.0), _viscous_side(scales, -1.0)
-
-
-def _viscous_side(scales: Scales, sign: float) -> Form:
-    least = log1p(3.0 * scales.damping)
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        c = Viscous(scales.viscous * np.exp(sign * (least + beyond)))
+        c = Viscous(scales.viscous * np.exp(beyond + np.copysign(least, beyond)))
         return replace(terms, forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": np.expm1(sign * (least + beyond))}
+        return {"relative": np.expm1(beyond + np.copysign(least, beyond))}
 
-    return Form(
-        "viscous-coefficient",
-        change,
-        report,
-        0.1,
-        largest=_MOST_FACTOR,
-        label=f"{sign:+.0f}",
-        replaces=Viscous.name,
-        sizes=_FACTORS,
-    )
+    # neither side mirrors the other: both begin at 3 tolerances
+    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
+    return either_sign("viscous-coefficient", change, report, natural=0.1, **options)
 
 
 VISCOUS_COEFFICIENT = Effect(
@@ -83,20 +84,16 @@ def simulate_frequency(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 def frequency_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: relative error beyond 3 tolerances, above or below."""
-    return _frequency_side(scales, 1.0), _frequency_side(scales, -1.0)
-
-
-def _frequency_side(scales: Scales, sign: float) -> Form:
     least = 3.0 * scales.frequency
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        return replace(terms, omega_n=scales.omega_n * (1.0 + sign * (least + beyond)))
+        return replace(terms, omega_n=scales.omega_n * (1.0 + (beyond + np.copysign(least, beyond))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": sign * (least + beyond)}
+        return {"relative": beyond + np.copysign(least, beyond)}
 
-    natural = scales.bandwidth
-    return Form("natural-frequency", change, report, natural, largest=0.3, label=f"{sign:+.0f}", replaces="frequency")
+    options: dict[str, Any] = {"largest": 0.3, "replaces": "frequency", "mirror": ""}  # as above
+    return either_sign("natural-frequency", change, report, natural=scales.bandwidth, **options)
 
 
 NATURAL_FREQUENCY = Effect(
@@ -111,10 +108,6 @@ NATURAL_FREQUENCY = Effect(
 )
 
 
-#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
-DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
-
-
 def planar_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: tan^2(theta). Shape: |omega_y/omega_p - 1|, a fraction of the bandwidth to the edge of the band.
 
@@ -125,26 +118,22 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
     return tuple(_planar_side(apart, sign, False, _planar_side(apart, sign, True)) for sign in (1.0, -1.0))
 
 
-def _planar_side(apart: FormVariable, sign: float, alike: bool, twin: Form | None = None) -> Form:
+def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
-        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, alike, damping))
+        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, in_both, damping))
 
     def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
-        values = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
-        values |= {"damping_ratio": damping}
-        return values | ({"alike": 1.0} if alike else {})
+        plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
+        return plane | {"damping_ratio": damping} | ({"alike": 1.0} if in_both else {})
 
-    label = ("above" if sign > 0.0 else "below") + (", damped alike" if alike else "")
+    label = ("above" if sign > 0.0 else "below") + (", damped alike" if in_both else "")
     return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
 
 
 def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The second plane of a table ``angle`` (rad), ``frequency_ratio``, ``damping_ratio``.
-
-    With ``alike`` other than 0 all forces act in it too.
-    """
-    alike = table["alike"] != 0.0
-    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], alike, table["damping_ratio"])
+    """The second plane of a table; with ``alike`` other than 0 all forces act in it too."""
+    in_both = table["alike"] != 0.0
+    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], in_both, table["damping_ratio"])
     return replace(terms, plane=plane)
 
 
@@ -164,62 +153,33 @@ PLANAR_COUPLING = Effect(
 )
 
 
-def path(terms: Terms, compliance: Floats, ratio: Floats, loss: Floats) -> Terms:
-    """One more mode: R = compliance/(ratio^2 - x^2 + i loss ratio x), x = omega/omega_n."""
-    centre = terms.omega_n
-
-    def part(drive: Drive) -> Floats:
-        x = drive.omega / centre
-        result: Floats = compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x)
-        return result
-
-    return replace(terms, compliance=(*terms.compliance, part))
-
-
-def _path_side(effect: str, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
+def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
     """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``."""
 
-    def values(strength: Floats, apart: Floats, damping: Floats) -> tuple[Floats, Floats, Floats]:
+    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
         ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
         loss = 2.0 * damping
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
-        return strength * size * nearest, ratio, loss
+        return {"compliance": strength * size * nearest, "frequency_ratio": ratio, "loss": loss}
 
-    def change(terms: Terms, strength: Floats, apart: Floats, damping: Floats) -> Terms:
-        return path(terms, *values(strength, apart, damping))
-
-    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
-        return dict(zip(("compliance", "frequency_ratio", "loss"), values(strength, apart, damping), strict=True))
-
-    label = "above" if above else "below"
-    return either_sign(effect, change, report, label, natural=0.1, shapes=(distance, loss), largest=30.0)
+    label, change, shapes = "above" if above else "below", effect.changed_by(report), (distance, loss)
+    return either_sign(effect.name, change, report, label, natural=0.1, shapes=shapes, largest=30.0)
 
 
-def simulate_path(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The mode of a table ``compliance``, ``frequency_ratio``, ``loss``.
+def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """One more mode: R = ``compliance``/(r^2 - x^2 + i ``loss`` r x), x = omega/omega_n, r = ``frequency_ratio``.
 
-    Without a frequency ratio, modes far above: R = compliance (1 + slope (x - 1)).
+    Without a frequency ratio, modes far above: R = compliance (1 + ``slope`` (x - 1)).
     """
-    compliance, slope, centre = table["compliance"], table["slope"], terms.omega_n
-    if isfinite(table["frequency_ratio"]):
-        return path(terms, compliance, table["frequency_ratio"], table["loss"])
+    compliance, ratio, loss, centre = table["compliance"], table["frequency_ratio"], table["loss"], terms.omega_n
 
     def part(drive: Drive) -> Floats:
-        return compliance * (1.0 + slope * (drive.omega / centre - 1.0))
+        x = drive.omega / centre
+        if not np.all(np.isfinite(ratio)):
+            return compliance * (1.0 + table["slope"] * (x - 1.0))
+        return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
 
     return replace(terms, compliance=(*terms.compliance, part))
-
-
-#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
-#: far above have none.
-PATH = (
-    Shape("compliance", LENGTH / FORCE),
-    Shape("frequency_ratio", least=0.0, default=inf),
-    Shape("loss", least=0.0, default=0.0),
-    Shape("slope", default=0.0),
-)
-#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
-_LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
 
 
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
@@ -227,15 +187,13 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     resonance = 1.0 / scales.loss
     apart = FormVariable.between(1.5 * scales.reach, 3.0, starts=(-1.0, 0.5))
 
-    def change(terms: Terms, strength: Floats) -> Terms:
-        return path(terms, strength * resonance, 0.0, 0.0)  # rigid-body motion: -compliance/x^2
-
     def report(strength: Floats) -> dict[str, Floats]:
-        return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}
+        return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2
 
+    change = RESIDUAL_MODES.changed_by(report)
     return (
-        *_path_side("residual-modes", True, apart, _LOSS, resonance),
-        *_path_side("residual-modes", False, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, True, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, False, apart, _LOSS, resonance),
         *either_sign("residual-modes", change, report, "rigid body", natural=0.1, largest=30.0),
     )
 
@@ -256,13 +214,9 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     low = 0.3 * scales.bandwidth
     apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
-    return tuple(
-        chain.from_iterable(_path_side("second-mode", way, apart, loss, 1.0 / scales.loss) for way in (True, False))
-    )
+    above, below = (_paths(SECOND_MODE, way, apart, loss, 1.0 / scales.loss) for way in (True, False))
+    return *above, *below
 
-
-#: Two close modes are those of two planes unless the rows say so: 1 to 4.
-_OWN_MASS = 0.25
 
 SECOND_MODE = Effect(
     name="second-mode",

@@ -4,28 +4,40 @@ A measured row is the phasor A exp(-i phi) under the force F. The prediction is 
 
     Z(A, omega) = M (omega_n^2 - omega^2) + (S + i C)/A              parameters and forces
     H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
-    hurried(Z)                                                       a frequency that moves (`damping.effects.hurried`)
+    hurried(Z)                                                       a frequency that moves: the motion lags behind
     H + R                                                            residual compliance of other modes (3.1.18)
     read(gain exp(-i lag) H F)                                       instruments, and what is lost of the force
 
-with Z taken at the measured amplitude (of which each plane has its share). P(u) = ln(prediction), u = ln A, therefore
-needs no solution of the steady state; with P'(u) its own steady amplitude is found from it to first order
-(`damping.gap.model`).
+with Z at the measured amplitude (of which each plane has its share). P(u) = ln(prediction), u = ln A, so needs no
+solution of the steady state; with P'(u) its own steady amplitude follows to first order (`damping.gap.model`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import wofz
 
-from damping.arrays import ComplexArray, FloatArray, Floats
-from damping.effects.contract import Drive, Terms, add_parts
-from damping.effects.hurried import hurried
+from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats
+from damping.effects.contract import Drive, Instrument, Terms, add_parts
 
+#: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
+NEAREST = 1e-6
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
+#: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
+_CYCLE = 24
+#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
+#: taken to first order: differences of nearly equal numbers say less.
+_SLOW = 1e-8
+_SLOWLY = 1e-3
+#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
+_LOUDEST = 50.0
+#: Least square of the frequency that rings over that of the drive: numbers stay finite where nothing does.
+_RINGS = 0.01
 
 
 @dataclass(frozen=True)
@@ -50,16 +62,14 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
     offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
-    v, per_u = _unread(terms, u - gain)
+    v, per_u = _pass([reading.unread for reading in reversed(terms.readings)], u - gain)
     A = np.exp(v)
     terms = tuned(terms, drive)
     receptance = _receptance(terms, drive, (A, A))
     if not terms.linear and (terms.plane is not None or terms.compliance):
         for _ in range(_REFINEMENTS):
             receptance = _receptance(terms, drive, _shares(terms, receptance, A))
-    F = drive.F
-    if terms.received:
-        F = F * np.exp(add_parts(terms.received, drive))
+    F = drive.F * np.exp(add_parts(terms.received, drive))
     H = receptance.H
     P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
     by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
@@ -68,7 +78,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
             np.where(drive.resonant, at, beside)
             for at, beside in zip(_at_resonance(receptance, F), (P, by_u, by_frequency), strict=True)
         )
-    real, slope = _read(terms, P.real)
+    real, slope = _pass([reading.read for reading in terms.readings], P.real)
     if terms.readings:
         by_u, by_frequency = (slope * part.real + 1j * part.imag for part in (by_u * per_u, by_frequency))
     return Prediction(real + gain + 1j * (P.imag - lag), by_u, by_frequency)
@@ -81,37 +91,26 @@ def tuned(terms: Terms, drive: Drive) -> Terms:
     return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(add_parts(terms.detuned, drive)), detuned=())
 
 
-def _read(terms: Terms, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What instruments make of ln amplitudes, one after the other, and the slope of all of them."""
     slope = np.ones(1)
-    for reading in terms.readings:
-        v, own = reading.read(v)
+    for instrument in instruments:
+        v, own = instrument(v)
         slope = slope * own
     return v, slope
 
 
-def _unread(terms: Terms, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    slope = np.ones(1)
-    for reading in reversed(terms.readings):
-        u, own = reading.unread(u)
-        slope = slope * own
-    return u, slope
-
-
-def _at_resonance(found: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _at_resonance(receptance: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
-    stiffness = 1.0 / found.H
+    stiffness = 1.0 / receptance.H
     # a simulation without damping loses nothing at all, and would stand still at no amplitude
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
-    squared = found.H * found.H
+    squared = receptance.H * receptance.H
     real = np.log(F) - np.log(np.abs(loss))
     by_u, by_frequency = (
-        (-(part / squared).imag / loss).astype(np.complex128) for part in (found.by_u, found.by_frequency)
+        (-(part / squared).imag / loss).astype(np.complex128) for part in (receptance.by_u, receptance.by_frequency)
     )
     return np.asarray(real - 0.5j * np.pi), by_u, by_frequency
-
-
-#: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
-NEAREST = 1e-6
 
 
 def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
@@ -132,10 +131,8 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A
     damped = np.exp(add_parts(terms.damped, drive)) / A
-    return (
-        np.asarray(real + 1j * (imaginary * damped) + add_parts(terms.beside, drive)),
-        np.asarray(slope_real + 1j * (slope_imaginary * damped)),
-    )
+    Z = real + 1j * (imaginary * damped) + add_parts(terms.beside, drive)
+    return np.asarray(Z), np.asarray(slope_real + 1j * (slope_imaginary * damped))
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:
@@ -146,8 +143,8 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     by_u, by_frequency = squared * slope, squared * by_stiffness
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
-        t, ratio, alike, damping = terms.plane
-        other = terms if alike else replace(terms, forces=terms.viscous)
+        t, ratio, in_both, damping = terms.plane
+        other = terms if in_both else replace(terms, forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
         Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
         second, squared = hurried(Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0), terms, drive)
@@ -161,20 +158,15 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     return _Receptance(H, paths, by_u, by_frequency)
 
 
-def _shares(terms: Terms, found: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _shares(terms: Terms, receptance: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum reads A."""
-    per_reading = A / np.abs(found.H)
+    per_reading = A / np.abs(receptance.H)
     if terms.plane is None:
-        own = np.abs(found.paths[0]) * per_reading
+        own = np.abs(receptance.paths[0]) * per_reading
         return own, own
     t = np.asarray(terms.plane.weight)
-    first, second = (np.abs(path) * per_reading for path in found.paths)
+    first, second = (np.abs(path) * per_reading for path in receptance.paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
-
-
-#: Points of half a cycle (the other is its opposite) from which the third harmonic of a force is taken: right to one in
-#: a hundred for friction, better for others.
-_CYCLE = 24
 
 
 def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
@@ -203,3 +195,99 @@ def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
     t = np.asarray(terms.plane.weight)
     first, second = receptance.paths[0] * (1.0 + t), receptance.paths[1] * (1.0 + t) / t
     return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))
+
+
+def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
+    """H and -dH/dZ of a path of complex stiffness Z while the frequency moves at d omega/dt = alpha.
+
+    With Z = M (i omega - lambda)(i omega - lambda*) the motion Im a exp(i theta), theta'' = alpha, has
+    a = (J - 1/(i omega - lambda*)) F/(2 i M Im lambda), J' = 1 - p J, p = i omega - lambda. Where p moves by i alpha
+    alone, J is I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis
+    1932, whose Fresnel integrals w contains), which is 1/p where alpha = 0. What else changes along a sweep (damping,
+    stiffness) comes with the memory of the rows before (`_remembered`).
+
+    An envelope of first order, 2 i M omega a' + (Z + i M alpha) a = F, turns slower by (omega - Im lambda)^2/(2 omega)
+    beyond resonance; so may what an instrument that tracks the frequency reads of a motion that rings beside it.
+    ``terms.ringing`` is 0 for the motion itself, 1 for that envelope.
+    """
+    if not terms.moving and not np.any(drive.rate):
+        H = 1.0 / Z
+        return H, H * H
+    alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
+    M, omega, share = terms.M * drive.mass + drive.added, drive.omega, terms.ringing
+    loss, squared = Z.imag / (M * omega), Z.real / M + np.square(omega)
+    own = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
+    p = 0.5 * loss + 1j * (omega - own)
+    p, alpha = np.broadcast_arrays(p + share * ((Z - 1j * M * alpha) / (2j * M * omega) - p), alpha)
+    memory = _Memory.of(p, alpha)
+    motion = memory.lewis if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
+    per = (1.0 - share) / (2j * M * own) + share / (2j * M * omega)
+    other = (1.0 - share) / (2j * M * own) / (0.5 * loss + 1j * (omega + own))
+    return per * motion - other, -per * per * memory.by_p(memory.lewis)
+
+
+class _Memory(NamedTuple):
+    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` does not ring."""
+
+    lewis: ComplexArray
+    quiet: ComplexArray
+    beyond: BoolArray
+    p: ComplexArray
+    alpha: FloatArray
+
+    @staticmethod
+    def of(p: ComplexArray, alpha: FloatArray) -> _Memory:
+        """Both solutions; 1/p where the frequency hardly moves."""
+        moving = np.abs(alpha) > _SLOW * np.abs(p) ** 2
+        root = np.sqrt(np.where(moving, -0.5j * alpha, p * p))
+        z = 0.5j * p / root
+        lewis = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / np.where(moving, 1.0, p))
+        squared = z * z
+        ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
+        return _Memory(lewis, np.where(moving, lewis - ringing, lewis), z.imag < 0.0, p, alpha)
+
+    def by_p(self, V: ComplexArray) -> ComplexArray:
+        """Derivative of a solution V by p: i alpha V' = 1 - p V."""
+        slow = np.abs(self.alpha) < _SLOW * np.abs(self.p) ** 2
+        return np.where(slow, -V * V, (1.0 - self.p * V) / (1j * np.where(slow, 1.0, self.alpha)))
+
+    def by_rate(self, V: ComplexArray, by_p: ComplexArray) -> ComplexArray:
+        """Derivative of a solution V by alpha, i V''/2."""
+        slow = np.abs(self.alpha) < _SLOWLY * np.abs(self.p) ** 2
+        return np.where(slow, 1j * V**3, (V + self.p * by_p) / (-2.0 * np.where(slow, 1.0, self.alpha)))
+
+
+def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
+    """J with all that changes along each sweep, (batch, n).
+
+    V is ``lewis`` before resonance and ``quiet`` beyond it: neither rings there, and both change evenly from row to
+    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
+    taken to follow one that went on for ever.
+    """
+    ways = np.sign(memory.alpha)
+    if ways.ndim > 1 and np.any(ways != ways[:1]):  # the order of the rows is that of the way
+        parts = np.broadcast_arrays(*memory)
+        return np.stack([_remembered(_Memory._make(part[k] for part in parts), drive) for k in range(len(ways))])
+    way, sweep = ways.reshape(-1, ways.shape[-1])[0], np.asarray(drive.sweep)
+    order = np.lexsort((way * drive.omega, way, sweep))
+    memory = _Memory._make(part[..., order] for part in memory)
+    p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
+    first = (np.diff(sweep[order], prepend=np.nan) != 0.0) | (np.diff(way[order], prepend=np.nan) != 0.0)
+    last = _Memory._make(np.roll(part, 1, -1) for part in memory)
+    V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
+    by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
+    by_rate = memory.by_rate(V, by_p)
+    rate = 0.5 * (alpha + last.alpha)
+    first = first | (rate == 0.0)  # a dwell remembers nothing
+    time = np.abs((omega - np.roll(omega, 1)) / np.where(rate == 0.0, 1.0, rate))
+    turned = 0.5 * (p + last.p) * time
+    decay = np.exp(np.minimum(-turned.real, _LOUDEST) - 1j * turned.imag)
+    share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
+    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
+    decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))
+    motion = np.where(first, memory.lewis, V - before * decay - moved * share)
+    for step in 2 ** np.arange(int(len(order) - 1).bit_length()):  # each row reaches twice as far back
+        motion[..., step:] = motion[..., step:] + decay[..., step:] * motion[..., :-step]
+        decay[..., step:] = decay[..., step:] * decay[..., :-step]
+        decay[..., :step] = 0.0
+    return motion[..., np.argsort(order)]

@@ -18,12 +18,19 @@ from damping.arrays import FloatArray
 from damping.effects.contract import Effect
 from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
-from damping.gap.model import Part
 from damping.gap.simulation import within_tolerance
 from damping.infer.chains import Chains, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
+
+#: Draws from which intervals are taken; their content.
+_DRAWS = 400
+CONTENT = 0.9
+#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
+#: counts as one at the end of its range.
+_FAR = 2.5
+_FULL = 0.9
 
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
@@ -37,17 +44,11 @@ def refitted_values(fit: ModelFit) -> dict[str, float]:
 
 def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
     """Parameters of every effect of a fit, as a model file holds them."""
-    start = len(fit.model.problem.simulation.names)
-    values = {}
-    for part in fit.model.parts:
-        values[part.form.effect] = reported(part, fit.y[start : start + part.size])
-        start += part.size
-    return values
-
-
-#: Draws from which intervals are taken; their content.
-_DRAWS = 400
-CONTENT = 0.9
+    parameters = {}
+    for part, x in fit.model.own_variables(fit.y[np.newaxis]):
+        values = [float(value[0, 0]) for value in part.values(x)]
+        parameters[part.form.effect] = {name: float(value) for name, value in part.form.report(*values).items()}
+    return parameters
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
@@ -56,11 +57,9 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
     Parameters that are not free (which sweep it is) have none.
     """
     draws = np.random.default_rng(0).multivariate_normal(fit.y, fit.covariance, size=_DRAWS, method="cholesky")
-    start = len(fit.model.problem.simulation.names)
     intervals = {}
-    for part in fit.model.parts:
-        values = [value[:, 0] for value in part.values(draws[:, start : start + part.size])]
-        start += part.size
+    for part, x in fit.model.own_variables(draws):
+        values = [value[:, 0] for value in part.values(x)]
         tail = 0.5 - 0.5 * CONTENT
         intervals[part.form.effect] = {
             name: (float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail)))
@@ -70,28 +69,14 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
     return intervals
 
 
-#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
-#: counts as one at the end of its range.
-_FAR = 2.5
-_FULL = 0.9
-
-
 def list_ends(fit: ModelFit) -> list[str]:
     """Effects of a fit whose best values lie at the end of what was thought possible, in words."""
-    start, ends = len(fit.model.problem.simulation.names), []
-    for part in fit.model.parts:
-        x = fit.y[start : start + part.size]
-        start += part.size
-        strength = float(part.values(x[np.newaxis])[0][0, 0])
-        if strength > _FULL * part.form.largest or np.any(np.abs(x[1:]) > _FAR):
+    ends = []
+    for part, x in fit.model.own_variables(fit.y[np.newaxis]):
+        strength = float(part.values(x)[0][0, 0])
+        if strength > _FULL * part.form.largest or np.any(np.abs(x[0, 1:]) > _FAR):
             ends.append(f"the best fit of {part.form.effect} ends at the end of its range: no estimate, but a finding")
     return ends
-
-
-def reported(part: Part, x: np.ndarray) -> dict[str, float]:
-    """Parameters of one part at its variables x (size,)."""
-    values = [float(value[0, 0]) for value in part.values(x[np.newaxis])]
-    return {name: float(value) for name, value in part.form.report(*values).items()}
 
 
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
@@ -168,14 +153,11 @@ def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
 def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     """Parameters at variables x (points, variables), each (points,)."""
     simulation = leading.model.problem.simulation
-    start = len(simulation.names)
     replaced = {part.form.replaces for part in leading.model.parts}
-    relative = np.exp(within_tolerance(x[:, :start]) * simulation.tolerance) - 1.0
+    relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
     drawn = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
-    for part in leading.model.parts:
-        values = [value[:, 0] for value in part.values(x[:, start : start + part.size])]
-        start += part.size
-        reported = part.form.report(*values)
+    for part, own in leading.model.own_variables(x):
+        reported = part.form.report(*(value[:, 0] for value in part.values(own)))
         drawn |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}
     return drawn
 
@@ -184,19 +166,15 @@ def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     model, W = leading.model, leading.weights
     z = np.tile(leading.y[model.size :], (len(x), 1))
     residuals = model.residuals(np.hstack([x, z]))
-    rows = model.problem.rows
-    one_hot = (np.tile(rows.sweep, len(W) // len(rows))[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
+    sweep = model.problem.rows.sweep_of_values
+    one_hot = (sweep[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
     gain, frequency = residuals.by_gain * model.scatter.amplitude, residuals.by_frequency * model.scatter.frequency
-    sweep = np.tile(rows.sweep, len(W) // len(rows))
     t = residuals.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
     # per sweep: the 2 x 2 matrix 1 + C^T W C and the vector C^T W t
     gg, ff = 1.0 + (W * gain**2) @ one_hot, 1.0 + (W * frequency**2) @ one_hot
     gf, gt, ft = (W * gain * frequency) @ one_hot, (W * gain * t) @ one_hot, (W * frequency * t) @ one_hot
     det = gg * ff - gf**2
     fitted = (ff * gt**2 - 2.0 * gf * gt * ft + gg * ft**2) / det
-    value = (
-        -0.5 * (t**2 @ W)
-        + 0.5 * np.sum(fitted - np.log(det), axis=1)
-        - 0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
-    )
+    prior = np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
+    value = -0.5 * (t**2 @ W) + 0.5 * np.sum(fitted - np.log(det), axis=1) - 0.5 * prior
     return np.where(np.isfinite(value), value, -np.inf)

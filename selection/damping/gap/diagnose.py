@@ -12,9 +12,10 @@ import numpy as np
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.gap import size, weighing
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.next_test import ALIVE, MOST_RIVALS, NextTest, Rival, rank_tests
+from damping.gap.next_test import NextTest, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
     Setting,
@@ -27,27 +28,8 @@ from damping.gap.problem import (
 from damping.gap.rows import read_rows
 from damping.gap.search import Hypothesis, Search
 from damping.gap.simulation import Simulate
-from damping.gap.size import (
-    Gap,
-    HeldOut,
-    LevelDeviation,
-    describe_repeatability,
-    hold_levels_out,
-    list_levels,
-    measure_gap,
-)
 from damping.gap.unknowns import spread
-from damping.gap.weighing import (
-    Explanation,
-    Group,
-    blend_probabilities,
-    cover_probability,
-    describe_doubts,
-    describe_held_out,
-    estimate_in_library,
-    group_equivalent_effects,
-    weigh_hypotheses,
-)
+from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
     FootprintCell,
     LocalEstimate,
@@ -71,38 +53,24 @@ MOST_ROWS = 5_000
 
 
 @dataclass(frozen=True)
-class Diagnosis:
-    """Everything found.
+class Explained:
+    """What effects can explain of a gap, before anything is said of it.
 
     Attributes:
-        record, mode, setting: what was compared, and how noise and repeatability were taken.
-        hypotheses: all that were fitted, with probabilities, most probable first. explanations: the shortest list of
-            the most probable that reaches ``COVER``.
-        groups: effects that cannot be told apart. tests: directed tests of what the leading explanation leaves.
-        unexplained: more than noise is left. in_library: chance that the library holds the cause at all.
-        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint,
-        held_out: see the modules of those names.
-        local: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen).
-        cautions: what the record cannot say.
+        record, mode: what is compared. setting: how noise and repeatability were taken. search: finished.
+        library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
+        tests: directed tests of what the leading hypothesis leaves. in_library: chance that the library holds the
+            cause at all. cautions: what the record cannot say.
     """
 
     record: Record
     mode: Mode
     setting: Setting
+    search: Search
+    library: Mapping[str, Effect]
     hypotheses: tuple[Explanation, ...]
-    explanations: tuple[Explanation, ...]
-    groups: tuple[Group, ...]
     tests: tuple[Test, ...]
-    unexplained: bool
     in_library: float
-    levels: tuple[LevelDeviation, ...]
-    gap: Gap
-    where: tuple[ResidualCell, ...]
-    footprint: tuple[FootprintCell, ...]
-    held_out: HeldOut | None
-    local: tuple[LocalEstimate, ...]
-    damping_trend: PowerTrend | None
-    frequency_trend: PowerTrend | None
     cautions: tuple[str, ...]
 
     @property
@@ -110,11 +78,36 @@ class Diagnosis:
         """The most probable hypothesis."""
         return self.hypotheses[0].hypothesis
 
+
+@dataclass(frozen=True)
+class Diagnosis(Explained):
+    """Everything that is said of a gap.
+
+    Attributes:
+        explanations: the shortest list of the most probable hypotheses that reaches ``COVER``.
+        groups: effects that cannot be told apart. unexplained: more than noise is left.
+        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint, held_out: see the
+            modules of those names. local: estimates by amplitude, with the trends of damping and frequency (None where
+            they cannot be seen).
+    """
+
+    explanations: tuple[Explanation, ...]
+    groups: tuple[Group, ...]
+    unexplained: bool
+    levels: tuple[size.LevelDeviation, ...]
+    gap: size.Gap
+    where: tuple[ResidualCell, ...]
+    footprint: tuple[FootprintCell, ...]
+    held_out: size.HeldOut | None
+    local: tuple[LocalEstimate, ...]
+    damping_trend: PowerTrend | None
+    frequency_trend: PowerTrend | None
+
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
-        return rank_tests(self.leading.best, list_rivals(self.hypotheses), f"damping gap {files[0]} {files[1]}")
+        return rank_tests(self.hypotheses, f"damping gap {files[0]} {files[1]}")
 
     @property
     def next_test(self) -> NextTest | None:
@@ -123,48 +116,6 @@ class Diagnosis:
 
 
 @np.errstate(all="ignore")  # a search passes through impossible models, which what it gives says
-def diagnose(
-    record: Record,
-    mode: Mode,
-    effects: Mapping[str, Effect] | None = None,
-    states: Sequence[State] = (),
-    simulate: Simulate | None = None,
-) -> Diagnosis:
-    """Diagnose the gap between a simulation and a record.
-
-    Args:
-        effects: the library, by name; all of `CATALOGUE` where not given.
-        states: records of further states of the structure with their modes; effects are shared.
-        simulate: the user's own simulation in the place of the mode, see `damping.gap.model.Simulator`.
-
-    Raises:
-        AnalysisError: model and record are of different modes, or there are too many rows.
-    """
-    return conclude(explain(record, mode, effects, states, simulate))
-
-
-@dataclass(frozen=True)
-class Explained:
-    """What effects can explain of a gap, before anything is said of it.
-
-    Attributes:
-        record, mode: what is compared. setting: with the noise that was found. search: finished. tests: of what the
-            leading hypothesis leaves. in_library: chance that the library holds the cause. hypotheses: weighed with it.
-        library: effects that were tried. cautions: what the record cannot say.
-    """
-
-    record: Record
-    mode: Mode
-    setting: Setting
-    search: Search
-    tests: tuple[Test, ...]
-    in_library: float
-    hypotheses: tuple[Explanation, ...]
-    library: Mapping[str, Effect]
-    cautions: tuple[str, ...]
-
-
-@np.errstate(all="ignore")  # as above
 def explain(
     record: Record,
     mode: Mode,
@@ -172,60 +123,72 @@ def explain(
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
 ) -> Explained:
-    """Fit and weigh every hypothesis; arguments and errors as of `diagnose`."""
+    """Fit and weigh every hypothesis about the gap between a simulation and a record.
+
+    Args:
+        effects: the library, by name; all of `CATALOGUE` where not given.
+        states: records of further states of the structure with their modes; effects are shared.
+        simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
+
+    Raises:
+        AnalysisError: model and record are of different modes, or there are too many rows.
+    """
     refuse_rows([(record, mode), *states])
     start = setting(record, mode, states, simulate)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = record_cautions(rows, record, mode)
     known, search = search_hypotheses(start, library)
-    hypotheses = weigh_hypotheses(search.ranked())
+    hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    in_library = estimate_in_library(describe_doubts(tests, hypotheses), leading, known.dispersion)
-    weighed = blend_probabilities(hypotheses, in_library)
-    return Explained(record, mode, known, search, tests, in_library, weighed, library, tuple(cautions))
+    in_library = weighing.estimate_in_library(weighing.describe_doubts(tests, hypotheses), leading, known.dispersion)
+    weighed = weighing.blend_probabilities(hypotheses, in_library)
+    return Explained(record, mode, known, search, library, weighed, tests, in_library, tuple(cautions))
 
 
 @np.errstate(all="ignore")  # as above
-def conclude(explained: Explained) -> Diagnosis:
-    """What is to be said of a gap: doubts, levels held out, places, trends."""
-    record, mode, known, search = explained.record, explained.mode, explained.setting, explained.search
-    library, hypotheses = explained.library, explained.hypotheses
-    leading = hypotheses[0].hypothesis
-    held_out = hold_levels_out(known, search, leading.best)
-    gap = measure_gap(leading.best)
-    levels = describe_repeatability(known, leading.best)
-    more = known.dispersion > 1.0 or unexplained(leading.best, explained.tests, library) or bool(levels)
-    cautions = [*explained.cautions, *levels, *list_ends(leading.best), *describe_held_out(leading, gap, held_out)]
+def diagnose(
+    record: Record,
+    mode: Mode,
+    effects: Mapping[str, Effect] | None = None,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+) -> Diagnosis:
+    """Diagnose the gap between a simulation and a record; arguments and errors as of `explain`.
+
+    Beside what effects explain: doubts, levels held out, places, trends.
+    """
+    explained = explain(record, mode, effects, states, simulate)
+    known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
+    held_out = size.hold_levels_out(known, explained.search, leading.best)
+    gap = size.measure_gap(leading.best)
+    apart = size.describe_repeatability(known, leading.best)
+    doubts = [*apart, *list_ends(leading.best), *weighing.describe_held_out(leading, gap, held_out)]
+    left = unexplained(leading.best, explained.tests, explained.library)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
-    A = np.array([estimate.amplitude for estimate in local])
     return Diagnosis(
-        record=record,
-        mode=mode,
-        setting=known,
-        hypotheses=hypotheses,
-        explanations=cover_probability(hypotheses),
-        groups=group_equivalent_effects([explanation.hypothesis for explanation in hypotheses], library),
-        tests=explained.tests,
-        unexplained=more,
-        in_library=explained.in_library,
-        levels=list_levels(leading.best),
+        **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
+        explanations=weighing.cover_probability(hypotheses),
+        groups=weighing.group_equivalent_effects(
+            [explanation.hypothesis for explanation in hypotheses], explained.library
+        ),
+        unexplained=known.dispersion > 1.0 or left or bool(apart),
+        levels=size.list_levels(leading.best),
         gap=gap,
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),
         held_out=held_out,
         local=local,
-        damping_trend=trend(
-            A, np.array([estimate.damping for estimate in local]), np.array([estimate.damping_sd for estimate in local])
-        ),
-        frequency_trend=trend(
-            A,
-            np.array([estimate.frequency for estimate in local]),
-            np.array([estimate.frequency_sd for estimate in local]),
-        ),
-        cautions=tuple(cautions),
+        damping_trend=_trend(local, "damping"),
+        frequency_trend=_trend(local, "frequency"),
     )
+
+
+def _trend(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
+    """How local estimates of a quantity go with amplitude."""
+    columns = ("amplitude", quantity, f"{quantity}_sd")
+    return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
 
 
 def refuse_rows(states: Sequence[State]) -> None:
@@ -237,12 +200,6 @@ def refuse_rows(states: Sequence[State]) -> None:
         )
     for record, mode in states:
         refuse_other_mode(read_rows(record, mode), mode)
-
-
-def list_rivals(hypotheses: tuple[Explanation, ...]) -> list[Rival]:
-    """The explanations beside the leading one that are alive."""
-    alive = [hypothesis for hypothesis in hypotheses[1 : 1 + MOST_RIVALS] if hypothesis.probability > ALIVE]
-    return [Rival(rival.hypothesis.best, rival.probability) for rival in alive]
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

@@ -18,7 +18,7 @@ Both are quadratic splines of ln A added to a fit to first order; with M and g o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,8 +27,6 @@ from scipy.special import chdtrc, ndtr
 from damping.arrays import ComplexArray, FloatArray
 from damping.effects.contract import Effect
 from damping.gap.fit import ModelFit, decorrelate
-from damping.gap.model import Residuals
-from damping.gap.rows import Rows
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
 ALARM = 0.003
@@ -40,6 +38,10 @@ CLIP = 3.0
 SPLINES = 6
 #: Rows in a window of frequency.
 _WINDOWS = (4, 8, 16)
+#: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
+FREE = "stiffness and damping with amplitude"
+#: Splines that the record determines to less than this share of the best determined one are left out.
+_SEEN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def directed_tests(fit: ModelFit) -> list[Test]:
         return decorrelate(columns, fit.model, rho)[0]
 
     own = replace(fit, r=white(fit.r), J=white(fit.J))
-    tests = [_linear(own, name, white(columns(fit).T).T) for name, columns in FAMILIES.items()]
+    tests = [_linear(own, name, white(columns.T).T) for name, columns in list_columns(fit).items()]
     return [*tests, _windows(own), _neighbours(own)]
 
 
@@ -86,63 +88,6 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
-def _stiffness(fit: ModelFit) -> FloatArray:
-    _, residuals = _at(fit)
-    return residuals.sensitivity.columns(basis(motion(fit), SPLINES) * residuals.prediction.by_frequency)
-
-
-def _damping(fit: ModelFit) -> FloatArray:
-    _, residuals = _at(fit)
-    return residuals.sensitivity.columns(1j * basis(motion(fit), SPLINES) * residuals.prediction.by_frequency)
-
-
-def stiffness_and_damping(fit: ModelFit) -> FloatArray:
-    """Columns of a natural frequency (relative change) and a damping ratio that change with amplitude in free form."""
-    return np.concatenate([_stiffness(fit), _damping(fit)])
-
-
-def _path(fit: ModelFit) -> FloatArray:
-    """A compliance that is a smooth complex function of frequency beside the model's."""
-    rows, residuals = _at(fit)
-    relative = basis(rows.omega, 7) * np.exp(np.log(rows.F) - residuals.prediction.P)
-    return residuals.sensitivity.columns(_complex(relative))
-
-
-def _gain(fit: ModelFit) -> FloatArray:
-    """Gain that depends on amplitude: a sensor or an amplifier that saturates."""
-    _, residuals = _at(fit)
-    return residuals.sensitivity.columns(basis(motion(fit), 4).astype(complex))
-
-
-def _instrument(fit: ModelFit) -> FloatArray:
-    """Gain and phase that depend on amplitude."""
-    _, residuals = _at(fit)
-    return residuals.sensitivity.columns(_complex(basis(motion(fit), 4)))
-
-
-def _transfer(fit: ModelFit) -> FloatArray:
-    """Gain and phase that depend on frequency."""
-    rows, residuals = _at(fit)
-    return residuals.sensitivity.columns(_complex(basis(rows.omega, 6)))
-
-
-def _drift(fit: ModelFit) -> FloatArray:
-    """Frequency and gain that move with the order of measurement, over the record and within sweeps."""
-    rows, residuals = _at(fit)
-    within = np.zeros(len(rows))
-    for number in range(len(rows.sweeps)):
-        own = rows.sweep == number
-        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
-    time = np.stack([rows.time, within])
-    return residuals.sensitivity.columns(
-        np.concatenate([time * residuals.prediction.by_frequency, time.astype(complex)])
-    )
-
-
-def _at(fit: ModelFit) -> tuple[Rows, Residuals]:
-    return fit.model.problem.rows, fit.model.residuals(fit.y[np.newaxis])
-
-
 def motion(fit: ModelFit) -> FloatArray:
     """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
     return fit.model.problem.rows.u if fit.model.at is None else fit.model.at
@@ -153,17 +98,28 @@ def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
     return np.concatenate([shape, 1j * shape])
 
 
-#: Columns of every family at a fit, (coefficients, m).
-FAMILIES: dict[str, Callable[[ModelFit], FloatArray]] = {
-    "stiffness with amplitude": _stiffness,
-    "damping with amplitude": _damping,
-    "stiffness and damping with amplitude": stiffness_and_damping,
-    "second path": _path,
-    "gain with amplitude": _gain,
-    "instrument with amplitude": _instrument,
-    "instrument with frequency": _transfer,
-    "drift": _drift,
-}
+def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
+    """Columns of every family at a fit, (coefficients, m): how its additions change the residuals."""
+    rows, residuals = fit.model.problem.rows, fit.model.residuals(fit.y[np.newaxis])
+    columns, by_frequency = residuals.sensitivity.columns, residuals.prediction.by_frequency
+    of_amplitude = basis(motion(fit), SPLINES)
+    stiffness, damping = columns(of_amplitude * by_frequency), columns(1j * of_amplitude * by_frequency)
+    compliance = basis(rows.omega, 7) * np.exp(np.log(rows.F) - residuals.prediction.P)
+    gain = basis(motion(fit), 4)
+    within = np.zeros(len(rows))
+    for own in rows.runs:
+        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
+    time = np.stack([rows.time, within])  # over the record and within sweeps
+    return {
+        "stiffness with amplitude": stiffness,
+        "damping with amplitude": damping,
+        FREE: np.concatenate([stiffness, damping]),
+        "second path": columns(_complex(compliance)),
+        "gain with amplitude": columns(gain.astype(complex)),
+        "instrument with amplitude": columns(_complex(gain)),
+        "instrument with frequency": columns(_complex(basis(rows.omega, 6))),
+        "drift": columns(np.concatenate([time * by_frequency, time.astype(complex)])),
+    }
 
 
 def information(fit: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -187,21 +143,16 @@ def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
     return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
-def _clipped(fit: ModelFit) -> tuple[FloatArray, float, float]:
-    """Squares of clipped residuals with their mean and standard deviation under noise."""
-    x = np.linspace(-8.0, 8.0, 4001)
-    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
-    square = np.minimum(x * x, CLIP**2)
-    mean = float(p @ square)
-    return np.minimum(fit.r**2, CLIP**2), mean, float(np.sqrt(p @ square**2 - mean**2))
-
-
 def _windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are about normal."""
     rows = fit.model.problem.rows
     quantities = 1 + rows.has_phase
-    squares, mean, sd = _clipped(fit)
-    squares = squares[: quantities * len(rows)]
+    x = np.linspace(-8.0, 8.0, 4001)
+    p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
+    clipped = np.minimum(x * x, CLIP**2)
+    mean = float(p @ clipped)  # of clipped squares under noise, with their standard deviation
+    sd = float(np.sqrt(p @ clipped**2 - mean**2))
+    squares = np.minimum(fit.r**2, CLIP**2)[: quantities * len(rows)]
     # noise that is larger in some rows than in others is no local disturbance: their spread is that of all rows
     excess = (squares - max(mean, squares.mean())) / max(sd, squares.std())
     excess = excess.reshape(-1, len(rows)).sum(axis=0)
@@ -238,10 +189,6 @@ def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effe
     return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.many_wild
 
 
-#: Splines that the record determines to less than this share of the best determined one are left out.
-_SEEN = 1e-4
-
-
 @dataclass(frozen=True)
 class FreeForm:
     """Curves over amplitude A, (n,): relative change of the natural frequency, change of the damping ratio; and sds."""
@@ -255,8 +202,7 @@ class FreeForm:
 
 def free_form(fit: ModelFit, points: int = 80) -> FreeForm:
     """The curves of free form that a fit lacks, at ``points`` amplitudes of the record."""
-    D = stiffness_and_damping(fit)
-    M, g = information(fit, D)
+    M, g = information(fit, list_columns(fit)[FREE])
     values, vectors = np.linalg.eigh(M)
     seen = values > _SEEN * values.max()
     covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T

@@ -65,7 +65,7 @@ class ModelFit:
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects."""
-        return self.model.effects
+        return tuple(part.form.effect for part in self.model.parts)
 
     @property
     def measured(self) -> FloatArray:
@@ -92,11 +92,7 @@ def fit_model(
 
 
 def fit_roughly(
-    model: Model,
-    x: FloatArray,
-    z: FloatArray | None = None,
-    weights: FloatArray | None = None,
-    rival: float = -np.inf,
+    model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None, rival: float = -np.inf
 ) -> list[ModelFit]:
     """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
@@ -116,13 +112,11 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
 
 def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
     """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
-    model, place, kept = fit.model, len(fit.model.problem.simulation.names), np.ones(fit.model.size, dtype=bool)
-    for part in model.parts:
-        kept[place : place + part.size] = part.form.effect != name
-        place += part.size
+    model, y = fit.model, fit.y[np.newaxis]
+    own = [x for part, x in model.own_variables(y) if part.form.effect != name]
+    x = np.hstack([y[:, : len(model.problem.simulation.names)], *own])
     parts = tuple(part for part in model.parts if part.form.effect != name)
-    x, z = fit.y[: model.size][kept], fit.y[model.size :]
-    return replace(model, parts=parts, at=None), x[np.newaxis], z[np.newaxis]
+    return replace(model, parts=parts, at=None), x, y[:, model.size :]
 
 
 def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
@@ -137,7 +131,8 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
 def _differ(fit: ModelFit, other: ModelFit) -> bool:
     if fit.model.parts != other.model.parts:
         return True
-    return bool(np.max(np.abs(fit.y - other.y) / _sd(other)) > 0.5)
+    sd = np.sqrt(np.diag(other.covariance))
+    return bool(np.max(np.abs(fit.y - other.y) / sd) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:
@@ -154,10 +149,6 @@ def robust_weights(r: FloatArray) -> FloatArray:
     return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
 
 
-def _sd(fit: ModelFit) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(fit.covariance)))
-
-
 def _climb(
     model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf, share: float = _ROUGHLY
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -168,7 +159,7 @@ def _climb(
     In the first steps what counts as wild is measured by the spread of the residuals themselves.
     """
     if len(y) > _TRIED:
-        r = _white_residuals(model, y)
+        r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = _white_jacobian(model, y)
     damping = np.full(len(y), 1e-2)
@@ -191,14 +182,9 @@ def _climb(
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
         little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
-        settled = (better & (gain < little)) | (damping[at] > 1e6)
-        active[at[settled & (scale == 1.0)]] = False
+        converged = (better & (gain < little)) | (damping[at] > 1e6)
+        active[at[converged & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
-
-
-def _white_residuals(model: Model, y: FloatArray) -> FloatArray:
-    """Residuals (batch, m), freed of the correlation of neighbours."""
-    return decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
 
 
 def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -244,23 +230,15 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
     counts = robust_weights(r) if weights is None else weights
     rooted = decorrelate(J * np.sqrt(counts)[:, np.newaxis], model, model.scatter.correlation)[0]
     H = rooted.T @ rooted + np.eye(len(y))
-    return ModelFit(
-        model,
-        y,
-        r,
-        J,
-        counts,
-        posterior,
-        posterior - 0.5 * float(np.linalg.slogdet(H)[1]),
-        np.asarray(np.linalg.inv(H)),
-    )
+    evidence = posterior - 0.5 * float(np.linalg.slogdet(H)[1])
+    return ModelFit(model, y, r, J, counts, posterior, evidence, np.asarray(np.linalg.inv(H)))
 
 
 def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
     """Columns (m, ..) as they are without the correlation of neighbours, and ln of the determinant of the change."""
     if rho == 0.0:
         return columns, 0.0
-    sweep = np.tile(model.problem.rows.sweep, len(columns) // len(model.problem.rows))
+    sweep = model.problem.rows.sweep_of_values
     follows = np.concatenate([[False], sweep[1:] == sweep[:-1]])
     follows[:: len(model.problem.rows)] = False
     size = np.sqrt(1.0 - rho**2)

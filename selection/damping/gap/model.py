@@ -14,6 +14,7 @@ Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -35,6 +36,12 @@ STEP = 1e-4
 #: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
 TYPICAL_GAP = 3.0
 SPREAD = 1.5
+#: Largest part of the motion that a channel across it picks up because it is not square to it.
+_SKEW = 0.1
+#: Newton's method for a steady state: most steps, longest step in ln A, and misfit in ln A at which it has converged.
+_MOST_STEPS = 40
+_LONGEST = 0.5
+_CONVERGED = 1e-10
 
 
 @dataclass(frozen=True)
@@ -133,11 +140,6 @@ class Model:
     at: FloatArray | None = field(default=None, compare=False)
 
     @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return tuple(part.form.effect for part in self.parts)
-
-    @property
     def size(self) -> int:
         """Number of variables x."""
         return len(self.problem.simulation.names) + sum(part.size for part in self.parts)
@@ -147,14 +149,19 @@ class Model:
         """Number of sweeps; z has twice as many entries, gains first."""
         return len(self.problem.rows.sweeps)
 
+    def own_variables(self, x: FloatArray) -> Iterator[tuple[Part, FloatArray]]:
+        """Each part with its variables (batch, part.size) among those of the model (batch, size or more)."""
+        start = len(self.problem.simulation.names)
+        for part in self.parts:
+            yield part, x[:, start : start + part.size]
+            start += part.size
+
     def terms(self, x: FloatArray) -> Terms:
         """The terms at variables x (batch, size)."""
         simulation = self.problem.simulation
-        start = len(simulation.names)
-        terms = simulation.terms(x[:, :start])
-        for part in self.parts:
-            terms = part.form.change(terms, *part.values(x[:, start : start + part.size]))
-            start += part.size
+        terms = simulation.terms(x[:, : len(simulation.names)])
+        for part, own in self.own_variables(x):
+            terms = part.form.change(terms, *part.values(own))
         return with_effects(terms, simulation.mode.effects)
 
     def residuals(self, y: FloatArray) -> Residuals:
@@ -178,8 +185,7 @@ class Model:
         r = own.r.reshape(batch, size + 1, -1)
         by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
         at = np.arange(batch) * (size + 1)
-        one_hot = self.problem.rows.sweep[:, np.newaxis] == np.arange(self.sweeps)
-        one_hot = np.tile(one_hot, (r.shape[2] // len(self.problem.rows), 1))
+        one_hot = self.problem.rows.sweep_of_values[:, np.newaxis] == np.arange(self.sweeps)
         by_gain = own.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
         by_frequency = own.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
         return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
@@ -212,24 +218,18 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, sensitivity, prediction, motion)
 
 
-#: Largest part of the motion that a channel across it picks up because it is not square to it.
-_SKEW = 0.1
-
-
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
     """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
     A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
     parts: list[FloatArray] = []
     for channel in rows.channels:
-        left = _third(terms, rows, A, phase) if channel == "third" else _cross(terms, rows, A, phase)
+        if channel == "third":
+            left = third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
+        else:
+            left = _cross(terms, rows, A, phase)
         left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
         parts += [left.real, left.imag]
     return parts
-
-
-def _third(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
-    """Predicted less measured third harmonic."""
-    return third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
 
 
 def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
@@ -238,11 +238,8 @@ def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> Comple
     Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
     """
     seen = 1.0 / rows.sd_cross
-    across, along, measured = (
-        cross_motion(terms, A, rows.drive) * seen,
-        A * np.exp(-1j * phase) * seen,
-        rows.cross * seen,
-    )
+    across, along = cross_motion(terms, A, rows.drive) * seen, A * np.exp(-1j * phase) * seen
+    measured = rows.cross * seen
     way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     left = measured - way * across
     size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
@@ -255,11 +252,6 @@ def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms
     sweeps = len(rows.sweeps)
     gain = terms.gain + scatter.amplitude * z[:, :sweeps][:, rows.sweep]
     return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))
-
-
-_MOST_STEPS = 40
-_LONGEST = 0.5
-_SETTLED = 1e-10
 
 
 class Motion(NamedTuple):
@@ -280,7 +272,7 @@ def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
         misfit = u - prediction.P.real[0]
         closer = np.abs(misfit) < least
         best, least = np.where(closer, u, best), np.where(closer, np.abs(misfit), least)
-        if np.all(least < _SETTLED):
+        if np.all(least < _CONVERGED):
             break
         d = 1.0 - prediction.by_u.real[0]
         u = u - np.clip(misfit * d / (d * d + FOLD**4), -_LONGEST, _LONGEST)

@@ -15,13 +15,14 @@ from math import sqrt
 import numpy as np
 from scipy.special import logsumexp
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ
 from damping.effects.contract import Terms
 from damping.effects.terms import cross_motion, third_harmonic
 from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals, steady
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.unknowns import FURTHER_ERROR
+from damping.gap.weighing import Explanation
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -59,7 +60,11 @@ class ProposedTest:
     change: Callable[[Terms], Terms] = lambda terms: terms
 
     def plan(self, problem: Problem) -> Rows:
-        """Its rows, whose amplitudes are yet unknown."""
+        """Its rows, whose amplitudes are yet unknown: each as the nearest of the sweep that is run again.
+
+        A phase that the record does not hold is measured as well as the amplitude, a further channel with the noise of
+        the smallest amplitudes or of `FLOOR`.
+        """
         rows, scales = problem.rows, problem.scales
         level = rows.level.min() if self.lowest else rows.level.max()
         reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
@@ -67,9 +72,31 @@ class ProposedTest:
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
         band = 1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8)
         omega = scales.omega_n * band / sqrt(1.0 + self.heavier)
-        like = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
-        planned = _over(like, omega, self.factor, self.heavier * scales.M)
-        return _with_channel(planned, self.channel) if self.channel else planned
+        again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - omega), axis=0))
+        u = planned.u + np.log(self.factor)
+        sd_amplitude = float(np.median(again.sd_amplitude))
+        floor = min(float(np.min(sd_amplitude * np.exp(u))), FLOOR * float(np.max(np.exp(u))))
+        return replace(
+            planned,
+            row=np.arange(_POINTS),
+            sweep=np.zeros(_POINTS, dtype=np.int64),
+            F=np.full(_POINTS, float(np.median(again.F)) * self.factor),
+            omega=omega,
+            u=u,
+            resonant=np.zeros(_POINTS, dtype=bool),
+            time=np.full(_POINTS, 0.5),
+            label=np.zeros(_POINTS),
+            up=np.ones(_POINTS),
+            rate=np.zeros(_POINTS),
+            added=np.full(_POINTS, self.heavier * scales.M),
+            sd_amplitude=np.full(_POINTS, sd_amplitude),
+            sd_phase=np.full(_POINTS, float(np.median(again.sd_phase)) if again.has_phase else sd_amplitude),
+            sd_third=np.full(_POINTS, floor if self.channel == "third" else UNSEEN),
+            sd_cross=np.full(_POINTS, floor if self.channel == "cross" else UNSEEN),
+            has_phase=True,
+            channels=(self.channel,) if self.channel else (),
+        )
 
 
 def _add_mass(share: float) -> tuple[ProposedTest, ProposedTest]:
@@ -123,45 +150,6 @@ DESIGNS = (
 )
 
 
-def _over(rows: Rows, omega: FloatArray, factor: float = 1.0, added: float = 0.0) -> Rows:
-    """A further sweep over frequencies, each row as the nearest of ``rows`` but for force and added mass.
-
-    A phase that the record does not hold is measured as well as the amplitude.
-    """
-    nearest = np.argmin(np.abs(rows.omega[:, np.newaxis] - omega), axis=0)
-    chosen = rows.taken(nearest)
-    n = len(omega)
-    return replace(
-        chosen,
-        row=np.arange(n),
-        sweep=np.zeros(n, dtype=np.int64),
-        sweeps=rows.sweeps[:1],
-        level=rows.level[:1],
-        F=np.full(n, float(np.median(rows.F)) * factor),
-        omega=omega,
-        u=chosen.u + np.log(factor),
-        resonant=np.zeros(n, dtype=bool),
-        time=np.full(n, 0.5),
-        label=np.full(n, 0.0),
-        up=np.ones(n),
-        rate=np.zeros(n),
-        added=np.full(n, added),
-        sd_amplitude=np.full(n, float(np.median(rows.sd_amplitude))),
-        sd_phase=np.full(n, float(np.median(rows.sd_phase if rows.has_phase else rows.sd_amplitude))),
-        sd_third=np.full(n, UNSEEN),
-        sd_cross=np.full(n, UNSEEN),
-        has_phase=True,
-        channels=(),
-    )
-
-
-def _with_channel(rows: Rows, channel: str) -> Rows:
-    """The rows with one more channel, whose noise is that of the smallest amplitudes, or of `FLOOR`."""
-    noise = min(float(np.min(rows.sd_amplitude * rows.A)), FLOOR * float(np.max(rows.A)))
-    floor = np.full(len(rows), noise)
-    return replace(rows.taken(np.arange(len(rows)), **{f"sd_{channel}": floor}), channels=(channel,))
-
-
 @dataclass(frozen=True)
 class NextTest:
     """A test with the log odds it is expected to give for the leading explanation, if that is true, against the rest.
@@ -178,50 +166,32 @@ class NextTest:
     command: str
 
 
-@dataclass(frozen=True)
-class Rival:
-    """An explanation that is alive."""
+def rank_tests(hypotheses: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
+    """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
 
-    fit: ModelFit
-    probability: float
-
-
-def rank_tests(leading: ModelFit, rivals: Sequence[Rival], command: str) -> tuple[NextTest, ...]:
-    """Every test worth its time with its expected log odds, the best first; none where nothing rivals the leading one.
-
-    The log odds are those against all rivals together.
+    ``hypotheses`` are in order of probability. The log odds are those against all rivals that are alive together.
     """
+    rivals = [rival for rival in hypotheses[1 : 1 + MOST_RIVALS] if rival.probability > ALIVE]
     if not rivals:
         return ()
+    leading = hypotheses[0].hypothesis.best
+    p = np.array([max(rival.probability, 1e-12) for rival in rivals])
     tests = []
     for design in DESIGNS:
         rows = design.plan(leading.model.problem)
-        odds = _against_all([_odds(leading, rival.fit, rows, design.change) for rival in rivals], rivals)
-        columns, planned = (*_SWEEP, *design.columns), (_describe_rows(rows),)
-        tests.append(NextTest(design.what, design.why, odds, columns, planned, command))
-    return tuple(
-        sorted((test for test in tests if test.expected_log_odds > WORTH), key=lambda test: -test.expected_log_odds)
-    )
-
-
-def _describe_rows(rows: Rows) -> dict[str, float]:
-    hertz = rows.omega / RAD_S_PER_HZ
-    return {
-        "force": float(rows.F[0]),
-        "frequency_low": float(hertz.min()),
-        "frequency_high": float(hertz.max()),
-        "points": len(rows),
-        "added_mass": float(rows.added[0]),
-    }
-
-
-def _against_all(odds: list[float], rivals: Sequence[Rival]) -> float:
-    """ln of the odds against all rivals together, each as probable as it is now: -ln sum p e^-odds.
-
-    A test that settles the case against one rival only leaves the others where they are.
-    """
-    p = np.array([max(rival.probability, 1e-12) for rival in rivals])
-    return -float(logsumexp(-np.array(odds), b=p / p.sum()))
+        odds = np.array([_odds(leading, rival.hypothesis.best, rows, design.change) for rival in rivals])
+        # -ln sum p e^-odds: a test that settles the case against one rival only leaves the others where they are
+        total = -float(logsumexp(-odds, b=p / p.sum()))
+        run = {
+            "force": float(rows.F[0]),
+            "frequency_low": float((rows.omega / RAD_S_PER_HZ).min()),
+            "frequency_high": float((rows.omega / RAD_S_PER_HZ).max()),
+            "points": len(rows),
+            "added_mass": float(rows.added[0]),
+        }
+        tests.append(NextTest(design.what, design.why, total, (*_SWEEP, *design.columns), (run,), command))
+    worth = [test for test in tests if test.expected_log_odds > WORTH]
+    return tuple(sorted(worth, key=lambda test: -test.expected_log_odds))
 
 
 def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Terms], Terms]) -> float:
@@ -229,17 +199,17 @@ def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Term
 
     These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
     """
-    seen = _simulate(change(_terms(leading)), rows)
+    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
+    seen = _simulate(change(expected), rows)
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
     terms = change(rival.model.terms(rival.y[:k] + steps))
-    found = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), rival.model.scatter)
-    J = (found.r[1:] - found.r[0]) / STEP
-    C = np.vstack(
-        [found.by_gain[0] * rival.model.scatter.amplitude, found.by_frequency[0] * rival.model.scatter.frequency]
-    )
+    scatter = rival.model.scatter
+    left = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), scatter)
+    J = (left.r[1:] - left.r[0]) / STEP
+    C = np.vstack([left.by_gain[0] * scatter.amplitude, left.by_frequency[0] * scatter.frequency])
     V = np.eye(J.shape[1]) + C.T @ C + J.T @ rival.covariance[:k, :k] @ J
-    return 0.5 * float(found.r[0] @ np.linalg.solve(V, found.r[0]))
+    return 0.5 * float(left.r[0] @ np.linalg.solve(V, left.r[0]))
 
 
 def _simulate(terms: Terms, rows: Rows) -> Rows:
@@ -254,8 +224,3 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     sd_third = np.hypot(rows.sd_third, FURTHER_ERROR * np.abs(third))
     sd_cross = np.hypot(rows.sd_cross, FURTHER_ERROR * np.abs(cross))
     return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)
-
-
-def _terms(fit: ModelFit) -> Terms:
-    """The terms of a fit without any sweep's own deviation, values (1, 1)."""
-    return fit.model.terms(fit.y[np.newaxis, : fit.model.size])

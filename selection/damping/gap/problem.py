@@ -25,6 +25,10 @@ from damping.records.record import Record
 
 #: Standard deviation of the ln of a noise that was estimated from roughness, at least.
 NOISE_ERROR = 0.2
+#: A resonance farther from the simulated one than this is that of another mode.
+_ANOTHER_MODE = 0.12
+#: Rows without which a sweep says nothing of a resonance.
+_FEW_ROWS = 3
 
 
 @dataclass(frozen=True)
@@ -94,16 +98,14 @@ def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: 
 
 def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
     """The library without what is known of the rig, and what the simulation claims no knowledge of."""
-    out = set()
-    if mode.rig.planes == 1:
-        out.add("planar-coupling")
-    if mode.rig.force == "measured":
-        out.add("force-dropout")
-    if mode.rig.rate is not None or np.any(rows.rate != 0.0):
-        out.add("sweep-rate")
-    if mode.tolerance.from_record:
-        out |= {"viscous-coefficient", "natural-frequency"}
-    return {name: effect for name, effect in effects.items() if name not in out}
+    known = {
+        "planar-coupling": mode.rig.planes == 1,
+        "force-dropout": mode.rig.force == "measured",
+        "sweep-rate": mode.rig.rate is not None or bool(np.any(rows.rate != 0.0)),
+        "viscous-coefficient": mode.tolerance.from_record,
+        "natural-frequency": mode.tolerance.from_record,
+    }
+    return {name: effect for name, effect in effects.items() if not known.get(name, False)}
 
 
 def scales(rows: Rows, mode: Mode) -> Scales:
@@ -132,12 +134,6 @@ def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
     if stated.amplitude is None and stated.frequency is None:
         return Scatter(NO_SCATTER, NO_SCATTER) if len(rows.sweeps) < 2 else None
     return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
-
-
-#: A resonance farther from the simulated one than this is that of another mode.
-_ANOTHER_MODE = 0.12
-#: Rows without which a sweep says nothing of a resonance.
-_FEW_ROWS = 3
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:
@@ -179,7 +175,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append(
             "one force level: dependence on amplitude is seen only along the sweep; nothing can be held out"
         )
-    few = [sweep for k, sweep in enumerate(rows.sweeps) if np.sum(rows.sweep == k) < _FEW_ROWS]
+    few = [sweep for sweep, own in zip(rows.sweeps, rows.runs, strict=True) if len(own) < _FEW_ROWS]
     if few and not rows.at_resonance:
         cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
     cautions += _list_resonance_cautions(rows)
@@ -194,15 +190,14 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
     constant, beside = [], []
-    for number, sweep in enumerate(rows.sweeps):
-        own = rows.sweep == number
-        if own.sum() < _FEW_ROWS:
+    for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
+        if len(own) < _FEW_ROWS:
             continue
         if np.ptp(rows.u[own]) < 0.05:
             constant.append(sweep)
         peak = int(np.argmax((rows.u - np.log(rows.F))[own]))
         passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
-        if peak in (0, int(own.sum()) - 1) and not passed:
+        if peak in (0, len(own) - 1) and not passed:
             beside.append(sweep)
     resonance_cautions = []
     if constant:

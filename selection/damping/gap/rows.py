@@ -6,7 +6,7 @@ Noise of every row: as stated, else from how roughly the residuals of a referenc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import pi
 
@@ -18,6 +18,11 @@ from damping.errors import AnalysisError
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
+
+#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
+UNSEEN = 1e9
+#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
+SAME_STIFFNESS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,11 @@ class Rows:
             values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
         return Drive(**values)
 
+    @cached_property
+    def runs(self) -> list[IntArray]:
+        """Places of the rows of each sweep."""
+        return [np.flatnonzero(self.sweep == number) for number in range(len(self.sweeps))]
+
     @property
     def at_resonance(self) -> bool:
         """Whether every row is at phase resonance: none lies beside it."""
@@ -96,9 +106,9 @@ class Rows:
         return np.concatenate(parts) < UNSEEN
 
     @property
-    def values(self) -> int:
-        """Number of residuals: amplitudes, then phases and phasors of other channels where there are any."""
-        return len(self) * (1 + self.has_phase + 2 * len(self.channels))
+    def sweep_of_values(self) -> IntArray:
+        """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
+        return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
 
     @property
     def levels(self) -> int:
@@ -118,12 +128,7 @@ class Rows:
 
 
 #: Fields of `Rows` with one entry a row, but for its sweep.
-BY_ROW = (
-    *("row", "F", "omega", "u", "phase", "mass", "resonant", "time", "label", "up", "rate", "added", "state", "ratio"),
-    *("own", "sd_amplitude", "sd_phase", "third", "cross", "sd_third", "sd_cross"),
-)
-#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
-UNSEEN = 1e9
+BY_ROW = tuple({field.name for field in fields(Rows)} - {"sweep", "sweeps", "level", "has_phase", "channels"})
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:
@@ -182,10 +187,6 @@ def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> Flo
     return up
 
 
-#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
-SAME_STIFFNESS = 1e-3
-
-
 def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     """The rows of several states of one structure, each beside the mode that simulates it, as one record.
 
@@ -207,10 +208,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         if abs(stiffness - 1.0) < SAME_STIFFNESS:
             place["added"] = own.added + (mode.mass - base.mass)
         else:
-            place |= {
-                "mass": own.mass * mode.mass / base.mass,
-                "ratio": np.full(n, mode.omega_n / base.omega_n),
-            }
+            place |= {"mass": own.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
         place["own"] = np.full(n, _damping_ratio(mode, base))
         rows.append(own.taken(np.arange(n), **place))
     return _joined(rows)
@@ -230,7 +228,7 @@ def _joined(parts: list[Rows]) -> Rows:
     before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
     numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
     names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)
-    forces = np.array([float(np.median(rows.F[rows.sweep == k])) for rows in parts for k in range(len(rows.sweeps))])
+    forces = np.array([float(np.median(rows.F[own])) for rows in parts for own in rows.runs])
     return replace(
         parts[0],
         **{name: np.concatenate([getattr(rows, name) for rows in numbered]) for name in BY_ROW},

@@ -5,7 +5,7 @@ The evidence pays for every shape and strength that a hypothesis leaves free (Ma
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
 
@@ -171,11 +171,8 @@ class Search:
         rows = self.problem.rows
         sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
         ranked = self.ranked()
-        probable = [
-            hypothesis
-            for hypothesis in ranked[:_AGAIN]
-            if hypothesis.log_posterior > ranked[0].log_posterior - _LOST_AGAIN
-        ]
+        least = ranked[0].log_posterior - _LOST_AGAIN
+        probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
         for hypothesis in sorted(worth.values(), key=lambda hypothesis: len(hypothesis.effects)):
@@ -197,9 +194,6 @@ class Search:
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
-    def _starts(self, base: Hypothesis, name: str) -> list[list[Start]]:
-        return list_starts(base.plain, self.forms[name], self.units)
-
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
         """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
 
@@ -209,11 +203,7 @@ class Search:
         best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(len(self.forms) + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
-        quiet = {
-            key: hypothesis.log_posterior
-            for key, hypothesis in self.hypotheses.items()
-            if key and _leaves_noise(hypothesis)
-        }
+        quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and _leaves_noise(own)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
             for name in self.forms:
@@ -224,7 +214,7 @@ class Search:
                     continue
                 if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained
-                tried = self._starts(base, name)
+                tried = list_starts(base.plain, self.forms[name], self.units)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
@@ -275,20 +265,22 @@ class Search:
         least = max((hypothesis.log_evidence for hypothesis in self.hypotheses.values()), default=-np.inf) - _WORTH
         near = [marginalise_scatter(fit, self.unknown, least) for fit in plain]
         first = int(np.argmax([fit.log_evidence for fit in near]))
-        evidence = _total(fit.log_evidence for fit in near) - float(np.log(forms))
+        evidence = float(logsumexp([fit.log_evidence for fit in near])) - float(np.log(forms))
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
         prior += sum(np.log(self.effects[name].prior) for name in effects)
-        others = _list_other_forms(plain[first], plain) if effects else ()
-        hypothesis = Hypothesis(effects, near[first], plain[first], others, evidence, evidence + float(prior), forms)
+        best = plain[first]
+        least = best.log_evidence - _CLOSE
+        rest = [fit for fit in plain if fit.model.parts != best.model.parts and fit.log_evidence > least]
+        others = tuple(sorted(rest, key=lambda fit: -fit.log_evidence)[:1])  # the nearest of other forms
+        hypothesis = Hypothesis(effects, near[first], best, others, evidence, evidence + float(prior), forms)
         self.hypotheses[hypothesis.key] = hypothesis
         return hypothesis
 
 
 def _leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
-    return not hypothesis.plain.many_wild and spread(hypothesis.plain.measured) < 1.0 + _FITTING / np.sqrt(
-        hypothesis.plain.measured.size
-    )
+    r = hypothesis.plain.measured
+    return not hypothesis.plain.many_wild and spread(r) < 1.0 + _FITTING / np.sqrt(r.size)
 
 
 def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
@@ -298,15 +290,3 @@ def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
         for i, part in enumerate(parts)
         if part.form.twin is not None
     ]
-
-
-def _list_other_forms(best: ModelFit, near: list[ModelFit]) -> tuple[ModelFit, ...]:
-    """The best mode of the one other set of forms that comes nearest, if it is near."""
-    rest = [
-        fit for fit in near if fit.model.parts != best.model.parts and fit.log_evidence > best.log_evidence - _CLOSE
-    ]
-    return (max(rest, key=lambda fit: fit.log_evidence),) if rest else ()
-
-
-def _total(logarithms: Iterable[float]) -> float:
-    return float(logsumexp(list(logarithms)))

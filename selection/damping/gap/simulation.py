@@ -25,15 +25,13 @@ _SHARPNESS = 8
 
 #: Stands for none, where one divides by it.
 NO_SCATTER = 1e-9
+#: Tolerances of a simulation whose values were taken from the record itself, at least: they are no knowledge.
+NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
 
 
 def within_tolerance(x: FloatArray) -> FloatArray:
     """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
     return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
-
-
-#: Tolerances of a simulation whose values were taken from the record itself, at least: they are no knowledge.
-NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,12 @@ from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
+#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
+OUTLYING = 3.3
+#: Most levels held out, the highest first; content of the interval.
+MOST_FOLDS = 3
+CONTENT = 0.9
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -71,29 +77,31 @@ def refitted(leading: ModelFit) -> ModelFit:
 
 def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
     """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
-    model = fit.model if effects else Model(fit.model.problem, (), fit.model.scatter)
-    k = len(fit.model.problem.simulation.names)
-    x = fit.y[: fit.model.size] if effects else np.where(_replaced(fit, k), 0.0, fit.y[:k])
+    names = fit.model.problem.simulation.names
+    model, x = fit.model, fit.y[: fit.model.size]
+    if not effects:
+        replaced = {part.form.replaces for part in fit.model.parts}
+        model = Model(fit.model.problem, (), fit.model.scatter)
+        x = np.where([name in replaced for name in names], 0.0, fit.y[: len(names)])
     z = fit.y[fit.model.size :] * float(deviations)
     return deviated(model.terms(x[np.newaxis]), fit.model.problem.rows, z[np.newaxis], fit.model.scatter)
-
-
-def _replaced(fit: ModelFit, k: int) -> FloatArray:
-    """Variables of the simulation that an effect took the place of."""
-    names = fit.model.problem.simulation.names[:k]
-    return np.array([any(part.form.replaces == name for part in fit.model.parts) for name in names])
 
 
 def nominal_residuals(leading: ModelFit) -> FloatArray:
     """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
     model = _alone(leading)
-    r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
-    return whitened(r[0], J[0, :, model.size :])
+    return _whiten_residuals(model, np.zeros(model.size))
 
 
 def _alone(leading: ModelFit) -> Model:
     """The simulation alone, with the leading fit's repeatability and the noise as it is."""
     return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
+
+
+def _whiten_residuals(model: Model, x: FloatArray) -> FloatArray:
+    """Residuals at variables x (size,), sweeps without deviations, whitened by noise and repeatability."""
+    r, J = model.jacobian(np.concatenate([x, np.zeros(2 * model.sweeps)])[np.newaxis])
+    return whitened(r[0], J[0, :, model.size :])
 
 
 def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
@@ -117,25 +125,13 @@ class LevelDeviation:
     frequency_sigma: float
 
 
-#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
-OUTLYING = 3.3
-
-
 def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
     """The deviations of every sweep at a fit."""
-    model, sweeps = fit.model, fit.model.sweeps
-    gain, frequency = fit.y[model.size :].reshape(2, sweeps)
-    scatter = model.scatter
-    return tuple(
-        LevelDeviation(
-            sweep,
-            float(np.expm1(gain[k] * scatter.amplitude)),
-            float(gain[k]),
-            float(np.expm1(frequency[k] * scatter.frequency)),
-            float(frequency[k]),
-        )
-        for k, sweep in enumerate(model.problem.rows.sweeps)
-    )
+    model = fit.model
+    deviations = fit.y[model.size :].reshape(2, model.sweeps)
+    gain, frequency = np.expm1(deviations.T * (model.scatter.amplitude, model.scatter.frequency)).T
+    columns = (column.tolist() for column in (gain, deviations[0], frequency, deviations[1]))
+    return tuple(LevelDeviation(*of_sweep) for of_sweep in zip(model.problem.rows.sweeps, *columns, strict=True))
 
 
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
@@ -162,11 +158,6 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     return repeatability
 
 
-#: Most levels held out, the highest first; content of the interval.
-MOST_FOLDS = 3
-CONTENT = 0.9
-
-
 @dataclass(frozen=True)
 class HeldOutFold:
     """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
@@ -180,23 +171,16 @@ class HeldOutFold:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Held-out shrinkage over all folds.
+class HeldOut(Gap):
+    """The gap on levels held out over all folds, refitted and explained by the others; ``scheme`` in words.
 
-    Attributes:
-        scheme: in words. nominal, before, after: root mean squares of the simulation as given, refitted on the other
-            levels, and with the explanation found there. shrinkage, low, high: with its interval; None where before
-            is within its sampling error.
+    ``low``, ``high``: interval of the shrinkage; None where that is.
     """
 
-    scheme: str
-    folds: tuple[HeldOutFold, ...]
-    nominal: float
-    before: float
-    after: float
-    shrinkage: float | None
     low: float | None
     high: float | None
+    scheme: str
+    folds: tuple[HeldOutFold, ...]
 
 
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
@@ -218,7 +202,7 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
     scheme = f"each of the {len(folds)} highest force levels predicted from all others, the highest first"
     if len(folds) == rows.levels:
         scheme = "each force level predicted from all others, the highest first"
-    return HeldOut(scheme, folds, nominal, before, after, *_interval(before, after, values))
+    return HeldOut(nominal, before, after, *_interval(before, after, values), scheme, folds)
 
 
 def _interval(before: float, after: float, values: int) -> tuple[float | None, float | None, float | None]:
@@ -251,6 +235,4 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
 def _predicted(chosen: ModelFit, test: Problem) -> FloatArray:
     """Whitened residuals of rows that a fit has not seen."""
     model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
-    y = np.concatenate([chosen.y[: chosen.model.size], np.zeros(2 * model.sweeps)])
-    r, J = model.jacobian(y[np.newaxis])
-    return whitened(r[0], J[0, :, model.size :])
+    return _whiten_residuals(model, chosen.y[: chosen.model.size])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -21,6 +22,11 @@ _HIGH = 60.0
 _FARTHEST = 3000.0
 #: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
 _UNSEEN_GAP = 1e-3
+#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
+#: gain more than ``_SLIGHT``.
+_FAR = 0.2
+SURE = 50.0
+_SLIGHT = 0.2
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, floa
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
     tried = []
     for form in forms:
-        shapes = _grid(form)
+        shapes = np.array(list(product(*(shape.starts for shape in form.shapes))), dtype=float)
         if form.mirror in directions:
             r, d = directions[form.mirror]
             d = -d
@@ -70,20 +76,13 @@ def _starts(
         unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
     part = Part(form, unit)
-    found = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
-    return sorted(found, key=lambda start: -start.gain)
+    starts = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
+    return sorted(starts, key=lambda start: -start.gain)
 
 
 def at_gap(start: Start, gap: float) -> FloatArray:
     """Variables of a start with the strength that opens a gap of so many units of noise."""
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
-
-
-#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
-#: gain more than ``_SLIGHT``.
-_FAR = 0.2
-SURE = 50.0
-_SLIGHT = 0.2
 
 
 def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
@@ -93,14 +92,6 @@ def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[
     beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
     near = [tried for tried in ranked[:most] if tried[0].gain > least or tried[0].part.form.sizes]
     return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
-
-
-def _grid(form: Form) -> FloatArray:
-    """All combinations of the shapes' start values, (starts, shapes)."""
-    if not form.shapes:
-        return np.zeros((1, 0))
-    axes = np.meshgrid(*(shape.starts for shape in form.shapes), indexing="ij")
-    return np.column_stack([axis.ravel() for axis in axes])
 
 
 def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -17,10 +17,9 @@ from damping.effects.terms import Prediction, predict
 from damping.errors import AnalysisError, InputError
 from damping.forces import Force, Sum, from_damping
 from damping.gap.simulation import Simulation
-from damping.predict.branches import Branches, brackets, by_row, finely, followed
-from damping.predict.branches import sweep as averaged_sweep
+from damping.predict.branches import Branches, by_row, finely, followed, list_roots, sweep
 from damping.predict.integrate import sweep_in_time
-from damping.predict.steady import SteadyState, bracketed_newton
+from damping.predict.steady import SteadyState
 from damping.progress import Progress, silent
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -29,6 +28,8 @@ Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
+#: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
+_GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
 
 
 def simulate_sweeps(
@@ -49,7 +50,7 @@ def simulate_sweeps(
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
-    states = _read if mode.effects and method == "ritz" else _averaged if method == "ritz" else _integrated
+    states = _averaged if method == "ritz" else _integrated
     order = frequencies if direction == "up" else frequencies[::-1]
     tables = []
     with progress(f"{method} sweeps {direction}", len(forces) * frequencies.size) as advance:
@@ -98,25 +99,18 @@ def simulated_force(mode: Mode) -> Force:
 
 
 def _averaged(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
-    """Amplitude and phase in the order swept, by averages."""
-    found = averaged_sweep(from_damping(mode.damping), F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way)
-    yield from _in_order(found, way)
-
-
-def _read(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
     """Amplitude and phase as they are read, in the order swept, by averages and with the effects of the model."""
-    yield from _in_order(swept(mode, F, RAD_S_PER_HZ * hertz, way), way)
-
-
-def _in_order(found: SteadyState, way: Direction) -> Iterator[tuple[float, float]]:
-    step = 1 if way == "up" else -1
-    yield from zip(found.amplitude[::step].tolist(), found.phase[::step].tolist(), strict=True)
+    omega, step = RAD_S_PER_HZ * hertz, 1 if way == "up" else -1
+    if mode.effects:
+        passed = swept(mode, F, omega, way)
+    else:
+        passed = sweep(from_damping(mode.damping), F, omega, mode.mass, mode.omega_n, way)
+    yield from zip(passed.amplitude[::step].tolist(), passed.phase[::step].tolist(), strict=True)
 
 
 def _integrated(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
     """Amplitude and phase in the order swept, by integration in time."""
-    force = simulated_force(mode)
-    for state in sweep_in_time(force, F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way):
+    for state in sweep_in_time(simulated_force(mode), F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way):
         yield state.amplitude, state.phase
 
 
@@ -139,10 +133,6 @@ def _label(number: int) -> str:
     return label
 
 
-#: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
-_GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
-
-
 def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "down"] = "up") -> SteadyState:
     """The readings of a slow sweep of a mode with its effects at ``omega`` (increasing, rad/s, (n,)), with its jumps.
 
@@ -161,21 +151,16 @@ def states(terms: Terms, F: float, omega: FloatArray) -> Branches:
     """All roots of u = Re P(u), u = ln A, at each frequency; stable where the left side grows faster."""
     u = np.log(F / (float(np.ravel(terms.M)[0]) * float(np.ravel(terms.omega_n)[0]) ** 2)) + _GRID
 
-    def found(points: FloatArray, rows: IntArray) -> Prediction:
+    def predicted(points: FloatArray, rows: IntArray) -> Prediction:
         at = np.broadcast_to(omega[rows], np.broadcast_shapes(points.shape, rows.shape))
         return predict(terms, np.broadcast_to(points, at.shape), Drive(np.full(at.shape, F), at))
 
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         shape = np.broadcast_shapes(points.shape, rows.shape)
-        one = found(points, rows)
-        return (points - one.P.real).reshape(shape), (1.0 - one.by_u.real).reshape(shape)
+        prediction = predicted(points, rows)
+        return (points - prediction.P.real).reshape(shape), (1.0 - prediction.by_u.real).reshape(shape)
 
-    with np.errstate(all="ignore"):
-        value, derivative = level(u, np.arange(omega.size)[:, np.newaxis])
-        row, low, high = brackets(level, u, value, derivative)
-        roots = bracketed_newton(lambda points: level(points, row), low, high)
-    order = np.lexsort((roots, row))
-    row, roots = row[order], roots[order]
-    phase, slope = -found(roots, row).P.imag.ravel(), level(roots, row)[1]
+    row, roots = list_roots(level, u, omega.size)
+    phase, slope = -predicted(roots, row).P.imag.ravel(), level(roots, row)[1]
     tables = [by_row(row, values, omega.size) for values in (np.exp(roots), phase, slope)]
     return Branches(omega, tables[0], tables[1], np.nan_to_num(tables[2], nan=-1.0) > 0.0)

@@ -33,6 +33,18 @@ CLIP = 3.0
 FIRST_GUESS = 0.02
 #: Smallest noise that is believed, so that computed records do not divide by zero.
 LEAST = 1e-6
+#: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
+FURTHER_ERROR = 0.05
+#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
+AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
+FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
+#: Nodes of ln noise, in units of its standard deviation.
+_NODES = np.linspace(-2.5, 2.5, 11)
+#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
+#: known of a test is as often a smooth error (a mode shape, a reference) as one that is new at every row.
+CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
+#: Fits at a scatter and noise that is the most probable one of the fit before.
+_MOST_ROUNDS = 3
 
 
 def stated_noise(rows: Rows, record: Record) -> Rows:
@@ -44,10 +56,6 @@ def stated_noise(rows: Rows, record: Record) -> Rows:
     sd_phase = np.where(rows.sd_phase < UNSEEN, _filled(_column(record, "phase_sd", rows.row)), UNSEEN)
     rows = replace(rows, sd_amplitude=relative, sd_phase=sd_phase)
     return further_noise(rows) if rows.channels else rows
-
-
-#: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
-FURTHER_ERROR = 0.05
 
 
 def further_noise(rows: Rows) -> Rows:
@@ -78,23 +86,23 @@ def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
     a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
     point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
     """
-    runs = [np.flatnonzero(rows.sweep == number) for number in range(len(rows.sweeps))]
-    width = next((w for w in (4, 2) if max(map(len, runs)) >= w), 1)
+    width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
     if rows.at_resonance or width == 1:
         return np.full(len(rows), FIRST_GUESS)
     weights, places = zip(
-        *(_combinations(rows.omega[own], own, width) for own in runs if len(own) >= width), strict=True
+        *(_combinations(rows.omega[own], own, width) for own in rows.runs if len(own) >= width), strict=True
     )
     w, at = np.concatenate(weights), np.concatenate(places)
     combined = np.sum(w * residual[at], axis=1)
-    found = []
+    choices = []
     for rho in SHARES:
         shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
         of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
         s = max(spread(combined / of_shape), LEAST)
-        price = _PRICE if rho else 0.0
-        found.append((_log_likelihood(combined / of_shape, s) - float(np.sum(np.log(of_shape))) - price, s * shape))
-    return max(found, key=lambda choice: choice[0])[1]
+        squares = np.minimum((combined / of_shape / s) ** 2, CLIP**2)
+        log_p = -float(len(combined) * np.log(s) + 0.5 * np.sum(squares))
+        choices.append((log_p - float(np.sum(np.log(of_shape))) - (_PRICE if rho else 0.0), s * shape))
+    return max(choices, key=lambda choice: choice[0])[1]
 
 
 def spread(values: FloatArray) -> float:
@@ -102,10 +110,6 @@ def spread(values: FloatArray) -> float:
     dropped = int(_TRIMMED * len(values))
     kept = np.sort(values**2)[: len(values) - dropped]
     return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
-
-
-def _log_likelihood(values: FloatArray, s: float) -> float:
-    return -float(len(values) * np.log(s) + 0.5 * np.sum(np.minimum((values / s) ** 2, CLIP**2)))
 
 
 def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:
@@ -131,16 +135,6 @@ def _filled(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.median(known) if known.size else FIRST_GUESS)
 
 
-#: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
-AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
-FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
-#: Nodes of ln noise, in units of its standard deviation.
-_NODES = np.linspace(-2.5, 2.5, 11)
-#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
-#: known of a test is as often a smooth error (a mode shape, a reference) as one that is new at every row.
-CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
-
-
 @dataclass(frozen=True)
 class Unknowns:
     """Every scatter, correlation and noise considered with its prior probability; one of each where all are stated.
@@ -156,11 +150,6 @@ class Unknowns:
     noises: tuple[float, ...]
     log_prior: FloatArray
     first: Scatter
-
-    @property
-    def known(self) -> bool:
-        """Whether there is nothing to choose."""
-        return self.log_prior.size == 1
 
     def scatter(self, index: int) -> Scatter:
         """The candidate of a flat index."""
@@ -212,7 +201,7 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
-    found = []
+    of_correlations = []
     for rho in unknown.correlations:
         white, log_det = decorrelate(np.column_stack([start, J]), fit.model, rho)
         h, N = white[:, 1:].T @ white[:, 0], white[:, 1:].T @ white[:, 1:]
@@ -220,8 +209,8 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
         g = np.einsum("skj,sk->sj", vectors, h * scale)[:, np.newaxis, :]
         H = 1.0 + np.maximum(values, 0.0)[:, np.newaxis, :] * precision[:, np.newaxis]
         gained = 0.5 * np.sum((g * precision[:, np.newaxis]) ** 2 / H, axis=2) - 0.5 * np.sum(np.log(H), axis=2)
-        found.append(base + log_det - 0.5 * float(white[:, 0] @ white[:, 0]) * precision + gained)
-    return np.stack(found, axis=1)
+        of_correlations.append(base + log_det - 0.5 * float(white[:, 0] @ white[:, 0]) * precision + gained)
+    return np.stack(of_correlations, axis=1)
 
 
 def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
@@ -230,24 +219,20 @@ def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> Model
     It is made again at these where its evidence comes up to ``least``: others do not matter. Where the noise is not
     stated every point may be regular at one that is larger: the answer must not hang on the noise that came first.
     """
-    if unknown.known:
-        return fit
+    if unknown.log_prior.size == 1:
+        return fit  # there is nothing to choose
     for _ in range(_MOST_ROUNDS):
-        found = list_evidences(fit, unknown) + unknown.log_prior
-        likely = found
+        evidences = list_evidences(fit, unknown) + unknown.log_prior
+        likely = evidences
         if len(unknown.noises) > 1:
-            likely = max(found, list_evidences(fit, unknown, wild=False) + unknown.log_prior, key=np.max)
+            likely = max(evidences, list_evidences(fit, unknown, wild=False) + unknown.log_prior, key=np.max)
         best = unknown.scatter(int(np.argmax(likely)))
         if best == fit.model.scatter or float(logsumexp(likely)) < least:
             break
         fit = _refitted(fit, best)
     else:
-        found = list_evidences(fit, unknown) + unknown.log_prior
-    return replace(fit, log_evidence=float(logsumexp(found)))
-
-
-#: Fits at a scatter and noise that is the most probable one of the fit before.
-_MOST_ROUNDS = 3
+        evidences = list_evidences(fit, unknown) + unknown.log_prior
+    return replace(fit, log_evidence=float(logsumexp(evidences)))
 
 
 def _refitted(fit: ModelFit, scatter: Scatter) -> ModelFit:

@@ -24,6 +24,30 @@ from damping.gap.size import Gap, HeldOut
 
 #: Probability that the list of explanations reaches.
 COVER = 0.95
+#: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it.
+TEMPERATURE_OUTSIDE = 8.0
+#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
+#: odds where nothing is blamed; less for each of the `describe_doubts`.
+IN_LIBRARY = 1.32
+NOTHING_BLAMED = 0.89
+PER_DECADE = 0.52
+PER_MAKESHIFT = 3.07
+PER_END = 2.32
+#: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
+PER_DISPERSION = 3.0
+_MOST_DECADES = 6.0
+#: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
+_PAYS = 10.0
+#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
+_CLOSED = 0.8
+_FAILED = 0.5
+#: Effects that speak of single sweeps: those that are held out cannot be predicted.
+_OF_ONE_SWEEP = {"drift", "level-offset"}
+#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
+INDISTINCT = 2.45
+#: Odds below which an effect is no candidate for the place of another, however near its prediction.
+LEAST_ODDS = 0.02
+_MOST_SWAPPED = 2
 
 
 @dataclass(frozen=True)
@@ -44,10 +68,6 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     )
 
 
-#: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it.
-TEMPERATURE_OUTSIDE = 8.0
-
-
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown."""
     outside = softmax([explanation.hypothesis.log_posterior / TEMPERATURE_OUTSIDE for explanation in hypotheses])
@@ -55,20 +75,6 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
         replace(explanation, probability=float(in_library * explanation.probability + (1.0 - in_library) * own))
         for explanation, own in zip(hypotheses, outside, strict=True)
     )
-
-
-#: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
-#: odds where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.32
-NOTHING_BLAMED = 0.89
-PER_DECADE = 0.52
-PER_MAKESHIFT = 3.07
-PER_END = 2.32
-#: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
-PER_DISPERSION = 3.0
-_MOST_DECADES = 6.0
-#: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
-_PAYS = 10.0
 
 
 def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation]) -> FloatArray:
@@ -92,13 +98,6 @@ def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: flo
     return float(expit(log_odds - PER_DISPERSION * float(np.log(dispersion))))
 
 
-#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
-_CLOSED = 0.8
-_FAILED = 0.5
-#: Effects that speak of single sweeps: those that are held out cannot be predicted.
-_OF_ONE_SWEEP = {"drift", "level-offset"}
-
-
 def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
     """The caution where an explanation that closes the gap does not on levels that did not choose it."""
     if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
@@ -113,13 +112,6 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
     """The fewest most probable hypotheses whose probabilities reach ``COVER``."""
     reached = np.cumsum([hypothesis.probability for hypothesis in hypotheses])
     return hypotheses[: int(np.searchsorted(reached, COVER)) + 1]
-
-
-#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
-INDISTINCT = 2.45
-#: Odds below which an effect is no candidate for the place of another, however near its prediction.
-LEAST_ODDS = 0.02
-_MOST_SWAPPED = 2
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -29,6 +30,14 @@ MOST_CELLS = 8
 FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.
 VISIBLE = 1.0
+#: How near to phase resonance a row is taken that stands for it, rad.
+RESONANCE_FOUND = 0.1
+#: Bands of amplitude in every sweep.
+BANDS = 4
+#: With fewer values only growth in proportion is tried.
+FEW = 6
+#: Powers of amplitude that are tried.
+POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
 
 @dataclass(frozen=True)
@@ -66,13 +75,14 @@ def residual_cells(leading: ModelFit) -> tuple[ResidualCell, ...]:
     squares = by_quantity(rows, nominal_residuals(leading) ** 2 * regular)
     counts = by_quantity(rows, regular)
     total = max(sum(float(values.sum()) for values in squares.values()), 1e-300)
-    found = []
+    parts = [np.array_split(own, min(MOST_CELLS, max(1, len(own) // FEWEST_ROWS))) for own in rows.runs]
+    cells = []
     for quantity, values in squares.items():
-        for own in _chunks(rows):
+        for own in chain.from_iterable(parts):
             n, sum_of_squares = counts[quantity][own].sum(), values[own].sum()
             z = (sum_of_squares - n) / np.sqrt(2.0 * max(n, 1.0))
-            found.append(ResidualCell(*_place(rows, own, quantity), float(sum_of_squares / total), float(z)))
-    return tuple(sorted(found, key=lambda cell: -cell.share))
+            cells.append(ResidualCell(*_place(rows, own, quantity), float(sum_of_squares / total), float(z)))
+    return tuple(sorted(cells, key=lambda cell: -cell.share))
 
 
 def footprint(leading: ModelFit) -> dict[str, FloatArray]:
@@ -91,12 +101,12 @@ def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
     if not leading.model.parts:
         return ()
     rows = leading.model.problem.rows
-    found = []
+    cells = []
     for quantity, change in footprint(leading).items():
         for own in _runs(rows, np.abs(change) > VISIBLE):
             size = float(np.sqrt(np.mean(change[own] ** 2)))
-            found.append(FootprintCell(*_place(rows, own, quantity), size))
-    return tuple(sorted(found, key=lambda cell: -cell.size))
+            cells.append(FootprintCell(*_place(rows, own, quantity), size))
+    return tuple(sorted(cells, key=lambda cell: -cell.size))
 
 
 def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
@@ -110,31 +120,12 @@ def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float,
     return rows.sweeps[rows.sweep[own[0]]], float(hertz.min()), float(hertz.max()), quantity
 
 
-def _chunks(rows: Rows) -> Iterator[IntArray]:
-    """Rows of each sweep in contiguous parts of about one size."""
-    for number in range(len(rows.sweeps)):
-        own = np.flatnonzero(rows.sweep == number)
-        yield from np.array_split(own, min(MOST_CELLS, max(1, len(own) // FEWEST_ROWS)))
-
-
 def _runs(rows: Rows, marked: BoolArray) -> Iterator[IntArray]:
     """Longest runs of marked rows within a sweep."""
-    for number in range(len(rows.sweeps)):
-        own = np.flatnonzero(rows.sweep == number)
-        ends = np.flatnonzero(np.diff(marked[own].astype(int))) + 1
-        for part in np.split(own, ends):
+    for own in rows.runs:
+        for part in np.split(own, np.flatnonzero(np.diff(marked[own].astype(int))) + 1):
             if len(part) and marked[part[0]]:
                 yield part
-
-
-#: How near to phase resonance a row is taken that stands for it, rad.
-RESONANCE_FOUND = 0.1
-#: Bands of amplitude in every sweep.
-BANDS = 4
-#: With fewer values only growth in proportion is tried.
-FEW = 6
-#: Powers of amplitude that are tried.
-POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
 
 @dataclass(frozen=True)
@@ -177,8 +168,7 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
     sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)
     estimates = []
-    for number, sweep in enumerate(rows.sweeps):
-        own = np.flatnonzero(rows.sweep == number)
+    for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
         for band in np.array_split(own[np.argsort(rows.u[own])], min(BANDS, max(1, len(own) // 4))):
             omega2, omega2_sd, _ = _mean(squared[band], (sd_real / M)[band])
             damping, damping_sd, weights = _mean(

@@ -63,9 +63,7 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
     omega = np.asarray(omega, dtype=float)
     blocks = [_roots(force, F, omega, start, M, omega_n) for start in range(0, omega.size, _BLOCK)]
     row, roots = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
-    order = np.lexsort((roots, row))
-    row, amplitude = row[order], np.exp(roots[order])
-    table = by_row(row, amplitude, omega.size)
+    table = by_row(row, np.exp(roots), omega.size)
     filled = ~np.isnan(table)
     frequency = np.broadcast_to(omega[:, np.newaxis], table.shape)
     with np.errstate(invalid="ignore"):
@@ -94,15 +92,15 @@ def finely(omega: FloatArray) -> tuple[FloatArray, int]:
     return np.interp(index, np.arange(omega.size), omega), between
 
 
-def followed(found: Branches, between: int, direction: Literal["up", "down"]) -> SteadyState:
+def followed(states: Branches, between: int, direction: Literal["up", "down"]) -> SteadyState:
     """The states that a slow sweep passes, at every ``between``-th frequency of the branches."""
-    size = found.omega.size
+    size = states.omega.size
     forward = range(size) if direction == "up" else range(size - 1, -1, -1)
-    choice = _follow(found, forward)[::between]
+    choice = _follow(states, forward)[::between]
     rows = np.arange(0, size, between)
     known = choice >= 0
-    amplitude = np.where(known, found.amplitude[rows, choice], np.nan)
-    return SteadyState(amplitude=amplitude, phase=np.where(known, found.phase[rows, choice], np.nan))
+    amplitude = np.where(known, states.amplitude[rows, choice], np.nan)
+    return SteadyState(amplitude=amplitude, phase=np.where(known, states.phase[rows, choice], np.nan))
 
 
 def _roots(
@@ -115,10 +113,18 @@ def _roots(
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         return _log_force(force, points, block[rows], M, omega_n, np.log(F))
 
+    row, roots = list_roots(level, u, block.size)
+    return start + row, roots
+
+
+def list_roots(level: Level, u: FloatArray, rows: int) -> tuple[IntArray, FloatArray]:
+    """Rows and places of every root of a level between points of the grid ``u``, sorted by row and place."""
     with np.errstate(all="ignore"):
-        value, derivative = level(u, np.arange(block.size)[:, np.newaxis])
-        row, low, high = brackets(level, u, value, derivative)
-        return start + row, bracketed_newton(lambda points: level(points, row), low, high)
+        value, derivative = level(u, np.arange(rows)[:, np.newaxis])
+        row, low, high = _brackets(level, u, value, derivative)
+        roots = bracketed_newton(lambda points: level(points, row), low, high)
+    order = np.lexsort((roots, row))
+    return row[order], roots[order]
 
 
 def _log_force(
@@ -134,7 +140,7 @@ def _log_force(
     return np.asarray(0.5 * np.log(squared) - log_F), np.asarray(derivative)
 
 
-def brackets(
+def _brackets(
     level: Level, u: FloatArray, value: FloatArray, derivative: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Rows and ends of all cells, or halves of cells cut at an extremum, over which the value changes sign."""
@@ -161,13 +167,13 @@ def by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
     return table
 
 
-def _follow(found: Branches, forward: range) -> IntArray:
+def _follow(states: Branches, forward: range) -> IntArray:
     """Column of the state that the sweep is on at each row, -1 where there is none."""
-    phasor = found.amplitude * np.exp(-1j * found.phase)
-    choice = np.full(found.omega.size, -1)
+    phasor = states.amplitude * np.exp(-1j * states.phase)
+    choice = np.full(states.omega.size, -1)
     here: complex | None = None
     for i in forward:
-        stable = np.flatnonzero(found.stable[i])
+        stable = np.flatnonzero(states.stable[i])
         if stable.size == 0:
             here = None
             continue

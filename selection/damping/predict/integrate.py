@@ -1,5 +1,10 @@
 """Steady states by integration in time: the reference for the first-harmonic averages, with none of their code.
 
+M q'' + K q + g(q, q') = F sin(omega t) is solved piece by piece between turning points, where the velocity has one
+sign: dry friction is a constant there and a slip joint a function of the distance travelled, so each piece is a smooth
+(joints: continuous) equation. At a turning point the mass goes on, turns back, or sticks until the drive overcomes
+friction. Nothing is regularised. Of a force only `Force.g` and its joints are used, no average that this checks.
+
 A periodic motion is found by shooting (Newton's method on the map of one period, the physical state at the end less
 that at the start) and accepted when its multipliers are inside the unit circle; where shooting finds none, the motion
 is left to settle by itself. Either way the steady state is proved on successive windows of several periods: their
@@ -8,6 +13,7 @@ first harmonics agree.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -17,8 +23,12 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Force
-from damping.predict.integration import Oscillator, State, advance, at_rest
 
+#: Pieces in one period beyond which the motion is not advancing.
+_MOST_PIECES = 2000
+#: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute one is this times
+#: the scale of the motion.
+_RTOL = 1e-11
 #: Periods of free settling before each shot from rest: more where the shots before found nothing.
 _FREE_FROM_REST = (8, 24, 72)
 #: The same from the motion at a neighbouring frequency, which is nearly right already.
@@ -29,8 +39,146 @@ _MOST_SHOTS = 15
 _HIT = 1e-8
 #: Periods of one window in which a motion is watched settling.
 _WINDOW = 5
+#: Relative agreement of successive windows, extrapolated to all that follow.
+_AGREEMENT = 1e-6
 #: Windows left for settling: 3000 periods, at which a damping of 0.1 % has taken e^-18 of the transient.
 _MOST_WINDOWS = 600
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """Mass, stiffness (all joints stuck), force g and drive F sin(omega t)."""
+
+    force: Force
+    F: float
+    omega: float
+    M: float
+    omega_n: float
+
+    @property
+    def K(self) -> float:
+        """Stiffness M omega_n^2."""
+        return self.M * self.omega_n**2
+
+    @property
+    def period(self) -> float:
+        """2 pi/omega."""
+        return 2.0 * math.pi / self.omega
+
+    def resistance(self, q: float, speed: float, sign: float) -> float:
+        """K q + g: what spring and force hold against the motion, joints left out."""
+        return self.K * q + float(self.force.g(q, speed, sign))
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement, velocity and the joints' stretches at the time t.
+
+    ``sums``: time integrals of q sin(omega t), q cos(omega t), q and q^2 since a start.
+    """
+
+    t: float
+    q: float
+    v: float
+    stretches: tuple[float, ...]
+    sums: FloatArray
+
+    @property
+    def restarted(self) -> State:
+        """The same state with the integrals set to zero."""
+        return replace(self, sums=np.zeros(4))
+
+
+def at_rest(oscillator: Oscillator) -> State:
+    """Rest in the undeformed position at the time 0."""
+    return State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(oscillator.force.joints), sums=np.zeros(4))
+
+
+def advance(oscillator: Oscillator, state: State, periods: int) -> State:
+    """The state ``periods`` drive periods later.
+
+    Raises:
+        AnalysisError: the motion does not advance (turning points crowd together), or grows without bound.
+    """
+    end = state.t + periods * oscillator.period
+    for _ in range(_MOST_PIECES * periods):
+        if state.t >= end - 1e-12 * oscillator.period:
+            return replace(state, t=end)
+        sign, start = _direction(oscillator, state)
+        if start > state.t:
+            state = _stick(oscillator, state, min(start, end))
+            if state.t >= end:
+                continue
+        state = _move(oscillator, state, sign, end)
+    raise AnalysisError("time integration does not advance: the mass turns ever more often")
+
+
+def _direction(oscillator: Oscillator, state: State) -> tuple[float, float]:
+    """Direction of the coming piece and the time it starts: now, or after sticking (infinity: never)."""
+    if state.v != 0.0:
+        return math.copysign(1.0, state.v), state.t
+    joints = float(sum(j.stiffness * s for j, s in zip(oscillator.force.joints, state.stretches, strict=True)))
+    # drive force needed to move from rest at the present position
+    forward, backward = (oscillator.resistance(state.q, 0.0, sign) + joints for sign in (1.0, -1.0))
+    drive = oscillator.F * math.sin(oscillator.omega * state.t)
+    if drive > forward:
+        return 1.0, state.t
+    if drive < backward:
+        return -1.0, state.t
+    rises = _next_time(oscillator, state.t, forward, rising=True)
+    falls = _next_time(oscillator, state.t, backward, rising=False)
+    return (1.0, rises) if rises <= falls else (-1.0, falls)
+
+
+def _next_time(oscillator: Oscillator, now: float, level: float, *, rising: bool) -> float:
+    """When F sin(omega t) next passes ``level`` upwards or downwards, at the earliest now; infinity: never."""
+    if abs(level) >= oscillator.F:
+        return math.inf
+    angle = math.asin(level / oscillator.F)
+    phase = angle if rising else math.pi - angle
+    turns = math.ceil((oscillator.omega * now - phase) / (2.0 * math.pi) - 1e-12)
+    return max(now, (phase + 2.0 * math.pi * turns) / oscillator.omega)
+
+
+def _stick(oscillator: Oscillator, state: State, until: float) -> State:
+    """Rest at the present position."""
+    w, q, a, b = oscillator.omega, state.q, state.t, until
+    sine, cosine = (math.cos(w * a) - math.cos(w * b)) / w, (math.sin(w * b) - math.sin(w * a)) / w
+    held = np.array([q * sine, q * cosine, q * (b - a), q * q * (b - a)])
+    return replace(state, t=until, sums=state.sums + held)
+
+
+def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> State:
+    """One piece in the direction ``sign``, to the next turning point or the end."""
+    F, w, M, start = oscillator.F, oscillator.omega, oscillator.M, state.q
+    joints = list(zip(oscillator.force.joints, state.stretches, strict=True))
+
+    def motion(t: float, y: FloatArray) -> list[float]:
+        q, v = float(y[0]), float(y[1])
+        sine = math.sin(w * t)
+        force = oscillator.resistance(q, max(sign * v, 0.0), sign)
+        for joint, stretch in joints:
+            force += float(joint.stiffness) * joint.stretch(stretch, q - start)
+        return [v, (F * sine - force) / M, q * sine, q * math.cos(w * t), q, q * q]
+
+    def turning(t: float, y: FloatArray) -> float:
+        return float(y[1])
+
+    turning.terminal, turning.direction = True, -sign  # type: ignore[attr-defined]  # how solve_ivp takes events
+    scale = max(abs(state.q), abs(state.v) / w, F / oscillator.K)
+    size = _RTOL * np.array([scale, scale * w, *(scale * oscillator.period * np.array([1.0, 1.0, 1.0, scale]))])
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and few commands integrate in time
+
+    begin, most = np.array([state.q, state.v, *state.sums]), oscillator.period / 12.0
+    solution = solve_ivp(
+        motion, (state.t, end), begin, method="DOP853", events=turning, rtol=_RTOL, atol=size, max_step=most
+    )
+    if not solution.success or not np.all(np.isfinite(solution.y[:, -1])):
+        raise AnalysisError(f"time integration fails: {solution.message}")
+    q, v = float(solution.y[0, -1]), float(solution.y[1, -1])
+    stretches = tuple(joint.stretch(stretch, q - start) for joint, stretch in joints)
+    v = 0.0 if solution.status == 1 else v  # it turned
+    return State(float(solution.t[-1]), q, v, stretches, np.asarray(solution.y[2:, -1]))
 
 
 @dataclass(frozen=True)
@@ -52,14 +200,13 @@ class TimeState:
 
 
 def steady_state_in_time(
-    force: Force, F: float, omega: float, M: float, omega_n: float, *, start: State | None = None, rtol: float = 1e-6
+    force: Force, F: float, omega: float, M: float, omega_n: float, *, start: State | None = None
 ) -> TimeState:
     """The stable steady state reached from ``start`` (default: rest) under F sin(omega t).
 
     Args:
         force: force with scalar parameters. F: force amplitude. omega: drive, rad/s. M, omega_n: mode.
         start: state of an earlier result, such as that of the neighbouring frequency in a sweep.
-        rtol: agreement of successive windows, extrapolated to all that follow.
 
     Raises:
         AnalysisError: no steady state is reached, or a part of the force has no law in time.
@@ -70,35 +217,25 @@ def steady_state_in_time(
         state = advance(oscillator, state, periods)
         hit = _shoot(oscillator, state)
         if hit is not None:
-            return _settle(oscillator, *hit, rtol)
-    return _settle(oscillator, state, None, rtol)
+            return _settle(oscillator, *hit)
+    return _settle(oscillator, state, None)
 
 
 def sweep_in_time(
     force: Force, F: float, omega: FloatArray, M: float, omega_n: float, direction: Literal["up", "down"] = "up"
 ) -> Iterator[TimeState]:
-    """Steady states at the frequencies ``omega`` in the order swept, each started from the one before it.
-
-    Raises:
-        AnalysisError: see `steady_state_in_time`.
-    """
+    """Steady states at frequencies (n,) in the order swept, each started from the one before; arguments as above."""
     start: State | None = None
     for frequency in np.sort(omega) if direction == "up" else np.sort(omega)[::-1]:
-        found = steady_state_in_time(force, F, float(frequency), M, omega_n, start=start)
-        start = found.state
-        yield found
-
-
-def _size(oscillator: Oscillator, state: State) -> float:
-    return max(float(np.hypot(state.q, state.v / oscillator.omega)), 1e-12 * oscillator.F / oscillator.K)
+        reached = steady_state_in_time(force, F, float(frequency), M, omega_n, start=start)
+        start = reached.state
+        yield reached
 
 
 def _moved(oscillator: Oscillator, state: State, dq: float, dv: float) -> State:
     """A neighbouring state: joints move with the displacement."""
-    stretches = tuple(
-        joint.stretch(stretch, dq) for joint, stretch in zip(oscillator.joints, state.stretches, strict=True)
-    )
-    return replace(state, q=state.q + dq, v=state.v + dv, stretches=stretches)
+    joints = zip(oscillator.force.joints, state.stretches, strict=True)
+    return replace(state, q=state.q + dq, v=state.v + dv, stretches=tuple(j.stretch(s, dq) for j, s in joints))
 
 
 def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
@@ -106,7 +243,7 @@ def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
     w = oscillator.omega
     jacobian, last = None, np.inf
     for _ in range(_MOST_SHOTS):
-        size = _size(oscillator, state)
+        size = max(float(np.hypot(state.q, state.v / w)), 1e-12 * oscillator.F / oscillator.K)
         after = advance(oscillator, state, 1)
         miss = np.array([after.q - state.q, (after.v - state.v) / w])
         distance = float(np.hypot(*miss))
@@ -118,8 +255,8 @@ def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
         last = distance
         change = np.linalg.lstsq(np.eye(2) - jacobian, miss, rcond=1e-10)[0]
         change *= min(1.0, 2.0 * size / max(float(np.hypot(*change)), 1e-300))
-        correction = (state.q - after.q + change[0], state.v - after.v + change[1] * w)
-        state = _moved(oscillator, after, *(float(c) for c in correction))
+        dq, dv = state.q - after.q + change[0], state.v - after.v + change[1] * w
+        state = _moved(oscillator, after, float(dq), float(dv))
     return None
 
 
@@ -130,7 +267,7 @@ def _jacobian(oscillator: Oscillator, state: State, after: State, step: float) -
     return np.array([[(end.q - after.q) / step, (end.v - after.v) / (step * w)] for end in ends]).T
 
 
-def _settle(oscillator: Oscillator, state: State, radius: float | None, rtol: float) -> TimeState:
+def _settle(oscillator: Oscillator, state: State, radius: float | None) -> TimeState:
     """Go on window by window until first harmonics agree, the rest of the approach included.
 
     The rest is that of a geometric approach whose ratio from window to window is the multiplier's power where shooting
@@ -139,11 +276,11 @@ def _settle(oscillator: Oscillator, state: State, radius: float | None, rtol: fl
     previous, last = None, np.inf
     for _ in range(_MOST_WINDOWS):
         state = advance(oscillator, state.restarted, _WINDOW)
-        harmonic = _first_harmonic(oscillator, state)
+        harmonic = complex(state.sums[0], state.sums[1]) * 2.0 / (_WINDOW * oscillator.period)  # A exp(-i phase)
         if previous is not None:
             change = abs(harmonic - previous) / max(abs(harmonic), 1e-300)
             ratio = radius**_WINDOW if radius is not None else min(change / last, 1.0) if last > 0.0 else 0.0
-            if (radius is not None or np.isfinite(last)) and change <= rtol * (1.0 - ratio):
+            if (radius is not None or np.isfinite(last)) and change <= _AGREEMENT * (1.0 - ratio):
                 return _result(oscillator, state, harmonic, change)
             last = change
         previous = harmonic
@@ -152,18 +289,8 @@ def _settle(oscillator: Oscillator, state: State, radius: float | None, rtol: fl
     )
 
 
-def _first_harmonic(oscillator: Oscillator, state: State) -> complex:
-    """A exp(-i phase) of q = A sin(omega t - phase), from the integrals of a window."""
-    return complex(state.sums[0], state.sums[1]) * 2.0 / (_WINDOW * oscillator.period)
-
-
 def _result(oscillator: Oscillator, state: State, harmonic: complex, drift: float) -> TimeState:
-    window = _WINDOW * oscillator.period
-    other = max(state.sums[3] / window - (state.sums[2] / window) ** 2 - 0.5 * abs(harmonic) ** 2, 0.0)
-    return TimeState(
-        amplitude=abs(harmonic),
-        phase=float(-np.angle(harmonic)),
-        distortion=float(np.sqrt(other / (0.5 * abs(harmonic) ** 2))) if harmonic else 0.0,
-        drift=float(drift),
-        state=state.restarted,
-    )
+    window, power = _WINDOW * oscillator.period, 0.5 * abs(harmonic) ** 2
+    other = max(state.sums[3] / window - (state.sums[2] / window) ** 2 - power, 0.0)
+    distortion = float(np.sqrt(other / power)) if harmonic else 0.0
+    return TimeState(abs(harmonic), float(-np.angle(harmonic)), distortion, float(drift), state.restarted)

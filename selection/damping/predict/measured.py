@@ -49,17 +49,15 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
     if mode is None and "sweep_rate" not in record.table.columns:
         return Measured(record, None)
-    mass, frequency = (mode.mass, mode.frequency) if mode else _find_mass(record)
+    if mode is None:  # what the rows imply; NaN where they imply none
+        implied = View(record, None).implied
+        mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
+    else:
+        mass, frequency = mode.mass, mode.frequency
     if not mass > 0.0:
         return Measured(record, mode, tuple(lines))
     steady, swept = as_steady(record, mass, frequency)
     return Measured(steady, mode, (*lines, *swept))
-
-
-def _find_mass(record: Record) -> tuple[float, float]:
-    """Mass and frequency (Hz) that the rows imply; NaN where they imply none."""
-    implied = View(record, None).implied
-    return take_median(implied["mass"]), take_median(implied["frequency"])
 
 
 def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:

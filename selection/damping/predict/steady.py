@@ -27,6 +27,12 @@ SMALL_STEP = 1e-8
 SMALL_VALUE = 1e-6
 #: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
+#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
+_FAR = 1e15
+#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
+_WIDEST = 127.0
+#: ln A between which a force is looked for whose parts do not all grow with amplitude.
+_GRID = np.arange(-46.0, 46.25, 0.25)
 
 
 def bracketed_newton(
@@ -69,12 +75,6 @@ def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: 
     return 0.5 * (low + high)
 
 
-#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
-_FAR = 1e15
-#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
-_WIDEST = 127.0
-
-
 @dataclass(frozen=True)
 class SteadyState:
     """Amplitude of the displacement and its lag behind the force (rad, 0 to pi), arrays of one shape."""
@@ -86,11 +86,6 @@ class SteadyState:
 def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
     """X = (K - M omega^2) A + S: the force in phase with displacement that the motion needs."""
     return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
-
-
-def complex_stiffness(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> np.ndarray:
-    """Z = K - M omega^2 + (S + i C)/A, complex."""
-    return np.asarray((elastic(force, A, omega, M, omega_n) + 1j * force.quadrature(A, omega)) / A)
 
 
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -129,8 +124,9 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
         if exponents is not None:
             return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
-        grows = _grows(force, omega)
-        low, high = _bracket(force, target, omega) if grows else _scan(force, target, omega)
+        # no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes
+        grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
+        low, high = _scan(force, target, omega, np.array([-_WIDEST, _WIDEST]) if grows else _GRID)
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
             C, slope = force.grow(np.exp(u), omega)
@@ -152,8 +148,8 @@ def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tupl
         previous, omega = omega, backbone(force, amplitude, M, omega_n)
         if not np.any(np.abs(omega - previous) > 1e-15 * previous):
             break
-    settled = np.abs(omega - previous) <= 1e-12 * previous
-    return np.where(settled, amplitude, np.nan), np.where(settled, omega, np.nan)
+    converged = np.abs(omega - previous) <= 1e-12 * previous
+    return np.where(converged, amplitude, np.nan), np.where(converged, omega, np.nan)
 
 
 def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Floats) -> SteadyState:
@@ -189,11 +185,6 @@ def _newton_step(force: Force, A: FloatArray, omega: Floats, kappa: Floats, F: F
     return np.asarray(0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * force.slope(A, omega)))
 
 
-def _grows(force: Force, omega: Floats) -> bool:
-    """Whether no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes."""
-    return all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
-
-
 def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:
     """Closed form where the energy is a A^m omega^n: A = (F/C(1, omega))^(1/(m - 1)); none for m <= 1."""
     ratio = np.asarray(F / force.quadrature(1.0, omega))
@@ -204,25 +195,16 @@ def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArr
 def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
     """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
     C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
-    result: FloatArray = np.log(np.maximum(C, 0.0)) - target
-    return result
+    return np.asarray(np.log(np.maximum(C, 0.0)) - target)
 
 
-def _bracket(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the root of a growing C: the widest there can be; NaN where there is none."""
-    low, high = np.full(target.shape, -_WIDEST), np.full(target.shape, _WIDEST)
-    crosses = (_excess(force, low, omega, target) < 0.0) & (_excess(force, high, omega, target) >= 0.0)
-    return np.where(crosses, low, np.nan), np.where(crosses, high, np.nan)
-
-
-def _scan(force: Force, target: FloatArray, omega: Floats) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the first rise of C through F; NaN where there is none."""
+def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """ln A below and above the first rise of C through F between points of a grid; NaN where there is none."""
     low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
     below = np.zeros(target.shape, dtype=bool)
-    grid = np.arange(-46.0, 46.25, 0.25)
     for before, u in zip(np.roll(grid, 1), grid, strict=True):
-        now_below = _excess(force, np.full(target.shape, u), omega, target) < 0.0
-        rises = below & ~now_below & np.isnan(low)
+        excess = _excess(force, np.full(target.shape, u), omega, target)
+        rises = below & (excess >= 0.0) & np.isnan(low)
         low[rises], high[rises] = before, u
-        below = now_below
+        below = excess < 0.0
     return low, high

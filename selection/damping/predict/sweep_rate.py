@@ -12,20 +12,19 @@ the skew of the peaks. Hok (1948), Lewis (1932): peaks are moved where (df/dt)/(
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import log, pi
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError
 from damping.records.implied import sense_rate
 from damping.records.record import Record
 from damping.records.runs import runs_of
-
-Complex = npt.NDArray[np.complex128]
 
 #: (df/dt)/(2 zeta f)^2 above which peaks differ from steady ones by more than some per cent.
 FAST = 0.3
@@ -61,15 +60,9 @@ class Rate:
 
 
 def envelope(
-    frequency: FloatArray,
-    rate: float,
-    force: float,
-    mass: float,
-    natural: float,
-    ratio: float,
-    growth: float = 0.0,
-) -> Complex:
-    """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
+    frequency: FloatArray, rate: float, force: float, mass: float, natural: float, ratio: float, growth: float = 0.0
+) -> ComplexArray:
+    """ComplexArray amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
 
     Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
     frequency.
@@ -137,25 +130,17 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     if len(rows) < _FEWEST:
         raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
-    a, slope = _slope(w, rows)
+    size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
+    logarithm = np.log(size) - 1j * np.unwrap(lag)  # smoother than a itself about a peak
+    a = np.exp(logarithm)
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and needed for swept records alone
+
+    slope = a * CubicSpline(w, logarithm)(w, 1)
     w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
     force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
-    out = rows.assign(force=np.abs(force), phase=_wrapped(np.angle(force) - np.angle(a)), sweep_rate=0.0)
+    phase = (np.angle(force) - np.angle(a) + 0.5 * pi) % (2.0 * pi) - 0.5 * pi
+    out = rows.assign(force=np.abs(force), phase=phase, sweep_rate=0.0)
     return pd.DataFrame(out[near].reset_index(drop=True))
-
-
-def _slope(w: FloatArray, rows: pd.DataFrame) -> tuple[Complex, Complex]:
-    """a and da/domega: a spline through ln a, which is smoother than a about a peak."""
-    size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
-    logarithm = np.log(size) - 1j * np.unwrap(lag)
-    a = np.exp(logarithm)
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as below
-
-    return a, a * CubicSpline(w, logarithm)(w, 1)
-
-
-def _wrapped(phase: FloatArray) -> FloatArray:
-    return np.asarray((phase + 0.5 * pi) % (2.0 * pi) - 0.5 * pi)
 
 
 def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: bool = True) -> Rate:
@@ -177,71 +162,68 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
         if len(rows) < _FEWEST:
             raise AnalysisError(f"sweep {label!r} has {len(rows)} rows, of which {_FEWEST} are needed")
         ordered = rows.sort_values("frequency", ascending=upwards)
-        f, size, lag, force = (
-            ordered[name].to_numpy(dtype=float) for name in ("frequency", "amplitude", "phase", "force")
-        )
-        sweeps.append((f, size * np.exp(-1j * lag), float(np.median(force)), size >= NEAR * size.max()))
-    largest = max(float(np.abs(a).max()) for _, a, _, _ in sweeps)
+        columns = ("frequency", "amplitude", "phase", "force")
+        f, size, lag, force = (ordered[name].to_numpy(dtype=float) for name in columns)
+        sweeps.append(_SweptRows(f, size * np.exp(-1j * lag), float(np.median(force)), size >= NEAR * size.max()))
+    largest = max(float(np.abs(rows.a).max()) for rows in sweeps)
+
+    def swept(x: FloatArray, rows: _SweptRows) -> ComplexArray:
+        f_n, ratio = frequency * (1.0 + x[0]), float(np.exp(x[1]))
+        return envelope(rows.f, x[3], rows.force, mass, f_n, ratio, x[2] / largest)[rows.near]
+
+    def steady(x: FloatArray, rows: _SweptRows) -> ComplexArray:
+        """(omega_n^2 (1 + s |a|) - omega^2 + 2 i z (1 + b |a|) omega_n omega) a = F/m."""
+        w_n, w = RAD_S_PER_HZ * frequency * (1.0 + x[0]), RAD_S_PER_HZ * rows.f[rows.near]
+        size = np.abs(rows.a[rows.near]) / largest
+        stiffness = w_n**2 * (1.0 + x[3] * size) - w**2 + 2j * np.exp(x[1]) * (1.0 + x[2] * size) * w_n * w
+        return np.asarray(rows.force / mass / stiffness)
+
+    moved = _fit_near(sweeps, swept, 1.0, (0.0, 60.0), 1.0, diff_step=np.full(4, 1e-4))
+    standing = _fit_near(sweeps, steady, 0.0, (-0.5, 0.5), 0.01)
+    freedom = max(len(moved.fun) - 4, 1)
+    covariance = np.linalg.pinv(moved.jac.T @ moved.jac) * float(moved.fun @ moved.fun) / freedom
+    smallest = min(float(np.abs(rows.a).max()) for rows in sweeps)
+    least = float(np.exp(moved.x[1])) * (1.0 + moved.x[2] * smallest / largest)
+    return Rate(
+        octaves_a_minute=(1.0 if upwards else -1.0) * float(moved.x[3]),
+        standard_error=float(np.sqrt(covariance[3, 3])),
+        severity=abs(moved.x[3]) * log(2.0) / 60.0 * frequency / (2.0 * least * frequency) ** 2,
+        misfit=float(np.sqrt(np.mean(moved.fun**2))),
+        steady_misfit=float(np.sqrt(np.mean(standing.fun**2))),
+    )
+
+
+class _SweptRows(NamedTuple):
+    """A sweep in the order swept: Hz and complex amplitudes (n,), the force, and which rows are near the peak."""
+
+    f: FloatArray
+    a: ComplexArray
+    force: float
+    near: BoolArray
+
+
+def _fit_near(
+    sweeps: list[_SweptRows],
+    predict: Callable[[FloatArray, _SweptRows], ComplexArray],
+    last: float,
+    bounds: tuple[float, float],
+    scale: float,
+    **options: Any,
+) -> Any:
+    """Least squares of ln a near the peaks; of f_n (relative), ln z1, b, and a ``last`` parameter from where it starts.
+
+    ``bounds`` and ``scale`` are those of the last one, ``predict`` the amplitudes near the peak of one sweep.
+    """
 
     def left(x: FloatArray) -> FloatArray:
-        f_n, ratio, growth, rate = frequency * (1.0 + x[0]), float(np.exp(x[1])), x[2] / largest, x[3]
-        parts = []
-        for f, a, force, near in sweeps:
-            rest = np.log(envelope(f, rate, force, mass, f_n, ratio, growth)[near] / a[near])
-            parts += [rest.real, rest.imag]
-        return np.concatenate(parts)
+        rests = [np.log(predict(x, rows) / rows.a[rows.near]) for rows in sweeps]
+        return np.concatenate([part for rest in rests for part in (rest.real, rest.imag)])
 
     from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
-    found = least_squares(
-        left,
-        [0.0, log(0.01), 0.5, 1.0],
-        bounds=([-0.05, log(1e-4), -0.5, 0.0], [0.05, log(0.3), 20.0, 60.0]),
-        x_scale=[0.002, 0.2, 0.5, 1.0],
-        diff_step=np.full(4, 1e-4),
-    )
-    freedom = max(len(found.fun) - 4, 1)
-    jacobian = np.asarray(found.jac)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * float(found.fun @ found.fun) / freedom
-    smallest = min(float(np.abs(a).max()) for _, a, _, _ in sweeps)
-    least = float(np.exp(found.x[1])) * (1.0 + found.x[2] * smallest / largest)
-    return Rate(
-        octaves_a_minute=(1.0 if upwards else -1.0) * float(found.x[3]),
-        standard_error=float(np.sqrt(covariance[3, 3])),
-        severity=_severity(found.x[3], frequency, least),
-        misfit=float(np.sqrt(np.mean(found.fun**2))),
-        steady_misfit=_steady_misfit(sweeps, mass, frequency, largest),
-    )
-
-
-def _steady_misfit(
-    sweeps: list[tuple[FloatArray, Complex, float, npt.NDArray[np.bool_]]],
-    mass: float,
-    frequency: float,
-    largest: float,
-) -> float:
-    """Root mean square of ln a left by (omega_n^2 (1 + s |a|) - omega^2 + 2 i z (1 + b |a|) omega_n omega) a = F/m."""
-
-    def left(x: FloatArray) -> FloatArray:
-        w_n = RAD_S_PER_HZ * frequency * (1.0 + x[0])
-        parts = []
-        for f, a, force, near in sweeps:
-            w, size = RAD_S_PER_HZ * f[near], np.abs(a[near]) / largest
-            stiffness = w_n**2 * (1.0 + x[3] * size) - w**2 + 2j * np.exp(x[1]) * (1.0 + x[2] * size) * w_n * w
-            rest = np.log(force / mass / stiffness / a[near])
-            parts += [rest.real, rest.imag]
-        return np.concatenate(parts)
-
-    bounds = ([-0.05, log(1e-4), -0.5, -0.5], [0.05, log(0.3), 20.0, 0.5])
-    from scipy.optimize import least_squares  # noqa: PLC0415 - as above
-
-    found = least_squares(left, [0.0, log(0.01), 0.5, 0.0], bounds=bounds, x_scale=[0.002, 0.2, 0.5, 0.01])
-    return float(np.sqrt(np.mean(found.fun**2)))
-
-
-def _severity(rate: float, frequency: float, ratio: float) -> float:
-    """(df/dt)/(2 zeta f)^2 of a rate in octaves a minute."""
-    return abs(rate) * log(2.0) / 60.0 * frequency / (2.0 * ratio * frequency) ** 2
+    limits = ([-0.05, log(1e-4), -0.5, bounds[0]], [0.05, log(0.3), 20.0, bounds[1]])
+    start = [0.0, log(0.01), 0.5, last]
+    return least_squares(left, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
 
 
 def _largest_severity(rows: pd.DataFrame, mass: float) -> float:
@@ -277,14 +259,13 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     if sense is None:
         return record, ()
     rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
-    found = abs(rate.octaves_a_minute)
-    told = found > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
+    octaves = abs(rate.octaves_a_minute)
+    told = octaves > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
     if not told or rate.severity < FAST:
         return record, ()
-    f = record.table["frequency"].to_numpy(dtype=float)
-    hertz = rate.octaves_a_minute * log(2.0) / 60.0 * f
+    hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.table["frequency"].to_numpy(dtype=float)
     said = (
-        f"the peaks are moved and skewed as by a sweep of {found:.2g} +- {rate.standard_error:.1g} octaves a minute "
+        f"the peaks are moved and skewed as by a sweep of {octaves:.2g} +- {rate.standard_error:.1g} octaves a minute "
         f"{'up' if sense > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady states; "
         "state sweep_rate (Hz/s) to be sure"
     )
