@@ -51,11 +51,12 @@ OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 #: Prior median of the relative scatter of a measured resonance frequency; as good as one level that tells it.
 FREQUENCY_SCATTER = 3e-4
-#: Where a joint is excluded, upward strays are narrower by this factor: beyond 1.4 a damper that saturates escapes above
-#: the band in a fifth of trials.
+#: Where a joint is excluded, upward strays are narrower by this factor: beyond 1.4 a damper that saturates escapes
+#: above the band in a fifth of trials.
 STEADY = 1.3
-#: Standard deviation of the ln of a slope that is left to a joint far beyond the test, each time that it is twice, three
-#: times as probable as before: where the levels leave less, as of a joint that has only begun to slip, strays are wider.
+#: Standard deviation of the ln of a slope that is left to a joint far beyond the test, each time that it is twice,
+#: three times as probable as before: where the levels leave less, as of a joint that has only begun to slip, strays
+#: are wider.
 LETS_GO = 0.4
 #: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
 SLOPES = (1.0 / 3.0, 3.0)
