@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -24,9 +24,10 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
-from damping.plots import Drawn
-from damping.plots.gap import DESCRIBED, gap_local, gap_map, gap_overlay, gap_probabilities, gap_resonances
 from damping.report.page import Block, Facts, FigureBlock, Footer, List, Table, Text, render_page, write_sections
+
+if TYPE_CHECKING:
+    from damping.plots import Drawn
 
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
 TREND_SEEN = 13.8
@@ -158,6 +159,16 @@ def _describe_percent(value: float | None) -> str:
 
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
+    from damping.plots import Drawn  # noqa: PLC0415 - matplotlib, which the sentences do not need
+    from damping.plots.gap import (  # noqa: PLC0415 - as above
+        DESCRIBED,
+        gap_local,
+        gap_map,
+        gap_overlay,
+        gap_probabilities,
+        gap_resonances,
+    )
+
     leading, length = diagnosis.leading.best, diagnosis.mode.units.length
     rows = leading.model.problem.rows
     if rows.at_resonance:

@@ -31,7 +31,6 @@ import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from damping import report as words
-from damping.plots import TEXT_WIDTH
 
 #: How to write a value of a column.
 Format = Callable[[Any], str]
@@ -97,6 +96,8 @@ class FigureBlock(Block):
     @property
     def share(self) -> float:
         """Width over that of a full figure, at most 1: a narrow one stays narrow, its letters as large as others'."""
+        from damping.plots import TEXT_WIDTH  # noqa: PLC0415 - matplotlib, which pages of words alone do not need
+
         match = _WIDTH_POINTS.search(self.svg)
         return min(1.0, round(float(match[1]) / (72.0 * TEXT_WIDTH), 3)) if match else 1.0
 
