@@ -137,7 +137,7 @@ def test_help_loads_nothing_heavy():
 def test_what_commands_print_needs_no_figures():
     """Checking a record and the sentences of a diagnosis load neither matplotlib nor scipy.signal: .7 and .5 s."""
     script = (
-        "import sys, damping.records.audit, damping.gap.diagnose, damping.report.gap\n"
+        "import sys, damping.records, damping.gap.diagnose, damping.report.gap\n"
         "sys.exit(','.join({'matplotlib', 'scipy.signal', 'scipy.stats'} & set(sys.modules)) or None)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
