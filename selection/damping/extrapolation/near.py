@@ -269,5 +269,7 @@ def plan_loads(
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         fit=ranked.fit,
         bistable=describe_bistability(data, mass) if mass else "",
-        joint=find_joint_probability(data.tested_amplitude, data.tested_force, data.tested_omega, mass),
+        joint=find_joint_probability(
+            data.tested_amplitude, data.tested_force, data.tested_omega, None if data.other_mass else mass
+        ),
     )

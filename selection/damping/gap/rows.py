@@ -128,7 +128,9 @@ class Rows:
 
 
 #: Fields of `Rows` with one entry a row, but for its sweep.
-BY_ROW = tuple({field.name for field in fields(Rows)} - {"sweep", "sweeps", "level", "has_phase", "channels"})
+BY_ROW = tuple(
+    field.name for field in fields(Rows) if field.name not in ("sweep", "sweeps", "level", "has_phase", "channels")
+)
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:

@@ -36,6 +36,7 @@ class Observations:
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
+        other_mass: whether the record's own columns say that rows differ in mass, which moves the resonance.
     """
 
     A: FloatArray
@@ -51,6 +52,7 @@ class Observations:
     tested_amplitude: FloatArray
     tested_omega: FloatArray
     amplitude_is_input: bool = False
+    other_mass: bool = False
 
     @property
     def rows_per_sweep(self) -> IntArray:
@@ -157,6 +159,7 @@ def observe(record: Record) -> Observations:
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
         amplitude_is_input=record.is_decay,
+        other_mass=any(name in rows and np.ptp(rows[name].fillna(0.0)) > 0.0 for name in ("mass", "added_mass")),
     )
 
 

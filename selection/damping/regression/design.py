@@ -149,8 +149,10 @@ def design_of_arrays(
 
 
 def tabulate_variables(design: Design) -> pd.DataFrame:
-    """ "Sum", "Average value", "Standard Deviation" (with 1/m) and "Sum of Squares" (section 5.2): a row a transformed
-    variable, then the response."""
+    """The "Sum", "Average value", "Standard Deviation" (with 1/m) and "Sum of Squares" (section 5.2).
+
+    A row for each transformed variable, then one for the response.
+    """
     columns = [*design.columns.T, design.observed]
     with np.errstate(over="ignore"):
         numbers = {
