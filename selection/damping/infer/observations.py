@@ -36,7 +36,8 @@ class Observations:
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
-        other_mass: whether the record's own columns say that rows differ in mass, which moves the resonance.
+        other_mass: whether known mass is added to some rows, which moves the resonance. (A column ``mass`` is an
+            estimate of one and the same mass, sweep by sweep, as in Table 4.I.)
     """
 
     A: FloatArray
@@ -159,7 +160,7 @@ def observe(record: Record) -> Observations:
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
         amplitude_is_input=record.is_decay,
-        other_mass=any(name in rows and np.ptp(rows[name].fillna(0.0)) > 0.0 for name in ("mass", "added_mass")),
+        other_mass="added_mass" in rows and bool(np.ptp(rows["added_mass"].fillna(0.0)) > 0.0),
     )
 
 
