@@ -27,6 +27,7 @@ import pandas as pd
 import pytest
 import typer.main
 
+from damping import effects
 from damping.forces.contract import Force
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -557,15 +558,25 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 #: What stands for all candidates of a ranking, and of a prediction.
 RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
 PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+#: And for all effects of a diagnosis: of damping, frequency, a second plane, and of either quantity that is measured.
+EXPLAINING = (
+    "viscous-coefficient",
+    "velocity-squared",
+    "natural-frequency",
+    "planar-coupling",
+    "amplitude-scale",
+    "phase-lag",
+)
 
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank and two to predict with, whatever the command: where it is not the laws that are tested."""
+    """Three laws to rank, two to predict with and six effects: where it is not those that are tested."""
     for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
         monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
     for module in ("damping.extrapolation", "damping_pipelines.study"):
         monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
+    monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", {name: effects.CATALOGUE[name] for name in EXPLAINING})
 
 
 @pytest.fixture(scope="session")
