@@ -272,21 +272,29 @@ def opened(open_page: Callable[[bool], Page]) -> Callable[..., AbstractContextMa
 
 @pytest.fixture
 def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callable[..., None]:
-    """``check_page(path, width, scheme)``: a report is quiet, self-contained, no wider than the window, readable."""
+    """``check_page(path, *looks)``: a page is quiet, asks for nothing, at each width and scheme it fits and can be read.
+
+    It is loaded once, at the first look, with its folds opened. ``least`` texts are there; ``alone``: it is one file.
+    """
     contrast = (Path(__file__).parent / "contrast.js").read_text()
 
-    def check(path: Path, width: int = 1280, scheme: str = "light") -> None:
-        with opened(path, width=width, scheme=scheme) as one:
+    def check(path: Path, *looks: tuple[int, str], least: int = 50, alone: bool = True) -> None:
+        with opened(path, width=looks[0][0], scheme=looks[0][1]) as one:
             one.page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
+            for width, scheme in looks:
+                one.page.set_viewport_size({"width": width, "height": 900})
+                one.page.emulate_media(color_scheme=scheme)
+                assert one.page.evaluate("document.documentElement.scrollWidth") <= width, path.name
+                assert one.page.evaluate(
+                    "[...document.querySelectorAll('figure .scroll')].every((f) => f.scrollWidth <= f.clientWidth + 1)"
+                )
+                found = one.page.evaluate(contrast)
+                assert found["checked"] > least
+                assert found["found"] == [], path.name
             assert one.complaints == []
-            assert one.requests == [path.as_uri()]
-            assert one.page.evaluate("document.documentElement.scrollWidth") <= width
-            assert one.page.evaluate(
-                "[...document.querySelectorAll('figure .scroll')].every((f) => f.scrollWidth <= f.clientWidth + 1)"
-            )
-            found = one.page.evaluate(contrast)
-            assert found["checked"] > 50
-            assert found["found"] == []
+            if alone:
+                assert one.requests == [path.as_uri()]
+            assert all(request.startswith(("file:", "data:")) for request in one.requests)
 
     return check
 
@@ -382,6 +390,7 @@ for line in sys.stdin:
     sys.path[:0] = order["paths"]
     sys.argv[1:], code = order["words"], 0
     try:
+        # code that a test wrote, as for ``python -c``; it comes by the pipe from the test alone
         exec(order["code"], {"__name__": "__main__"})
     except SystemExit as stopped:
         code = stopped.code or 0
