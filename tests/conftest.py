@@ -69,7 +69,12 @@ TOGETHER = {
     ),
 }
 #: What takes longest starts first, so that no worker is left alone with it.
-FIRST = ("chapters", "gap", "forks", "docs/test_docs")
+FIRST = (
+    *("chapters", "forks", "gap", "docs/test_docs", "validation/test_cases", "campaign/test_campaign"),
+    *("ranking/test_ranking", "predict/test_integrate", "examples/test_examples", "records/test_audit"),
+    *("statistical/test_calibration", "gap/test_null", "statistical/test_samplers", "ranking/test_sharing"),
+    *("pipelines/test_memory", "validation/test_blind", "gap/test_further_effects", "validation/test_steady"),
+)
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
 
@@ -135,7 +140,7 @@ def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Ob
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def peaks() -> Callable[..., Observations]:
     return resonances_of
 
@@ -272,7 +277,7 @@ def opened(open_page: Callable[[bool], Page]) -> Callable[..., AbstractContextMa
 
 @pytest.fixture
 def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callable[..., None]:
-    """``check_page(path, *looks)``: a page is quiet, asks for nothing, at each width and scheme it fits and can be read.
+    """``check_page(path, *looks)``: a page is quiet, asks for nothing, fits and can be read at each look.
 
     It is loaded once, at the first look, with its folds opened. ``least`` texts are there; ``alone``: it is one file.
     """
