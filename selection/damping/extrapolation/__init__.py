@@ -127,7 +127,7 @@ def extrapolate_loads(
     if plan is None:
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
-            plan = plan_loads(data, candidates, seed, done, mode.mass if mode else None, estimate)
+            plan = plan_loads(data, candidates, seed, done, mode, estimate)
     with progress("sampling", len(plan.laws)) as done:
         posteriors = (
             (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws

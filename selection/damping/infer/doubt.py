@@ -109,25 +109,28 @@ def nonlinearity(p: FloatArray) -> FloatArray:
     return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
-def find_joint_probability(amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: float | None) -> float:
-    """Probability that what dissipates slips, from the resonances of the levels, (levels,) each.
+def find_joint_probability(
+    amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float
+) -> float:
+    """Probability that what dissipates slips, from the resonances of the levels and their masses, (levels,) each.
 
     f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
-    s its error, by the scatter about the line and ``FREQUENCY_SCATTER``. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2),
-    of all else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. ``JOINTS`` where the ``mass`` is
-    not known, or every level has the same frequency or amplitude.
+    s its error, by the scatter about the line, ``FREQUENCY_SCATTER`` and the relative ``tolerance`` of a mass common
+    to all levels. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2), of all else f = N(0, b^2 + s^2), with
+    a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. ``JOINTS`` where every level has the same frequency or amplitude.
     """
     x = amplitude - amplitude.mean()
     spread = float(x @ x)
-    if mass is None or not np.ptp(omega) > 0.0 or not spread > 0.0:
+    if not np.ptp(omega) > 0.0 or not spread > 0.0:
         return JOINTS
     top = int(np.argmax(force))
-    stiffness = mass * (omega**2 - omega[top] ** 2) * amplitude[top] / force[top]
-    slope = float(x @ stiffness) / spread
+    per_loss = amplitude[top] / force[top]
+    stiffness = (mass * omega**2 - mass[top] * omega[top] ** 2) * per_loss
+    slope, of_mass = np.array([stiffness, tolerance * mass * (omega**2 - omega[top] ** 2) * per_loss]) @ x / spread
     left = stiffness - stiffness.mean() - slope * x
-    of_frequency = 2.0 * mass * omega[top] ** 2 * amplitude[top] / force[top]
-    variance = ((of_frequency * FREQUENCY_SCATTER) ** 2 + left @ left) / max(len(x) - 1, 1)
-    fall, error = -slope * np.ptp(x), np.sqrt(variance / spread) * np.ptp(x)
+    of_frequency = 2.0 * mass[top] * omega[top] ** 2 * per_loss * FREQUENCY_SCATTER
+    variance = (of_frequency**2 + left @ left) / max(len(x) - 1, 1)
+    fall, error = -slope * np.ptp(x), np.hypot(np.sqrt(variance / spread), of_mass) * np.ptp(x)
     other = np.hypot(OTHER_FALLS, error)
     joint = np.hypot(JOINT_FALL, other)
     log_other = -0.5 * (fall / other) ** 2 - np.log(other)
