@@ -58,8 +58,9 @@ STEADY = 1.3
 #: three times as probable as before: where the levels leave less, as of a joint that has only begun to slip, strays
 #: are wider.
 LETS_GO = 0.4
-#: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
-SLOPES = (1.0 / 3.0, 3.0)
+#: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
+#: any force measured of structures) down to 1/3 (slip in full).
+SLOPES = (0.25, 3.0)
 
 
 def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
