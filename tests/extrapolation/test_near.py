@@ -23,7 +23,7 @@ from damping.extrapolation.near import (
     without_offset,
 )
 from damping.forces import CubicStiffness, Sum
-from damping.infer.doubt import JOINTS
+from damping.infer.doubt import ANY_JOINT
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
@@ -192,17 +192,17 @@ def test_the_resonance_says_how_far_damping_may_let_go():
         data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
         plan = plan_loads(data, laws, mode=Mode(name="", frequency=1.0, mass=truth.mass), estimate=brief_evidence)
         loads, unknown = (
-            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=JOINTS))
+            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=ANY_JOINT))
         )
         higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
         said = any("as where a joint slips" in caution for caution in loads.cautions[0])
         if name == "Bouc-Wen":
-            assert plan.joint > 0.5
+            assert plan.joint.probability > 0.5
             assert higher > 1.02
             assert lower < 1.0
             assert said
         else:
-            assert plan.joint < 0.1
+            assert plan.joint.probability < 0.1
             assert higher < 0.98
             np.testing.assert_allclose(lower, 1.0, rtol=0.01)  # another draw of the average: the lower end is its own
             assert not said
@@ -289,12 +289,12 @@ def test_a_known_mass_is_no_joint():
     data = peaks(A**1.5, A)
     data = replace(data, tested_omega=4.0 * np.pi / np.sqrt(1.0 + added / M))
     mode = Mode(name="", frequency=2.0, mass=M, tolerance=Tolerance(mass=0.02))
-    assert read_resonances(data, mode)[1] > 0.7
+    assert read_resonances(data, mode)[1].probability > 0.7
     steady = replace(data, tested_omega=12.0 * (1.0 + 1e-9 * A))
     for known in ({"added_mass": added}, {"tested_mass": M + added}, {"tested_mass": [np.nan, 1.02 * M, 1.04 * M]}):
         # as of a resonance that stays, but for what 2 % of the mass's error leave open
-        of_known, of_steady = (read_resonances(test, mode)[1] for test in (replace(data, **known), steady))
+        of_known, of_steady = (read_resonances(test, mode)[1].probability for test in (replace(data, **known), steady))
         assert of_steady < of_known < 2.0 * of_steady < 0.1
     # masses read from the rows that gave the mode's are estimates of one mass, as in Table 4.I
     estimates = replace(mode, tolerance=replace(mode.tolerance, from_record=True))
-    assert read_resonances(replace(data, tested_mass=M + added), estimates)[1] > 0.7
+    assert read_resonances(replace(data, tested_mass=M + added), estimates)[1].probability > 0.7

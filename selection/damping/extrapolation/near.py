@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.best_fit import BestFit
-from damping.infer.doubt import JOINTS, find_joint_probability
+from damping.infer.doubt import ANY_JOINT, Joint, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
@@ -171,11 +171,11 @@ def level_masses(data: Observations, mode: Mode) -> FloatArray:
     return mass if data.added_mass is None else mass + np.nan_to_num(data.added_mass)
 
 
-def read_resonances(data: Observations, mode: Mode) -> tuple[str, float]:
-    """What the levels' resonance frequencies say: a caution of bistability, and the probability that a joint slips."""
+def read_resonances(data: Observations, mode: Mode) -> tuple[str, Joint]:
+    """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips."""
     mass = level_masses(data, mode)
     tested = (data.tested_amplitude, data.tested_force, data.tested_omega)
-    return describe_bistability(data, mass), find_joint_probability(*tested, mass, mode.tolerance.mass)
+    return describe_bistability(data, mass), find_joint(*tested, mass, mode.tolerance.mass)
 
 
 def describe_bistability(data: Observations, mass: FloatArray) -> str:
@@ -226,8 +226,8 @@ class Plan:
     Attributes:
         data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
             prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
-            bistable: caution, empty where there is none or the mass is not known. joint: probability that what
-            dissipates slips, by the frequencies of the levels.
+            bistable: caution, empty where there is none or the mass is not known. joint: what the frequencies
+            of the levels say of one.
     """
 
     data: Observations
@@ -236,7 +236,7 @@ class Plan:
     limit: float
     fit: FitVerdict
     bistable: str = ""
-    joint: float = JOINTS
+    joint: Joint = ANY_JOINT
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
@@ -282,7 +282,7 @@ def plan_loads(
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
-    bistable, joint = read_resonances(data, mode) if mode else ("", JOINTS)
+    bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     return Plan(
         data=data,
         laws=tuple(planned),
