@@ -31,7 +31,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
 from damping.infer.chains import Posterior, sample
-from damping.infer.doubt import Joint
+from damping.infer.doubt import JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
@@ -167,7 +167,7 @@ def _is_number(value: object) -> bool:
 
 
 def _list_sampled(
-    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: Joint
+    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: JointEvidence
 ) -> tuple[Member, ...]:
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []

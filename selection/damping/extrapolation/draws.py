@@ -23,7 +23,7 @@ from scipy.special import gammaln
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.forces.contract import Sum
-from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, Joint, extend, stray
+from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -49,7 +49,7 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     cautions: tuple[str, ...] = ()
-    joint: Joint = ANY_JOINT
+    joint: JointEvidence = ANY_JOINT
 
     def thin(self) -> Member:
         """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.best_fit import BestFit
-from damping.infer.doubt import ANY_JOINT, Joint, find_joint
+from damping.infer.doubt import ANY_JOINT, JointEvidence, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
@@ -171,7 +171,7 @@ def level_masses(data: Observations, mode: Mode) -> FloatArray:
     return mass if data.added_mass is None else mass + np.nan_to_num(data.added_mass)
 
 
-def read_resonances(data: Observations, mode: Mode) -> tuple[str, Joint]:
+def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:
     """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips."""
     mass = level_masses(data, mode)
     tested = (data.tested_amplitude, data.tested_force, data.tested_omega)
@@ -236,7 +236,7 @@ class Plan:
     limit: float
     fit: FitVerdict
     bistable: str = ""
-    joint: Joint = ANY_JOINT
+    joint: JointEvidence = ANY_JOINT
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""

@@ -67,7 +67,7 @@ FALLS_AT_GO = (0.5, 1.0)
 SLOPES = (0.25, 3.0)
 
 
-class Joint(NamedTuple):
+class JointEvidence(NamedTuple):
     """What the resonances say of a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A."""
 
     probability: float = JOINTS
@@ -75,7 +75,7 @@ class Joint(NamedTuple):
 
 
 #: Nothing is known of the resonances.
-ANY_JOINT = Joint()
+ANY_JOINT = JointEvidence()
 
 
 def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
@@ -127,7 +127,7 @@ def nonlinearity(p: FloatArray) -> FloatArray:
 
 def find_joint(
     amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float
-) -> Joint:
+) -> JointEvidence:
     """Whether what dissipates slips, from the resonances of the levels and their masses, (levels,) each.
 
     f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
@@ -152,10 +152,10 @@ def find_joint(
     log_other = -0.5 * (fall / other) ** 2 - np.log(other)
     log_joint = -0.5 * (fall / joint) ** 2 - np.log(joint) + np.log(2.0) + log_ndtr(fall * JOINT_FALL / other / joint)
     odds = logsumexp(log_joint, b=OTHER_SHARES) - logsumexp(log_other, b=OTHER_SHARES)
-    return Joint(float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS)), float(fall))
+    return JointEvidence(float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS)), float(fall))
 
 
-def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: Joint = ANY_JOINT) -> FloatArray:
+def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: JointEvidence = ANY_JOINT) -> FloatArray:
     """ln A (draws, grid) beyond the test, from a law's and its straying g: slopes q exp(delta/q), held in ``SLOPES``.
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
