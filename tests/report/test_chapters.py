@@ -28,9 +28,6 @@ from damping_reed1970.studies import Gaps, ReportResults, Studies
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
-
 @pytest.fixture(scope="module")
 def results(
     studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame], gaps: Gaps
