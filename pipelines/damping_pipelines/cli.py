@@ -112,9 +112,7 @@ def rank(
     """List every candidate damping law, best first."""
 
 
-@app.command()
-@delegate(".rank")
-def extrapolate(
+def _predict(
     record: options.RecordArgument,
     mode: options.ModeOption,
     force: options.Forces = options.NONE,
@@ -126,25 +124,16 @@ def extrapolate(
     despite: options.Despite = options.NONE,
     max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
-    """Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands."""
+    """The options of both commands that predict resonances."""
 
 
-@app.command()
-@delegate(".rank")
-def curve(
-    record: options.RecordArgument,
-    mode: options.ModeOption,
-    amplitude: options.Amplitudes = options.NONE,
-    force: options.Forces = options.NONE,
-    level: options.Level = 0.9,
-    json_out: options.Json = None,
-    plot: options.Plot = None,
-    seed: options.Seed = options.DEFAULT_SEED,
-    despite: options.Despite = options.NONE,
-    max_size: options.MaxSize = options.MAX_SIZE,
-) -> None:
-    """Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked."""
-
+#: What they predict.
+_PREDICTIONS = {
+    "extrapolate": "Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands.",
+    "curve": "Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked.",
+}
+for _name, _help in _PREDICTIONS.items():
+    app.command(_name, help=_help)(delegate(".rank", _name)(_predict))
 
 #: Commands whose options stand elsewhere.
 _FURTHER = (
@@ -194,12 +183,10 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()  # here, where a full disk can still be told
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
-    except Refused as error:
+    except (Refused, AnalysisError) as error:
         code = _fail(str(error), 1)
     except InputError as error:
         code = _fail(str(error), 2)
-    except AnalysisError as error:
-        code = _fail(str(error), 1)
     except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
         code = _fail(" ".join(error.format_message().split()), 2)
     except ModuleNotFoundError as error:
