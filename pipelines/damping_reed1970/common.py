@@ -171,10 +171,10 @@ def write_chapter(
     shown: Mapping[str, Table],
     headings: Mapping[str, str] | None = None,
 ) -> ReportPart:
-    """The section of a chapter from its text, which may say ``agreement``.
+    """The section of a chapter from its text, a template that knows ``agreement``, ``tables`` by name and ``row``.
 
     Args:
-        named: tables of the report beside ours, by name. values: what the template is filled with.
+        named: tables of the report beside ours, by name. values: what else the template is filled with.
         figures: how each is drawn, by name.
         tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
         shown: further tables of the page by name, or such as stand for whole ones, without captions.
@@ -194,6 +194,7 @@ def write_chapter(
 
     agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
     text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
-    blocks = write_blocks(text, {"agreement": agreement, **values}, take)
+    known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row}
+    blocks = write_blocks(text, {**known_values, **values}, take)
     section = Section(f"chapter-{number}", TITLES[number], blocks)
     return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})

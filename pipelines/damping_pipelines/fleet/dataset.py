@@ -183,7 +183,8 @@ def read_files(task: FleetTask) -> tuple[Record, Mode]:
     with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
         paths = [Path(folder, name) for name in names]
         for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
-            path.write_bytes(content or b"")
+            with path.open("wb") as stream:
+                stream.write(content or b"")
         try:
             record, mode = read_record(paths[0]), read_mode(paths[1])
         except InputError as error:
