@@ -9,6 +9,7 @@ import errno
 import os
 import signal
 import sys
+import tomllib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import wraps
@@ -144,26 +145,7 @@ for _name in _FURTHER:
     app.command(_name.rstrip("_"))(getattr(options, _name))
 
 #: The example that the help of each command ends with.
-EXAMPLES = {
-    "study": "damping study campaign/study.toml --out results/panel",
-    "regress": 'damping regress table.csv --response energy --terms "A^2*omega, A^3*omega^2" --select backward',
-    "check": "damping check record.csv --mode mode.toml",
-    "rank": "damping rank record.csv --mode mode.toml --plot ranking.svg",
-    "extrapolate": "damping extrapolate record.csv --mode mode.toml --force 60 --force 90 --plot loads.svg",
-    "curve": "damping curve record.csv --mode mode.toml --json curve.json --plot curve.svg",
-    "sweep": "damping sweep mode.toml --force 30 --frequency 1.6:1.8:41 --out sweep.csv",
-    "condition": "damping condition raw.csv --config condition.toml --out record.csv",
-    "gap": "damping gap mode.toml record.csv --report gap.html --model-out corrected.toml",
-    "campaign": "damping campaign level-1.unv level-2.unv --out results/panel --design 2.0",
-    "import": "damping import frf.unv --out record.csv --unit force=N",
-    "export": "damping export curve.json --to nastran --out damping.bdf",
-    "compare": "damping compare results/panel results/panel-2 --out compare.html",
-    "verify": "damping verify results/panel",
-    "fleet": "damping fleet records --out results/fleet --force 60",
-    "bands": "damping bands records --out results/bands",
-    "blind": "damping blind --out results/blind",
-    "calibrate": "damping calibrate --out results/calibration",
-}
+EXAMPLES = tomllib.loads(Path(__file__).with_name("examples.toml").read_text("utf-8"))
 for _info in app.registered_commands:
     _own = _info.name or getattr(_info.callback, "__name__", "")
     assert _info.callback is not None

@@ -14,7 +14,7 @@ from damping.report import NOTHING
 from damping_reed1970.chapter_3 import PLANES, figures
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import ReportPart, chapter_table, write_chapter
+from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: Rise of a peak above what is around it, over the largest value: that of a median of draws is rough by less.
@@ -50,31 +50,8 @@ def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
     return float(change.max()), float(change[first.argmax()])
 
 
-#: Parameters of a fit as the page shows them, with the digits after the point.
-SHOWN = {
-    "omega_p": ("ω_p, rad/s", 3),
-    "omega_y": ("ω_y, rad/s", 3),
-    "theta_degrees": ("θ, degrees", 1),
-    "M": ("M, lb s²/in", 2),
-    "C": ("C, lb s/in", 2),
-    "xi": ("ξ", 5),
-    "in_phase_in": ("in phase, in", 3),
-    "lag_rad": ("lag, rad", 3),
-}
-#: The same of a posterior.
+#: What ``labels.toml`` calls parameters of a posterior.
 POSTERIOR = {"theta": "theta_degrees", "R": "in_phase_in"}
-#: Columns of the roots that the page shows, and what they are called.
-ROOTS = {
-    "point": "point",
-    "omega": "ω, rad/s",
-    "energy": "energy in, in-lb",
-    "largest_energy": "largest that can be lost",
-    "roots": "roots",
-    "xi_low": "low root ξ",
-    "xi_high": "high root ξ",
-    "xi_printed": "printed ξ",
-    "taken": "taken",
-}
 
 
 def write_chapter_3(results: ReportResults) -> ReportPart:
@@ -84,12 +61,13 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
     fits, branches = tables["planar_fits"], tables["branches"]
     main = fits[(fits["data"] == "A2") & (fits["noise"] == "constant")]
     of_planes = [name for name in map(str, branches) if name.startswith(("pitch", "yaw", "A_"))]
+    roots = LABELS["roots"]
     shown = {
         "fits": chapter_table(3, "planar_fits", fit_rows(main)),
         "planar_fits": chapter_table(3, "planar_fits", fit_rows(fits, ["data", "noise"])),
         "posteriors": chapter_table(3, "planar_posteriors", tabulate_posterior_rows(tables["planar_posteriors"])),
-        "branches": chapter_table(3, "branches", branches[list(ROOTS)], ROOTS),
-        "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(ROOTS)], ROOTS),
+        "branches": chapter_table(3, "branches", branches[list(roots)], roots),
+        "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(roots)], roots),
         "branch_energies": chapter_table(3, "branches", branches[["point", "energy_printed", *of_planes]]),
     }
     measured, tail, mode = computed.measured, computed.bands["tail"], computed.bands["A2"]
@@ -143,7 +121,7 @@ def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
 def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
     """One row per fit: parameters with standard errors as text, those held without."""
     columns: dict[str, object] = {name: fits[name] for name in [*(head or []), "fit"]}
-    for name, (label, digits) in SHOWN.items():
+    for name, (label, digits) in LABELS["fitted"].items():
         pairs = fits[[name, f"{name}_se"]].to_numpy(float)
         columns[label] = [_describe_with_error(value, error, digits) for value, error in pairs]
     columns["residual, in"] = fits["sigma"]
@@ -159,13 +137,13 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
         texts = {"data": data, "fit": fit}
         chosen = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
         for name, *numbers in chosen[["parameter", "median", "low", "high"]].itertuples(index=False):
-            label, digits = SHOWN.get(POSTERIOR.get(name, name), ("", 0))
+            label, digits = LABELS["fitted"].get(POSTERIOR.get(name, name), ("", 0))
             if label:
                 median, low, high = (f"{value:.{digits}f}".replace("-", "−") for value in numbers)
                 texts[label] = f"{median} ({low} to {high})"
         rows.append(texts)
     return pd.DataFrame(rows).fillna("")[
-        ["data", "fit", *(label for label, _ in SHOWN.values() if label != "lag, rad")]
+        ["data", "fit", *(label for label, _ in LABELS["fitted"].values() if label != "lag, rad")]
     ]
 
 

@@ -125,7 +125,7 @@ _COEFFICIENT_LINES = {
 
 @styled
 def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
-    """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
+    """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
     figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
     for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
         for cases, (law, label) in _COEFFICIENT_LINES.items():
