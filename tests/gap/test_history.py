@@ -22,12 +22,12 @@ DISSIPATIVE = {
 
 @pytest.fixture(scope="module")
 def first(gaps):
-    return gaps.configuration_1
+    return gaps["1"]
 
 
 @pytest.fixture(scope="module")
 def second(gaps):
-    return gaps.configuration_2
+    return gaps["2"]
 
 
 def test_configuration_1_has_two_planes_and_does_not_soften(first):

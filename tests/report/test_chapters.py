@@ -250,7 +250,7 @@ def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResul
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))
     assert plane
     assert 11.46 <= float(plane[1]) <= 11.51
-    assert results.gaps.configuration_1.leading.effects == ("planar-coupling",)
+    assert results.gaps["1"].leading.effects == ("planar-coupling",)
     assert "Damping grows with amplitude" in said(found)
     shown = found.tables["gap_configuration_2"]
     assert shown["probability"].sum() == pytest.approx(1.0)
