@@ -16,7 +16,7 @@ from damping.gap.weighing import describe_doubts
 from damping.records.record import Record
 
 #: One group: what was integrated is shared with other files.
-pytestmark = [pytest.mark.xdist_group("gap"), pytest.mark.usefixtures("no_folds")]
+pytestmark = pytest.mark.usefixtures("no_folds")
 #: Effects that are the same to first order: a second plane is a mode beside and a gain, a delay a lag in a narrow band.
 ALIKE = {"planar-coupling": {"second-mode"}, "phase-lag": {"time-delay"}}
 #: Effects whose gap in ``lab`` is 6 to 31 sigma: an instrument, a structure and a damping force; others of each kind.
