@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, describe_nearest
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
-from damping.records.keys import TomlTable, describe_nearest, read_toml
+from damping.records.keys import TomlTable, read_toml
 from damping.signals.histories import track_sine
 
 #: What a label says of a level: a number with a unit.

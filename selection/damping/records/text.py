@@ -5,10 +5,10 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from damping.errors import InputError
+from damping.errors import InputError, describe_nearest
 
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
@@ -77,6 +77,12 @@ def decode(data: bytes) -> tuple[str, InputError | None]:
 def describe_shortened(text: str, length: int = 30) -> str:
     """``text``, cut to ``length`` characters for a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def describe_meant(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
+    """A hint for a message at the known name most like ``name``; empty where none is."""
+    nearest = describe_nearest(name, known, likeness=likeness)
+    return f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
 
 
 def guarded(text: str) -> str:
