@@ -160,6 +160,13 @@ class Force(ABC):
         return zeros(A, omega)
 
 
+@dataclass(frozen=True)
+class CoefficientForce(Force):
+    """A force with one parameter, the coefficient that it is proportional to."""
+
+    coefficient: Floats
+
+
 class AveragedForce(Force):
     """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
 
