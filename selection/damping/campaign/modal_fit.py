@@ -25,10 +25,10 @@ from damping.arrays import ComplexArray, FloatArray, IntArray
 CLUSTER = 0.15  #: modes closer than this share of their frequency are fitted together
 BAND = 0.12  #: rows this far away from a cluster belong to its band
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
-LEAST_T = 8.0  #: a mode stays where its residue is so many standard errors at one sensor at least
+LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
 SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
 LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
-_FLOOR = 8.0  #: motions below so many times the noise are no peaks
+_FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
 _NEWTON_STEPS = 3

@@ -75,7 +75,6 @@ def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
-    """Series of a table of text."""
     known = _LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):

@@ -116,7 +116,6 @@ def _as_lines(data: bytes) -> bytes:
 
 
 def _summarise(sets: list[DataSet], others: list[int], summary: Summary) -> None:
-    """Put what the file holds into the summary."""
     for entry in sets[:_MOST_LISTED]:
         quantity = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(entry.function, f"function type {entry.function}")

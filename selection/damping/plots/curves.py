@@ -148,7 +148,7 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     """Two panels over the level: damping ratio with its band, and frequency.
 
     Args:
-        table: a row a level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
+        table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         unit: of the level.
     """
     figure = Figure(figsize=(look.WIDTH, 4.4))

@@ -207,7 +207,7 @@ _COLUMNS = 3
 
 @styled
 def predictive_check(table: pd.DataFrame, level: float) -> Figure:
-    """Draw predictive intervals of resonant amplitude, in per cent of the measured: a panel a sweep, a row a law.
+    """Draw predictive intervals of resonant amplitude (per cent of the measured): a panel each sweep, a row each law.
 
     Args:
         table: ``law, sweep, median, low, high``; 100 is the measured amplitude. level: content of the intervals.

@@ -50,7 +50,7 @@ _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
 
 @styled
 def gap_map(rows: pd.DataFrame, label: str) -> Figure:
-    """Draw one coloured mark a row of the record, sweeps one below the other; ``label``: what the colour is.
+    """Draw one coloured mark for each row of the record, sweeps one below the other; ``label``: what the colour is.
 
     Args:
         rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.
@@ -97,7 +97,7 @@ def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
 
 @styled
 def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) -> Figure:
-    """Draw one pair of panels a sweep: amplitude above phase, over frequency.
+    """Draw one pair of panels for each sweep: amplitude above phase, over frequency.
 
     Args:
         measured: ``sweep, frequency (Hz), amplitude, phase (rad, NaN where none), wild`` (left out of the fit).
@@ -211,7 +211,7 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
 
 @styled
 def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
-    """Draw one bar an explanation, most probable on top.
+    """Draw one bar for each explanation, most probable on top.
 
     Args:
         table: ``explanation, probability, listed`` (among those that together reach 0.95).

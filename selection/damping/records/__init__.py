@@ -54,8 +54,8 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
 class Audit:
     """Findings of a record, those that refuse first, and what its sweeps imply.
 
-    ``implied``: a row a sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``, ``damping_ratio``,
-    ``phase_offset`` (rad); NaN where a sweep does not show it.
+    ``implied``: one row for each sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``,
+    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show it.
     """
 
     findings: tuple[Finding, ...]
@@ -69,7 +69,7 @@ class Audit:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a finding: ``check, verdict, what, advice, sweeps``."""
+        """One row for each finding: ``check, verdict, what, advice, sweeps``."""
         columns = list(Finding.__dataclass_fields__)
         return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
 

@@ -121,14 +121,20 @@ class TomlTable:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
                 raise self.error(key, f"unknown key{where}", list_nearest(key, known))
 
-    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> TomlTable:
-        """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
+    def table(self, key: str, *known: str, required: bool = False, expected: str = "a table") -> TomlTable:
+        """The table under ``key``, with no keys but those ``known`` where these are given.
+
+        It is empty where there is none unless it is ``required``; ``expected`` says what of.
+        """
         if required and key not in self.values:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, f"is {_describe_kind(value)}", expected)
-        return TomlTable(value, (*self.path, key), self.file, self.content)
+        table = TomlTable(value, (*self.path, key), self.file, self.content)
+        if known:
+            table.only(*known)
+        return table
 
     def text(self, key: str, *, default: str) -> str:
         """The text under ``key``, or ``default``."""
@@ -206,7 +212,6 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
 
 
 def _describe_kind(value: object) -> str:
-    """What a TOML value is, in words."""
     kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 

@@ -185,7 +185,7 @@ class View:
 
     @cached_property
     def implied(self) -> pd.DataFrame:
-        """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
+        """One row for each sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
         table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
         for leg in self.legs:

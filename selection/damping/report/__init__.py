@@ -56,7 +56,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: SupportsFloat, digits: int = 3) -> str:
-    """``value`` with so many significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
+    """``value`` with ``digits`` significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
@@ -81,7 +81,7 @@ def describe_written(value: Any) -> str:
 
 
 def format_decimals(value: float, digits: int) -> str:
-    """``value`` with so many decimals, a dash where there is none."""
+    """``value`` with ``digits`` decimals, a dash where there is none."""
     return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
 
 

@@ -183,7 +183,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
-    """A row an explanation that was fitted, most probable first: ``explanation, probability, log_evidence, listed``.
+    """One row for each fitted explanation, most probable first: ``explanation, probability, log_evidence, listed``.
 
     Listed are those that together reach 0.95.
     """
@@ -223,7 +223,6 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
 
 
 def _locate(rows: Rows) -> dict[str, Any]:
-    """Sweep and frequency of each row."""
     return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
 
 

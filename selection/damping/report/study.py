@@ -87,7 +87,7 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
 
 #: Points that the page shows of a longer record, the first.
 MOST_POINTS = 60
-#: A table of deviations has a column for each of so many points, not of more.
+#: Most points for each of which a table of deviations has a column.
 MOST_COLUMNS = 24
 
 
@@ -161,7 +161,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
-    """A row a law, a column a point; for many points the mean and the largest only."""
+    """One row for each law, one column for each point; for many points the mean and the largest only."""
     deviations = tables.tabulate_deviations(result)
     by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
     table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})

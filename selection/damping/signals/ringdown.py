@@ -31,12 +31,12 @@ from damping.signals.histories import Window, even_times, flat_window, noise_bes
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
 LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
-ABOVE_NOISE = 10.0  #: a level is kept where the amplitude is so many times the noise
+ABOVE_NOISE = 10.0  #: least amplitude of a level that is kept, over the noise
 LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
 MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
 WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
 LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
-LARGEST_LOSS = 1.1  #: a loss of the start is said where the motion was so many times larger
+LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
 
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
