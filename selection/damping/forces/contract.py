@@ -104,11 +104,6 @@ class Force(ABC):
         return ()
 
     @property
-    def hysteretic(self) -> bool:
-        """Whether it has memory."""
-        return bool(self.joints)
-
-    @property
     def restores(self) -> bool:
         """Whether it has a part in phase with displacement."""
         return type(self).in_phase is not Force.in_phase

@@ -13,37 +13,6 @@ from matplotlib.figure import Figure
 from damping import plots as look
 from damping.plots import build_panel, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
 
-#: Title and description of each figure of a diagnosis.
-DESCRIBED = {
-    "overlay": (
-        "Measured and simulated sweeps",
-        "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
-        "refitted within its tolerance, and with the leading explanation.",
-    ),
-    "resonances": (
-        "Measured and simulated resonances",
-        "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
-        "simulation as given, refitted within its tolerance, and with the leading explanation.",
-    ),
-    "residuals": (
-        "Where the simulation as given misses the test",
-        "Residual of amplitude and phase in units of noise, by sweep and frequency.",
-    ),
-    "footprint": (
-        "Footprint of the explanation",
-        "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
-    ),
-    "probabilities": (
-        "Probabilities of the explanations",
-        "Bars of the most probable explanations; those that together reach 0.95 stand out.",
-    ),
-    "local": (
-        "Local natural frequency and damping",
-        "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself (bars of one "
-        "standard error), with the refitted simulation, the explanation, and what a curve of free form would add to "
-        "the explanation (90 per cent band).",
-    ),
-}
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
 
