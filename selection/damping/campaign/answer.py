@@ -227,9 +227,7 @@ class Campaign:
                 for mode in self.modes
                 for finding in mode.findings
             ],
-            "outcomes": [
-                asdict(outcome) | {"above_db": outcome.above_db, "held": outcome.held} for outcome in self.outcomes
-            ],
+            "outcomes": [asdict(row) | {"above_db": row.above_db, "held": row.held} for row in self.outcomes],
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }

@@ -190,9 +190,8 @@ def _fit_cluster(f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster]])
     low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9], count)
     high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97], count)
-    optimum = least_squares(
-        misfit, np.clip(x0, low + 1e-9, high - 1e-9), bounds=(low, high), x_scale="jac", max_nfev=40
-    )
+    start = np.clip(x0, low + 1e-9, high - 1e-9)
+    optimum = least_squares(misfit, start, bounds=(low, high), x_scale="jac", max_nfev=40)
     return poles.moved(cluster, *np.split(optimum.x, 3))
 
 
@@ -205,9 +204,8 @@ def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> t
         stacked = np.concatenate([scaled.real, scaled.imag])
         size = _measure_size(stacked)
         target = row / sd[s]
-        coefficients[s] = (
-            np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
-        )
+        parts = np.concatenate([target.real, target.imag])
+        coefficients[s] = np.linalg.lstsq(stacked / size, parts, rcond=None)[0] / size
         left[s] = target - scaled @ coefficients[s]
     return coefficients, left
 

@@ -92,9 +92,7 @@ def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
         label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else look.weight_text(weight)
-        axes.annotate(
-            label, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=look.INK
-        )
+        axes.annotate(label, (weight, row), (4, 0), **look.BESIDE)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")
 
@@ -192,9 +190,8 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     """Numbers and names on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    axes.tick_params(
-        labelbottom=bool(x_label), labelleft=bool(y_label), left=bool(y_label), labelsize=7, color=look.MUTED
-    )
+    below, beside = bool(x_label), bool(y_label)
+    axes.tick_params(labelbottom=below, labelleft=beside, left=beside, labelsize=7, color=look.MUTED)
     axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 

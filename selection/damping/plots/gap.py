@@ -105,9 +105,7 @@ def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: 
     ax.set_visible(True)
     _draw_models(ax, curves, "frequency", quantity)
     regular, wild = points[~points["wild"]], points[points["wild"]]
-    ax.plot(
-        regular["frequency"], regular[quantity], "o", color=look.MEASURED, markersize=2.6, label="measured", zorder=3
-    )
+    ax.plot(regular["frequency"], regular[quantity], "o", color=look.MEASURED, ms=2.6, label="measured", zorder=3)
     ax.plot(wild["frequency"], wild[quantity], "x", color=look.AVERAGE, markersize=4, zorder=3)
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
@@ -189,8 +187,7 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
     draw_plain_rows(ax, table["explanation"].tolist())
     colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": look.INK}
     for row, probability in enumerate(table["probability"].tolist()):
-        ax.annotate(weight_text(probability), (probability, row), (4, 0), **beside)
+        ax.annotate(weight_text(probability), (probability, row), (4, 0), **look.BESIDE)
     ax.set_xlim(0.0, 1.12)
     return figure

@@ -135,9 +135,8 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     columns = np.column_stack([x * x, x, np.ones_like(x), -squared * x, -squared])
     for _ in range(_REWEIGHED):
         size = np.linalg.norm(columns * weight[:, np.newaxis], axis=0)
-        top2, top1, top0, low1, low0 = (
-            np.linalg.lstsq(columns * (weight[:, np.newaxis] / size), squared * x * x * weight)[0] / size
-        )
+        scaled = columns * (weight[:, np.newaxis] / size)
+        top2, top1, top0, low1, low0 = np.linalg.lstsq(scaled, squared * x * x * weight)[0] / size
         below = x * x + low1 * x + low0
         weight = 1.0 / (squared * np.maximum(np.abs(below), 1e-300))
     if top2 <= 0.0 or low1 == top1 / top2:

@@ -72,9 +72,8 @@ def break_down(deviations: Deviations) -> pd.DataFrame:
     edges = (0.0, *BANDS, np.inf)
     size = np.abs(deviations.percent)
     numbers = np.array([((size >= low) & (size < high)).sum() for low, high in pairwise(edges)])
-    return pd.DataFrame(
-        {"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": 100.0 * numbers / len(size)}
-    )
+    share = 100.0 * numbers / len(size)
+    return pd.DataFrame({"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": share})
 
 
 def sum_up(fit: Fit) -> dict[str, float]:

@@ -205,9 +205,8 @@ def format_dimension_text(dimension: Dimension, units: Units) -> str:
     both = any(plain[base] and raised[base] for base in names)
     if both or sum(map(bool, raised.values())) < 2:
         signs = {base: (raised[base] or plain[base]) for base in names}
-        return _format_quotient(
-            {names[base]: (sign, _format_raised(plain[base], raised[base])) for base, sign in signs.items()}
-        )
+        powers = {base: _format_raised(plain[base], raised[base]) for base in names}
+        return _format_quotient({names[base]: (sign, powers[base]) for base, sign in signs.items()})
     free = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in raised.items()})
     fixed = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in plain.items()})
     return f"{fixed}·({free})^p" if fixed else f"({free})^p"

@@ -117,9 +117,8 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
 def _draw_ranking(result: RecordResult) -> Drawn:
     table = forms.tabulate_candidates(result.ranking).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
-    weights = words.format_joined(
-        f"{law} {words.format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
-    )
+    laws = zip(best["law"], best["weight"], strict=True)
+    weights = words.format_joined(f"{law} {words.format_share(weight)}" for law, weight in laws)
     description = (
         f"Bars of the weight of the first {len(table)} candidate laws, beside their error at the tested resonances, "
         f"fitted and with the level held out. Largest weights: {weights}."

@@ -256,9 +256,8 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     table["damping ratio"] = [words.format_percent_ratio(value) for value in ratio.median]
     table["low end"] = [words.format_percent_ratio(value) for value in ratio.low]
     table["frequency"] = [words.format_quantity(value, "Hz", 4) for value in frequency]
-    gravities = [
-        words.format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)
-    ]
+    motions = zip(design.average.median, frequency, strict=True)
+    gravities = [words.format_gravity(amplitude, hertz, units.length) for amplitude, hertz in motions]
     if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table

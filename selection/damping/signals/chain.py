@@ -18,6 +18,7 @@ import pandas as pd
 from damping import signals
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
+from damping.signals import NodeMode
 from damping.signals.description import Description
 
 
@@ -200,16 +201,14 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     if principal.xi is None:
         xi = signals.branch(points, 0 if principal.branch == "low" else -1, principal.largest)
     else:  # that is, branch "near"
-        xi = np.array(
-            [signals.nearest_root(point.roots[point.roots < principal.largest], principal.xi) for point in points]
-        )
+        roots = [point.roots[point.roots < principal.largest] for point in points]
+        xi = np.array([signals.nearest_root(own, principal.xi) for own in roots])
     kept = np.isfinite(xi)
     if not kept.any():
         raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
     motion = signals.plane_motion(planes, F, omega, xi)
-    after = table.drop(columns="phase").assign(
-        force=F * np.cos(planes.theta), amplitude=motion.A_p, energy=motion.E_p, xi=xi
-    )
+    pitch = F * np.cos(planes.theta)
+    after = table.drop(columns="phase").assign(force=pitch, amplitude=motion.A_p, energy=motion.E_p, xi=xi)
     removed = {"yaw amplitude": np.asarray(motion.A_y), "yaw energy": np.asarray(motion.E_y), "input energy": energy}
     return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
 
@@ -222,9 +221,7 @@ def to_record(table: pd.DataFrame, raw: pd.DataFrame, description: Description) 
     return _step("record", "", table, pd.DataFrame(columns))
 
 
-def _node_modes(
-    table: pd.DataFrame, description: Description
-) -> tuple[signals.NodeMode, list[signals.NodeMode], FloatArray]:
+def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode, list[NodeMode], FloatArray]:
     """The mode and the others as the node sees them, and the force.
 
     A force that acts elsewhere (phi_drive) excites a mode as if its mass were M phi/phi_drive.
@@ -233,8 +230,8 @@ def _node_modes(
     others = []
     for m in d.modes:
         mass = m.mass * m.phi / m.drive if m.phi * m.drive != 0.0 else np.inf
-        others.append(signals.NodeMode(m.phi, mass, d.units.rad_s * m.frequency))
-    return signals.NodeMode(d.mode.phi, np.nan, np.nan), others, _column(table, "force")
+        others.append(NodeMode(m.phi, mass, d.units.rad_s * m.frequency))
+    return NodeMode(d.mode.phi, np.nan, np.nan), others, _column(table, "force")
 
 
 def _in_phase(
@@ -248,9 +245,8 @@ def _in_phase(
     A, phi = _column(table, "amplitude"), _column(table, "phase")
     C_t = np.sum(list(parts.values()), axis=0)
     after_phi = signals.modal_phase(A, phi, C_t, 1.0)
-    after = table.assign(
-        amplitude=signals.modal_amplitude(A, phi, C_t, 1.0, after_phi), phase=_lag(np.asarray(after_phi))
-    )
+    amplitude = signals.modal_amplitude(A, phi, C_t, 1.0, after_phi)
+    after = table.assign(amplitude=amplitude, phase=_lag(np.asarray(after_phi)))
     return _step(name, equation, table, after, {part: -C for part, C in parts.items()}, constants)
 
 
@@ -262,9 +258,8 @@ def _step(
     removed: Mapping[str, FloatArray] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> ConditioningStep:
-    return ConditioningStep(
-        name, equation, before, after, pd.DataFrame(removed or {}, index=before.index), constants or {}
-    )
+    parts = pd.DataFrame(removed or {}, index=before.index)
+    return ConditioningStep(name, equation, before, after, parts, constants or {})
 
 
 def _column(table: pd.DataFrame, name: str) -> FloatArray:

@@ -106,9 +106,8 @@ def ring_down(
     dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
-        raise AnalysisError(
-            f"the record has {len(x) * dt * frequency:.3g} periods, of which {2 * periods:g} are needed"
-        )
+        has = len(x) * dt * frequency
+        raise AnalysisError(f"the record has {has:.3g} periods, of which {2 * periods:g} are needed")
     x = x - np.mean(x)
     z = window.analytic(x)
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
