@@ -173,8 +173,7 @@ def read_columns(
     labels: list[str] | None = [] if "sweep" in places else None
     for line, row in rows:
         if len(row) != len(names):
-            expected = f"{len(names)} as in the header"
-            raise InputError(f"{len(row)} cells in the row", line=line, expected=expected)
+            raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
         for role, column in values.items():
             column.append(_number(row[places[role]], layout.decimal, line, names[places[role]]))
         if labels is not None:

@@ -178,8 +178,7 @@ def _require_one_point(responses: list[DataSet], datasets: tuple[int, ...]) -> N
     points = list(dict.fromkeys(response.place for response in responses))
     if len(points) > 1 and not datasets:
         expected = "--dataset numbers of the sweeps of one point, or damping campaign for all"
-        message = f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)"
-        raise InputError(message, expected=expected)
+        raise InputError(f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)", expected=expected)
 
 
 def _series(entry: DataSet, data: bytes, summary: Summary) -> Series:

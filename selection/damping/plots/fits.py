@@ -162,8 +162,7 @@ def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple
     axes.stairs(_density(prior, edges), edges, color=look.LINEAR, linewidth=1.3, baseline=None, label="prior")
     low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
     axes.vlines([low, high], 0.0, heights.max(), color=look.INK, linewidth=0.8, linestyle=(0, (3, 2)))
-    summary = f"{median:.3g}\n({low:.3g} to {high:.3g})"
-    axes.set_title(summary, fontsize=7, fontweight="normal", loc="center", pad=3)
+    axes.set_title(f"{median:.3g}\n({low:.3g} to {high:.3g})", fontsize=7, fontweight="normal", loc="center", pad=3)
     axes.set_ylim(0.0, 1.08 * heights.max())
     axes.grid(visible=False)
 

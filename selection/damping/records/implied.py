@@ -204,8 +204,7 @@ def sense_rate(runs: Sequence[Run]) -> float | None:
     count = len(real) - linear.shape[1] - 1
     if count < FREE_ROWS:
         return None
-    swept = np.column_stack([linear, slope])
-    solution, left, spread = _solve(swept, real)
+    solution, left, spread = _solve(np.column_stack([linear, slope]), real)
     steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
     error = spread * np.sqrt(left / count)
     certain = abs(solution[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent

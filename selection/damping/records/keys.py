@@ -99,8 +99,7 @@ def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
             if place is None:
                 raise InputError(f"not TOML: {reason}") from None
             line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-            message = f"not TOML: {reason[: place.start()].strip()}"
-            raise InputError(message, line=line, column=place[2]) from None
+            raise InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2]) from None
         except RecursionError:
             raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
 

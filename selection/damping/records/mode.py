@@ -115,8 +115,7 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect that is out of
     the bounds of its shape.
     """
-    values = _checked(read_toml(path, max_size), Path(path).stem)
-    return Mode(**values, source=str(path))
+    return Mode(**_checked(read_toml(path, max_size), Path(path).stem), source=str(path))
 
 
 def _checked(top: TomlTable, name: str) -> dict[str, Any]:

@@ -112,8 +112,7 @@ class CsvRows:
     def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:
         self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
-        blanks = delimiter == " "
-        self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=blanks)
+        self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " ")
         self._broken: InputError | None = None
         self._size = self._start = 0
         self.problem: InputError | None = None
@@ -160,7 +159,6 @@ class CsvRows:
     def _unreadable(self, reason: str) -> InputError:
         line = self._start
         if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
-            quote = InputError("a quote that is opened and never closed", line=line, expected='"..."')
-            return self._broken or quote
+            return self._broken or InputError("a quote that is opened and never closed", line=line, expected='"..."')
         separated = "by commas" if self._delimiter == "," else "as stated"
         return InputError(f"not CSV: {reason}", line=line, expected=f"cells separated {separated}")

@@ -99,8 +99,7 @@ class View:
             others = np.arange(len(single)) != k
             if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
                 continue  # no line holds so far beyond the other levels: friction sticks, joints open
-            degree = 1 if np.ptp(x[others]) > 0.05 else 0
-            line = np.polyfit(x[others], y[others], degree)
+            line = np.polyfit(x[others], y[others], 1 if np.ptp(x[others]) > 0.05 else 0)
             left = y - np.polyval(line, x)
             if abs(left[k]) > log(WILD) and np.abs(left[others]).max() < 0.2 * abs(left[k]):
                 return {int(run.rows[0]): run.sweep}

@@ -25,6 +25,7 @@ from damping.report.page import (
     FigureBlock,
     Fold,
     Footer,
+    Format,
     List,
     Section,
     Table,
@@ -149,7 +150,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
+    formats: dict[str, Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
@@ -206,8 +207,7 @@ def _build_method(study: StudyResult) -> list[Block]:
         "content": 100 * INTERVAL,
         "level": 100 * study.level,
     }
-    text = Path(__file__).with_name("method.txt")
-    return write_blocks(text, values, take_parts({"laws": _tabulate_forces(study)}))
+    return write_blocks(Path(__file__).with_name("method.txt"), values, take_parts({"laws": _tabulate_forces(study)}))
 
 
 def _tabulate_forces(study: StudyResult) -> Table:

@@ -145,8 +145,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
         if not r2_over_i > 0.0 and description.mode.phi_drive is None:  # force and node at one place
             raise AnalysisError(f"R^2/I identified from column {rigid.identify_from} is {r2_over_i:.3g}, not positive")
     part = signals.node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
-    constants = {"r2_over_i": r2_over_i}
-    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, constants)
+    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, {"r2_over_i": r2_over_i})
 
 
 def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
