@@ -181,7 +181,7 @@ def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, see
 
 @styled
 def draw_coverage(table: pd.DataFrame) -> Figure:
-    """Draw the share of next tests inside the band and above it, a row a structure, a mark a ratio, 95 % intervals."""
+    """Draw the share of next tests inside the band and above it, by structure and ratio, with 95 % intervals."""
     names = list(dict.fromkeys(table["truth"]))[::-1]
     figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
     left, right = figure.subplots(1, 2, sharey=True)
