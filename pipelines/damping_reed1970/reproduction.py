@@ -98,9 +98,9 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
             return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
         if kind == "counts":
             return [Table(count_agreements(rows), rest)]
-        return [Table(rows[list(known.columns)], known.text, key="reproduction")]
+        return [Table(rows[known["columns"]], known["text"], key="reproduction")]
 
-    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
+    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known["title"]}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
 
 
