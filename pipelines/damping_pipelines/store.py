@@ -100,7 +100,7 @@ def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
     """InputError before any work: an output, by option, is an input or another output, or ``--plot`` is no picture."""
     for option, target in targets.items():
-        refuse_inputs(option, target, *inputs)
+        refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     refuse_twice(targets)
     plot = targets.get("--plot")
     if plot is not None and Path(plot).suffix.lower() not in PICTURES:

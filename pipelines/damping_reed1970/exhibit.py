@@ -179,10 +179,7 @@ SUMMARISED = (
 
 
 def summarise(results: ReportResults) -> dict[str, Any]:
-    """The report as plain data: printed numbers, section 6.1, errata, and the key tables of the chapters.
-
-    ``chapters`` begins with how many printed numbers agree how well.
-    """
+    """The report as plain data: printed numbers and how well they agree, section 6.1, errata, tables of the chapters."""
     printed, levels = results.tables["reproduction"], results.studies.levels
     tables = {**results.chapter_3.tables, **results.studies.tables(), **results.tables}
     agreements = printed["agreement"].groupby(printed["id"].map(chapter_of))
@@ -208,13 +205,11 @@ def _convert_rows(table: pd.DataFrame) -> list[Any]:
 
 
 def describe_draws(data: str, variant: str, posterior: PlanarPosterior) -> Any:
-    """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
-
-    Single precision: seven digits are far more than the Monte Carlo error leaves.
-    """
+    """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles."""
     chains = posterior.chains
     assert chains is not None  # asked of sampled posteriors only
     ensembles, kept = chains.x.shape[:2]
+    # single precision: seven digits are far more than the Monte Carlo error leaves
     draws = {name: np.asarray(values, dtype=np.float32) for name, values in posterior.parameters.items()}
     return load_arviz().from_dict(
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},

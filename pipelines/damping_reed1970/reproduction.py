@@ -124,12 +124,7 @@ _LINEAR = 1.0
 
 @styled
 def draw_reproduction(table: pd.DataFrame) -> Figure:
-    """Draw 100 (computed/printed - 1) by group of ids.
-
-    Args:
-        table: ``id, printed`` (text), ``computed, computed_after_correction`` (numbers or missing), ``erratum``
-            (empty where there is none). Rows whose printed value is no number other than zero are not drawn.
-    """
+    """Draw 100 (computed/printed - 1) of the reproduction by group of ids (:func:`tabulate_percent_differences`)."""
     rows = tabulate_percent_differences(table)
     groups = list(rows["group"].unique())
     figure, axes = build_panel(1.1 + 0.2 * len(groups))
@@ -151,7 +146,8 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
 
 
 def tabulate_percent_differences(table: pd.DataFrame) -> pd.DataFrame:
-    """Comparable rows with ``group``, ``percent`` and ``percent_corrected`` = 100 (computed/printed - 1)."""
+    """Rows whose printed value is a number but zero, with ``group``, ``percent`` = 100 (computed/printed - 1) and
+    ``percent_corrected``."""
     printed = pd.to_numeric(table["printed"], errors="coerce")
     rows = table.assign(
         group=table["id"].map(describe_group_of),
