@@ -128,9 +128,7 @@ def import_(
     delimiter: Annotated[str, Option(help="comma, semicolon, tab, space or auto.")] = "auto",
     decimal: Annotated[str, Option(help="Mark in numbers: point, comma or auto.")] = "auto",
     skip: Annotated[int, Option(min=0, help="Lines before the header of a CSV file.")] = 0,
-    ring_down: Annotated[
-        bool, Option("--ring-down", help="Time histories: free decays of --mode.")
-    ] = False,
+    ring_down: Annotated[bool, Option("--ring-down", help="Time histories: free decays of --mode.")] = False,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode of the free decays: frequency, mass.")] = None,
     periods: Annotated[float | None, Option(help="Window of a decay, periods.")] = None,
     levels: Annotated[int | None, Option(help="Most levels taken of a decay.")] = None,

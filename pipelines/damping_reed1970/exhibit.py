@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +154,7 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
             that have them.
     """
     return {
-        "reproduction": pd.DataFrame([{**asdict(r), "agreement": r.agreement} for r in reproduce()]),
+        "reproduction": reproduce(),
         "errata": load_errata().sort_values("severity", kind="stable", ignore_index=True),
         "regressions": tabulate_regressions(),
         "regression_deviations": tabulate_regression_deviations(),
@@ -179,7 +179,7 @@ SUMMARISED = (
 
 
 def summarise(results: ReportResults) -> dict[str, Any]:
-    """The report as plain data: printed numbers and how well they agree, section 6.1, errata, tables of the chapters."""
+    """The report as plain data: printed numbers, how well they agree, section 6.1, errata, tables of the chapters."""
     printed, levels = results.tables["reproduction"], results.studies.levels
     tables = {**results.chapter_3.tables, **results.studies.tables(), **results.tables}
     agreements = printed["agreement"].groupby(printed["id"].map(chapter_of))

@@ -74,23 +74,16 @@ class LevelCase:
 class LevelMethods:
     """What the two methods say; percentages are of the measured or base value.
 
-    ``held``: ``xi`` or ``coefficient``, kept from level to level. ``coefficients``: Table 4.V. ``variations``:
-    ``largest_percent`` by base (signed, as the report), ``spread_percent`` (:func:`spread`). ``predictions``: Table
-    4.IV; base ``others`` takes coefficient and free alpha from all other sweeps. ``picked``: case of least spread.
-    ``cautions``: what a reader should know, in words.
+    ``coefficients``: Table 4.V. ``variations``: ``largest_percent`` by base (signed, as the report), ``spread_percent``
+    (:func:`spread`). ``predictions``: Table 4.IV; base ``others`` takes coefficient and free alpha from all other
+    sweeps. ``picked``: case of least spread. ``cautions``: what a reader should know, in words.
     """
 
-    held: str
-    cases: tuple[LevelCase, ...]
     coefficients: pd.DataFrame
     variations: pd.DataFrame
     predictions: pd.DataFrame
     picked: str
     cautions: tuple[str, ...]
-
-    def case(self, name: str) -> LevelCase:
-        """The case called ``name``."""
-        return next(case for case in self.cases if case.name == name)
 
 
 def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Sequence[float] = (1.0,)) -> LevelMethods:
@@ -112,8 +105,6 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
     variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
     spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
     return LevelMethods(
-        held="coefficient" if mass is None else "xi",
-        cases=cases,
         coefficients=pd.concat(map(pd.DataFrame, coefficients), ignore_index=True),
         variations=variations,
         predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
