@@ -84,9 +84,10 @@ def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Float
     z = posterior.find_variables(start[None])[0]
     if not negative(z[None, :])[0] < BARRIER:
         points = np.random.default_rng(0).standard_normal((STARTS, start.size))
-        z = points[np.argmin(negative(points))]
-    if not negative(z[None, :])[0] < BARRIER:
-        raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
+        values = negative(points)
+        z = points[np.argmin(values)]
+        if not values.min() < BARRIER:
+            raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
     return descend(z, negative)
 
 
@@ -105,7 +106,10 @@ def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
     widths = np.full(x.size, FIRST_STEP)
     for _ in range(MOST_STEPS):
         value, gradient, covariance, widths = expand(x, negative, widths)
-        tried = x - STEP_SHARES[:, None] * (covariance @ gradient)
+        step = covariance @ gradient
+        if not gradient @ step > STILL:  # half of it is what the step would gain
+            break
+        tried = x - STEP_SHARES[:, None] * step
         values = negative(tried)
         best = int(np.argmin(values))
         if not values[best] < value - STILL:
