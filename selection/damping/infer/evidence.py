@@ -106,10 +106,7 @@ def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
     widths = np.full(x.size, FIRST_STEP)
     for _ in range(MOST_STEPS):
         value, gradient, covariance, widths = expand(x, negative, widths)
-        step = covariance @ gradient
-        if not gradient @ step > STILL:  # half of it is what the step would gain
-            break
-        tried = x - STEP_SHARES[:, None] * step
+        tried = x - STEP_SHARES[:, None] * (covariance @ gradient)
         values = negative(tried)
         best = int(np.argmin(values))
         if not values[best] < value - STILL:
