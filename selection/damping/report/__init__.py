@@ -242,11 +242,13 @@ WORDS = {
     "between": format_between,
     "count": count,
     "counted": format_counted,
+    "force_text": format_force_text,
     "joined": format_joined,
     "number": number,
     "numbers": format_numbers,
     "percent": format_percent,
     "points_text": format_points_text,
+    "quantity": format_quantity,
     "share": format_share,
     "signed": format_signed,
 }

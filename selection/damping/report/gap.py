@@ -24,7 +24,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
-from damping.report.page import Block, Facts, FigureBlock, Footer, List, Table, Text, render_page, write_sections
+from damping.report.page import Block, FigureBlock, Footer, List, Table, Text, render_page, write_sections
 
 if TYPE_CHECKING:
     from damping.plots import Drawn
@@ -87,6 +87,7 @@ def render_gap_page(
         "told": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
         "closed": _describe_percent(diagnosis.gap.shrinkage),
+        "shrunk": _describe_percent(diagnosis.held_out.shrinkage if diagnosis.held_out else None),
         "rows": rows,
         "sd_amplitude": np.median(rows.sd_amplitude),
         "sd_phase": np.median(rows.sd_phase),
@@ -94,17 +95,9 @@ def render_gap_page(
     }
     drawn = gap_figures(diagnosis).items()
     figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn}
-    parts = {"facts": _collect_facts(diagnosis), **figures, **_build_tables(diagnosis, posterior)}
+    parts = {**figures, **_build_tables(diagnosis, posterior)}
     sections = write_sections(Path(__file__).with_name("gap_page.txt"), values, parts)
     return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
-
-
-def _collect_facts(diagnosis: Diagnosis) -> Facts:
-    gap, held = diagnosis.gap, diagnosis.held_out
-    whats = ("gap as given (sigma; 1 is noise)", "refitted within tolerance", "with the explanation")
-    sizes = [words.number(size) for size in (gap.nominal, gap.before, gap.after)]
-    shrunk = _describe_percent(held.shrinkage if held else None)
-    return Facts([*zip(sizes, whats, strict=True), (shrunk, "of the gap vanishes on held-out levels")])
 
 
 def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:

@@ -9,25 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from damping import report as words
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import (
-    NOTHING,
-    format_between,
-    format_force_text,
-    format_gravity,
-    format_length,
-    format_length_band,
-    format_parameter_unit,
-    format_percent_ratio,
-    format_quantity,
-    format_signed,
-    forms,
-    number,
-)
+from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
 #: Attributes that are columns of the same name: of a posterior, of the convergence of a quantity, of a power law.
@@ -61,7 +49,7 @@ def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
         {
             "law": candidate.name,
             "parameter": f"{c.force} {c.shape}".strip(),
-            "unit": format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
+            "unit": words.format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
             "value": c.value,
             "std_error": c.std_error,
             "t_ratio": c.t_ratio,
@@ -88,7 +76,7 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
-                    "unit": format_parameter_unit(name, result.mode.units),
+                    "unit": words.format_parameter_unit(name, result.mode.units),
                     "prior_low": prior_low,
                     "prior_median": prior_median,
                     "prior_high": prior_high,
@@ -152,8 +140,9 @@ def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
     """A row a model, a column a force: median and predictive interval."""
     columns = {"model": [band.name for band in design.by_model]}
     for i, force in enumerate(design.force):
-        columns[f"at {format_force_text(force, unit)}"] = [
-            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
+        columns[f"at {words.format_force_text(force, unit)}"] = [
+            f"{words.number(band.median[i])} ({words.format_between(band.low[i], band.high[i])})"
+            for band in design.by_model
         ]
     return pd.DataFrame(columns)
 
@@ -248,15 +237,15 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     units, curve = result.mode.units, result.design_curve
     table = pd.DataFrame(
         {
-            "force": [format_force_text(force, units.force) for force in design.force],
+            "force": [words.format_force_text(force, units.force) for force in design.force],
             "times tested": design.ratio,
-            "median": [format_length(value, units.length) for value in design.average.median],
+            "median": [words.format_length(value, units.length) for value in design.average.median],
             "band": [
-                format_length_band(a, b, units.length)
+                words.format_length_band(a, b, units.length)
                 for a, b in zip(design.average.low, design.average.high, strict=True)
             ],
             "linear": [
-                f"{format_length(value, units.length)} ({format_signed(over)})"
+                f"{words.format_length(value, units.length)} ({words.format_signed(over)})"
                 for value, over in zip(design.linear, design.overprediction, strict=True)
             ],
         }
@@ -264,16 +253,18 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     if curve is None:
         return table
     ratio, frequency = curve.damping_ratio, curve.frequency.median
-    table["damping ratio"] = [format_percent_ratio(value) for value in ratio.median]
-    table["low end"] = [format_percent_ratio(value) for value in ratio.low]
-    table["frequency"] = [format_quantity(value, "Hz", 4) for value in frequency]
-    gravities = [format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)]
-    if any(text != NOTHING for text in gravities):
+    table["damping ratio"] = [words.format_percent_ratio(value) for value in ratio.median]
+    table["low end"] = [words.format_percent_ratio(value) for value in ratio.low]
+    table["frequency"] = [words.format_quantity(value, "Hz", 4) for value in frequency]
+    gravities = [
+        words.format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)
+    ]
+    if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table
 
 
 def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
     """What the band is made of: a row a force, a column a part, standard deviations in per cent of amplitude."""
-    force = [format_force_text(force, result.mode.units.force) for force in design.force]
+    force = [words.format_force_text(force, result.mode.units.force) for force in design.force]
     return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
