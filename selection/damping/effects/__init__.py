@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from damping.effects import course, forces, rig, structure
 from damping.effects.contract import Effect, Terms
-from damping.errors import InputError
-from damping.forces.shapes import describe_nearest_of
+from damping.errors import InputError, list_nearest
 
 #: The library: what a gap may be called, in the order in which hypotheses are tried.
 CATALOGUE: dict[str, Effect] = {
@@ -51,7 +50,7 @@ def find_effect(name: str) -> Effect:
         InputError: no such effect; the nearest one is named.
     """
     if name not in CATALOGUE:
-        raise InputError(f"unknown effect {name!r}", expected=describe_nearest_of(name, CATALOGUE))
+        raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]
 
 

@@ -221,7 +221,7 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
 
     Returns:
-        A row a number of levels and sweep predicted: ``levels, laws, sweep, ratio, force, measured, median, low, high,
+        One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
     levels = number_levels(data.tested_force)

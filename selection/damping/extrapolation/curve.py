@@ -53,7 +53,7 @@ class Curve:
     Attributes:
         level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
         damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude lies within the
-            rows that the laws rest on. cautions: a tuple a row.
+            rows that the laws rest on. cautions: a tuple for each row.
     """
 
     level: float
@@ -72,7 +72,7 @@ class Curve:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a resonance: each quantity's median under its own name, its band as ``NAME_low, NAME_high``."""
+        """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
         columns: dict[str, FloatArray | BoolArray | list[str]] = {}
         for name in ("amplitude", "force", "frequency", "damping_ratio", "q"):
             of = getattr(self, name)

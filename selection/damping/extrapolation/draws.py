@@ -52,7 +52,7 @@ class Member:
     joint: JointEvidence = ANY_JOINT
 
     def thin(self) -> Member:
-        """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""
+        """Every k-th draw, as many as its share in ``AVERAGE_DRAWS`` asks for."""
         wanted = max(FEWEST_DRAWS, int(AVERAGE_DRAWS * self.weight))
         return replace(self, draws=self.draws[:: max(1, len(self.draws) // wanted)])
 
@@ -168,7 +168,7 @@ def vary_priors(
     """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the draws ``spreads``.
 
     Returns:
-        A row a prior, factor and force: ``prior, factor, force, median, low, high``.
+        One row for each prior, factor and force: ``prior, factor, force, median, low, high``.
     """
     tail, rows = 50.0 * (1.0 - level), []
     for prior, ratio in (("scatter", _of_scatter), ("share", _of_shares), ("discrepancy", _of_doubt)):
@@ -211,7 +211,7 @@ class NextLevel:
 
     Attributes:
         design, force: design force, and force of the level. width, expected: high/low there now, and with the level.
-        others: ``force, expected``, a row a level that was tried, best first.
+        others: ``force, expected``, one row for each level tried, best first.
     """
 
     design: float

@@ -36,7 +36,7 @@ NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """One row a sweep, its phase resonance; all rows near resonance where one level alone says how damping changes.
+    """One row for each sweep, its phase resonance; all near resonance where one level says how damping changes.
 
     Rows of one sweep share their error, so counting them one by one would single out a law falsely.
 
@@ -66,7 +66,7 @@ def without_offset(record: Record) -> Record:
 
 
 def at_resonance(data: Observations) -> Observations:
-    """One row a sweep: its phase resonance, with the mean uncertainties of the sweep's rows."""
+    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows."""
     number = len(data.sweeps)
 
     def mean(values: FloatArray) -> FloatArray:

@@ -114,7 +114,7 @@ class Loads:
         parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to that of the whole.
         linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
         overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
-            interval's ends. ratio: force over the largest tested force. cautions: one tuple a force.
+            interval's ends. ratio: force over the largest tested force. cautions: a tuple for each force.
         limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
         amplitude: where amplitudes were asked, these; ``force`` then holds medians, and the bands are of force.
     """

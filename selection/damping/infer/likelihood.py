@@ -84,7 +84,7 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
 
 
 def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
-    """``work(x)``, a value a point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
+    """``work(x)``, one value for each point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
     step = max(1, BLOCK // rows)
     if len(x) <= step:
         return work(x)

@@ -60,7 +60,7 @@ class Proposal:
 
     @classmethod
     def through(cls, draws: FloatArray, worth: float) -> Proposal:
-        """Parts fitted to posterior draws (n, d) worth so many independent ones, and the wide one."""
+        """Parts fitted to posterior draws (n, d) worth ``worth`` independent ones, and the wide one."""
         draws = draws[:: max(1, len(draws) // MOST_FITTED)]
         parts = [draws]
         while len(parts) < PARTS:
@@ -110,7 +110,7 @@ class Proposal:
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
         """(k, d, d) @ x + (k, d, 1): x (d, n) as each part sees it."""
-        inverse = np.linalg.inv(self.roots)
+        inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
         return inverse, -inverse @ self.means[..., None]
 
     @cached_property
@@ -173,7 +173,7 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
 
 
 def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArray:
-    """Points strictly inside the unit cube, (number, dimension): one in each of so many equal slices of every axis.
+    """Points strictly inside the unit cube, (number, dimension): one in each of ``number`` equal slices of every axis.
 
     A Latin hypercube (McKay, Beckman and Conover 1979). Of the laws here it errs as little as Sobol points of
     scipy.stats, whose import takes half a second.

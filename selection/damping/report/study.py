@@ -6,6 +6,7 @@ Above the fold of each screen stands what is decided on (:mod:`damping.report.sc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -24,6 +25,7 @@ from damping.report.page import (
     FigureBlock,
     Fold,
     Footer,
+    Format,
     List,
     Section,
     Table,
@@ -87,7 +89,7 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
 
 #: Points that the page shows of a longer record, the first.
 MOST_POINTS = 60
-#: A table of deviations has a column for each of so many points, not of more.
+#: Most points for each of which a table of deviations has a column.
 MOST_COLUMNS = 24
 
 
@@ -148,7 +150,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats = {"weight": words.format_share, "score": lambda value: words.format_decimals(value, 1)}
+    formats: dict[str, Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
@@ -161,7 +163,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
-    """A row a law, a column a point; for many points the mean and the largest only."""
+    """One row for each law, one column for each point; for many points the mean and the largest only."""
     deviations = tables.tabulate_deviations(result)
     by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
     table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})
@@ -177,9 +179,7 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
     columns = ["law", "weight", "chain", "steps", "elpd_loo", "elpd_standard_error", "p_loo", "largest_pareto_k"]
     columns += ["predictive_p_value", "caution"]
     names = {"elpd_loo": "PSIS-LOO", "elpd_standard_error": "its error", "largest_pareto_k": "largest k"}
-    formats = {"weight": words.format_share} | dict.fromkeys(
-        columns[4:9], lambda value: words.format_decimals(value, 2)
-    )
+    formats = {"weight": words.format_share} | dict.fromkeys(columns[4:9], partial(words.format_decimals, digits=2))
     intervals = tables.tabulate_posteriors(result)
     numbers = dict.fromkeys(intervals.select_dtypes("float").columns, words.number) | {"weight": words.format_share}
     convergence = tables.tabulate_convergence(result)
@@ -207,8 +207,7 @@ def _build_method(study: StudyResult) -> list[Block]:
         "content": 100 * INTERVAL,
         "level": 100 * study.level,
     }
-    text = Path(__file__).with_name("method.txt")
-    return write_blocks(text, values, take_parts({"laws": _tabulate_forces(study)}))
+    return write_blocks(Path(__file__).with_name("method.txt"), values, take_parts({"laws": _tabulate_forces(study)}))
 
 
 def _tabulate_forces(study: StudyResult) -> Table:
