@@ -29,12 +29,12 @@ COVER = 0.95
 TEMPERATURE_OUTSIDE = 8.0
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.61
-NOTHING_BLAMED = 0.46
+IN_LIBRARY = 1.71
+NOTHING_BLAMED = 0.36
 PER_DECADE = 0.47
-PER_MAKESHIFT = 2.27
-PER_END = 1.03
-PER_RIVAL = 1.08
+PER_MAKESHIFT = 2.16
+PER_END = 1.07
+PER_RIVAL = 0.94
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
