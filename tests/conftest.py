@@ -50,31 +50,59 @@ typer.main.get_command = cache(typer.main.get_command)  # commands are built onc
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 
-#: A file of more tests is run by one worker: the scheduler looks through all that a worker was given after each test.
-MANY_TESTS = 20
+#: Files that share what is made once for a session: they run on one worker, one after the other.
+TOGETHER = {
+    "chapters": (
+        *("gap/test_history", "pipelines/test_results", "reed1970/test_chapter_3_study"),
+        *("reed1970/test_chapter_figures", "reed1970/test_source_tables", "report/test_browser"),
+        *("report/test_chapters", "report/test_page", "report/test_tables"),
+    ),
+    "gap": (
+        *("gap/test_command", "gap/test_corrected", "gap/test_effects", "gap/test_equivalents", "gap/test_evidence"),
+        *("gap/test_size", "gap/test_unexplained"),
+    ),
+    "forks": (
+        *("packaging/test_wheel", "pipelines/test_contributing", "pipelines/test_fleet", "pipelines/test_manifest"),
+        *("pipelines/test_outputs",),
+    ),
+}
+#: What takes longest starts first, so that no worker is left alone with it.
+FIRST = ("chapters", "gap", "forks", "docs/test_docs")
+assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
 
-@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
+def group_of(nodeid: str) -> str:
+    """The files that a test belongs to: a name of ``TOGETHER``, or its own."""
+    file = nodeid.partition("::")[0].removeprefix("tests/").removesuffix(".py")
+    return next((name for name, files in TOGETHER.items() if file in files), file)
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the slow tests to ``make slow``, which asks for them by ``-m``; what is shared is on one worker."""
+    """Leave the slow tests to ``make slow``, which asks for them by ``-m``; what takes longest comes first."""
     if "slow" not in config.option.markexpr:
         slow = [item for item in items if item.get_closest_marker("slow")]
         items[:] = [item for item in items if item not in slow]
         config.hook.pytest_deselected(items=slow)
-    files: dict[Path, list[pytest.Item]] = {}
-    for item in items:
-        files.setdefault(item.path, []).append(item)
-    for path, tests in files.items():
-        if len(tests) > MANY_TESTS or any(map(has_module_fixture, tests)):
-            for item in tests:
-                if not item.get_closest_marker("xdist_group"):
-                    item.add_marker(pytest.mark.xdist_group(str(path.relative_to(config.rootpath))))
+    items.sort(key=lambda item: FIRST.index(group) if (group := group_of(item.nodeid)) in FIRST else len(FIRST))
 
 
-def has_module_fixture(item: pytest.Item) -> bool:
-    """Whether something is made once for the file of a test."""
-    definitions = getattr(item, "_fixtureinfo").name2fixturedefs.values()  # noqa: B009 - pytest tells it nowhere else
-    return any(one.scope == "module" for found in definitions for one in found)
+@pytest.hookimpl(optionalhook=True)  # pytest-xdist need not be installed
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file is run by one worker, and so are the files of a group, in the order of the tests.
+
+    The marks ``xdist_group`` say nothing to pytest from 9.2 on, whose node ids stay as they are (pytest-xdist #1386).
+    """
+    if config.option.dist != "loadgroup":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class GroupScheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid)
+
+    config.option.loadscopereorder = False
+    return GroupScheduling(config, log)
 
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:

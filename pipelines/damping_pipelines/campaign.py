@@ -23,7 +23,7 @@ from damping.report.page import Block, FigureBlock, Footer, Section, Table, rend
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import PlainTable, console, number
+from damping_pipelines.terminal import PlainTable, console, number, parse_number
 
 
 def campaign(
@@ -64,11 +64,9 @@ def campaign(
 
 def _read_design(word: str) -> DesignLevel:
     """A level, or the curve in a table with columns frequency (Hz) and level. InputError for what is neither."""
-    try:
-        return DesignLevel.flat(float(word))
-    except ValueError:
-        pass
-    path = Path(word)
+    level, path = parse_number(word), Path(word)
+    if not math.isnan(level):
+        return DesignLevel.flat(level)
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
@@ -98,11 +96,8 @@ def _read_limits(words: Sequence[str]) -> dict[str, float]:
     limits = {}
     for word in words:
         name, _, text = word.rpartition("=")
-        try:
-            limits[name] = float(text)
-        except ValueError:
-            limits[name] = math.nan
-        if not (name and math.isfinite(limits[name]) and limits[name] > 0.0):
+        limits[name] = parse_number(text)
+        if not (name and 0.0 < limits[name] < math.inf):
             raise InputError(f"--limit {word!r} is not understood", expected="SENSOR=VALUE, in the sensor's unit")
     return limits
 
@@ -111,15 +106,8 @@ def _frequencies(text: str | None) -> list[float]:
     """F1,F2,… in Hz. InputError for what is not understood."""
     if text is None:
         return []
-    try:
-        frequencies = sorted(float(part) for part in text.split(","))
-    except ValueError:
-        frequencies = []
-    if (
-        not frequencies
-        or not all(math.isfinite(f) and f > 0.0 for f in frequencies)
-        or len(set(frequencies)) < len(frequencies)
-    ):
+    frequencies = sorted(map(parse_number, text.split(",")))
+    if not all(0.0 < f < math.inf for f in frequencies) or len(set(frequencies)) < len(frequencies):
         raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
     return frequencies
 

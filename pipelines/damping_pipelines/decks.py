@@ -11,21 +11,28 @@ by non-negative least squares over the load levels.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from itertools import product
 from math import pi
+from pathlib import Path
 
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.report.page import fill_text
 from damping_pipelines.forms import DampedRow, DampingForm
+from damping_pipelines.manifest import digest
 
+#: Structural codes, each with how its comments begin.
+COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "openfast": "!"}
+#: The damping ratios written of each load level.
+BOUNDS = ("median", "low")
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
 #: Ratios on one line of an ANSYS ``MDAMP`` command.
-RATIOS_A_LINE = 6
+RATIOS_PER_LINE = 6
 
 
 @dataclass(frozen=True)
@@ -44,50 +51,41 @@ class Point:
     remark: str
 
 
-@dataclass(frozen=True)
-class LoadLevel:
-    """A load level: its label and the modes there, by frequency."""
-
-    label: str
-    points: tuple[Point, ...]
-
-
 def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str:
-    """The damping of a form as text for a structural code.
+    """The damping of a form as text for a structural code (``decks.txt``).
 
     Args:
-        code: one of ``CODES``. content: the form as it was read, whose hash goes into the comments. source: its name.
+        code: one of ``COMMENTS``. content: the form as it was read, whose hash goes into the comments.
 
     InputError: an unknown code. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
-    if code not in CODES:
-        raise InputError(f"--to {code!r} is unknown", expected=" or ".join(CODES))
-    levels = _list_levels(form)
+    if code not in COMMENTS:
+        raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
+    levels, modes = defaultdict[float, list[Point]](list), defaultdict[str, list[Point]](list)
+    rows = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
+    rows = rows or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]
+    for mode, level, row in rows:
+        point = _as_point(mode, row)
+        if level is not None and point is not None:
+            levels[level].append(point)
     if not levels:
         raise AnalysisError(f"{source}: no level holds a damping ratio; write it with damping curve or extrapolate")
-    digest = hashlib.sha256(content).hexdigest()
-    head = [
-        f"damping for {code}, from {form.format}, SHA-256 {digest}",
-        f"low: the lower end of the {form.level:g} band",
-    ]
-    write, comment = CODES[code]
-    return "".join(f"{comment} {line}\n" for line in head) + write(levels, comment)
-
-
-def _list_levels(form: DampingForm) -> list[LoadLevel]:
-    """The load levels with a damping ratio, in the order of the form."""
-    if form.modes:
-        named = [(row.level, _as_point(mode.name, row)) for mode in form.modes for row in mode.at]
-    else:
-        named = [(_find_force(row), _as_point("mode", row)) for row in (*form.predictions, *form.rows)]
-    levels: dict[float, list[Point]] = {}
-    for value, point in named:
-        if value is not None and point is not None:
-            levels.setdefault(value, []).append(point)
-    return [
-        LoadLevel(f"level {value:g}", tuple(sorted(points, key=lambda point: point.frequency)))
-        for value, points in levels.items()
-    ]
+    for points in levels.values():
+        points.sort(key=lambda point: point.frequency)
+        for point in points:
+            modes[point.mode].append(point)
+    values = {
+        "code": code,
+        "comment": COMMENTS[code],
+        "form": form,
+        "digest": digest(content),
+        "levels": list(product(levels.items(), BOUNDS)),
+        "modes": list(product(modes.items(), BOUNDS)),
+        "fit_coefficients": fit_coefficients,
+        "flank": FLANK,
+        "ratios_per_line": RATIOS_PER_LINE,
+    }
+    return fill_text(Path(__file__).with_suffix(".txt"), values)
 
 
 def _find_force(row: DampedRow) -> float | None:
@@ -110,75 +108,6 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark)
 
 
-def _describe(level: LoadLevel, which: str, comment: str) -> list[str]:
-    """Comments of a table: level, which bound, and each mode."""
-    modes = []
-    for point in level.points:
-        remark = f"; {point.remark}" if point.remark else ""
-        modes.append(f"{comment}   {point.mode}: {point.frequency:.6g} Hz{remark}")
-    return [f"{comment} {level.label}, {which}", *modes]
-
-
-def _each_table(levels: Sequence[LoadLevel]) -> list[tuple[int, LoadLevel, str, list[float]]]:
-    """Number, level, name of the bound and ratios of every table: median and low of each level."""
-    tables = [(level, which) for level in levels for which in ("median", "low")]
-    return [
-        (number, level, which, [getattr(point, which) for point in level.points])
-        for number, (level, which) in enumerate(tables, start=1)
-    ]
-
-
-def _write_nastran(levels: Sequence[LoadLevel], comment: str) -> str:
-    """TABDMP1 entries of critical damping in large fields of 16 characters; ``SDAMPING = ID`` selects one."""
-    lines: list[str] = []
-    for number, level, which, ratios in _each_table(levels):
-        f = [point.frequency for point in level.points]
-        pairs = [(f[0] / FLANK, ratios[0]), *zip(f, ratios, strict=True), (f[-1] * FLANK, ratios[-1])]
-        fields = [f"{value:.9E}".rjust(16) for pair in pairs for value in pair] + ["ENDT".rjust(16)]
-        lines += [*_describe(level, which, comment), f"TABDMP1*{number:>16d}{'CRIT':>16}", "*"]
-        lines += ["*".ljust(8) + "".join(fields[i : i + 4]) for i in range(0, len(fields), 4)]
-    return "\n".join(lines) + "\n"
-
-
-def _write_blocks(levels: Sequence[LoadLevel], comment: str, block: Callable[[list[float]], list[str]]) -> str:
-    """A block of ratios a table; all but the first stand as comments."""
-    lines: list[str] = []
-    for number, level, which, ratios in _each_table(levels):
-        off = "" if number == 1 else f"{comment} "
-        lines += [*_describe(level, which, comment), *(off + line for line in block(ratios))]
-    return "\n".join(lines) + "\n"
-
-
-def _block_abaqus(ratios: list[float]) -> list[str]:
-    """``*MODAL DAMPING, MODAL=DIRECT`` with a line a mode."""
-    lines = (f"{mode}, {mode}, {ratio:.9g}" for mode, ratio in enumerate(ratios, start=1))
-    return ["*MODAL DAMPING, MODAL=DIRECT", *lines]
-
-
-def _block_ansys(ratios: list[float]) -> list[str]:
-    """``MDAMP`` commands, six modes a line."""
-    starts = range(0, len(ratios), RATIOS_A_LINE)
-    return [f"MDAMP,{i + 1}," + ",".join(f"{r:.9g}" for r in ratios[i : i + RATIOS_A_LINE]) for i in starts]
-
-
-def _block_opensees(ratios: list[float]) -> list[str]:
-    """``modalDamping`` of as many modes."""
-    return [f"eigen {len(ratios)}", "modalDamping " + " ".join(f"{ratio:.9g}" for ratio in ratios)]
-
-
-def _write_openfast(levels: Sequence[LoadLevel], comment: str) -> str:
-    """Linear and quadratic coefficients of the generalized force, by mode, median and low, in the form's units."""
-    modes = list(dict.fromkeys(point.mode for level in levels for point in level.points))
-    lines: list[str] = []
-    for mode in modes:
-        points = [point for level in levels for point in level.points if point.mode == mode]
-        for which in ("median", "low"):
-            linear, quadratic = fit_coefficients(points, which)
-            lines += [f"{comment} {mode}, {which}, over {len(points)} load level(s)"]
-            lines += [f"{linear:.9g}  AddBLin", f"{quadratic:.9g}  AddBQuad"]
-    return "\n".join(lines) + "\n"
-
-
 def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
 
@@ -196,13 +125,3 @@ def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]
     scale = columns.max(axis=0)
     linear, quadratic = nnls(columns / scale, np.ones(len(F)))[0] / scale
     return float(linear), float(quadratic)
-
-
-#: Structural codes, each with what writes its deck and how its comments begin.
-CODES: dict[str, tuple[Callable[[Sequence[LoadLevel], str], str], str]] = {
-    "nastran": (_write_nastran, "$"),
-    "abaqus": (partial(_write_blocks, block=_block_abaqus), "**"),
-    "ansys": (partial(_write_blocks, block=_block_ansys), "!"),
-    "opensees": (partial(_write_blocks, block=_block_opensees), "#"),
-    "openfast": (_write_openfast, "!"),
-}

@@ -16,7 +16,7 @@ from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import write_deck
 from damping_pipelines.forms import AnswerForm, DampingForm, LoadsForm, ParameterForm, RankForm, read_form
-from damping_pipelines.store import refuse_inputs, refuse_twice, to_parquet, write_bytes, write_text
+from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console
 
 #: Largest ranking or loads form that is read, bytes (a form of a hundred candidates takes 50 000).
@@ -55,9 +55,7 @@ def export(
     if text and kind not in _UFF:
         raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
     inputs = [path for path in (source, mode) if path is not None]
-    refuse_inputs("--out", out, *inputs)
-    refuse_inputs("--mode-out", mode_out, *inputs)
-    refuse_twice({"--out": out, "--mode-out": mode_out})
+    check_outputs({"--out": out, "--mode-out": mode_out}, *inputs)
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
         _only_of_records(source, out, mode_out)
         _export_form(source, out, units, given, mode, max_size)
@@ -85,7 +83,7 @@ def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZ
 
     InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
     """
-    refuse_inputs("--out", out, source)
+    check_outputs({"--out": out}, source)
     content = read_bytes(source, max_size)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
     write_text(out, write_deck(code, content, form, str(source)))

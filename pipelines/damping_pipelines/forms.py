@@ -198,12 +198,6 @@ class UnitsForm(FormPart):
     length: str = ""
 
 
-class CurveForm(FormPart):
-    """Damping against amplitude."""
-
-    rows: list[DampedRow] = []
-
-
 class PowerLawForm(FormPart):
     """Of the velocity: the first that a study lists."""
 
@@ -219,7 +213,7 @@ class StudyRecordForm(FormPart):
     units: UnitsForm = UnitsForm()
     rank: RankForm
     loads: LoadsForm | None = None
-    curve: CurveForm | None = None
+    curve: DampingForm | None = None
     power_laws: list[PowerLawForm] = []
 
 

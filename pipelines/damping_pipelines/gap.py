@@ -21,15 +21,7 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import digest_file, versions
-from damping_pipelines.store import (
-    check_picture,
-    refuse_inputs,
-    refuse_twice,
-    write_json,
-    write_picture,
-    write_plain,
-    write_text,
-)
+from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
 from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
 
 FORMAT = "gap/1"
@@ -79,13 +71,8 @@ def gap(
         if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
-    if plot is not None:
-        check_picture(plot)
-    targets = {"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}
     inputs = (model, record, *chain.from_iterable(further))
-    for option, target in targets.items():
-        refuse_inputs(option, target, *inputs)
-    refuse_twice(targets)
+    check_outputs({"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}, *inputs)
     measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
     report_findings(measured, mode, despite)
     result = damping.diagnose(
@@ -138,7 +125,7 @@ def import_simulator(name: str) -> Simulate:
 def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
-    A case that fails gets ``{"format", "error"}`` and the others go on. Returns the exit code: 0, or 1 if any failed.
+    A case that fails gets ``{"format", "error"}`` and the others go on. Returns how many failed.
     InputError: ``cases`` is no folder, or holds no case.
     """
     if not cases.is_dir():
@@ -146,8 +133,13 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     names = sorted(path.parent.name for path in cases.glob("*/model.toml"))
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    processes = max(1, min(jobs or available, len(names)))  # which end with this one
     failed = 0
-    with progress("diagnosing", len(names)) as advance, _pool(jobs, len(names)) as pool:
+    with (
+        progress("diagnosing", len(names)) as advance,
+        ProcessPoolExecutor(processes, initializer=end_with_parent) as pool,
+    ):
         futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
@@ -156,7 +148,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
             write_json(out / f"{name}.json", answer)
             failed += "error" in answer
             advance(f"{name} failed: {answer['error']}" if "error" in answer else name)
-    return 1 if failed else 0
+    return failed
 
 
 def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]:
@@ -170,9 +162,3 @@ def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]
         return {**result.to_json(), "cpu_seconds": spent}
     except DampingError as error:
         return {"format": FORMAT, "error": str(error)}
-
-
-def _pool(jobs: int | None, cases: int) -> ProcessPoolExecutor:
-    """Processes that end with this one: no more than there are processors, or cases."""
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return ProcessPoolExecutor(max(1, min(jobs or available, cases)), initializer=end_with_parent)

@@ -21,8 +21,8 @@ from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_text
-from damping_pipelines.terminal import PlainTable, console, report_findings
+from damping_pipelines.store import check_outputs, write_json, write_text
+from damping_pipelines.terminal import PlainTable, console, parse_number, report_findings
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,7 @@ def import_file(
     cannot be what it seems, and the check is not among ``despite``. AnalysisError: no decay that can be used.
     """
     inputs = [file, *([decay.mode] if decay else [])]
-    refuse_inputs("--out", out, *inputs)
-    refuse_inputs("--json", json_out, *inputs)
-    refuse_twice({"--out": out, "--json": json_out})
+    check_outputs({"--out": out, "--json": json_out}, *inputs)
     series, summary = read_file(file, stated, max_size=max_size)
     with naming(file):
         imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
@@ -150,10 +148,7 @@ def scales(words: Sequence[str]) -> dict[str, float]:
     """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
     factors: dict[str, float] = {}
     for key, text in pairs("--scale", words).items():
-        try:
-            factors[key] = float(text)
-        except ValueError:
-            factors[key] = math.nan
+        factors[key] = parse_number(text)
         if not math.isfinite(factors[key]) or factors[key] == 0.0:
             raise InputError(f"--scale {key}={text} is no factor", expected="a number other than 0")
     return factors
@@ -163,12 +158,9 @@ def read_band(text: str | None) -> tuple[float, float] | None:
     """LO:HI in Hz. InputError for what is not understood."""
     if text is None:
         return None
-    low, mark, high = text.partition(":")
-    try:
-        limits = (float(low), float(high))
-    except ValueError:
-        raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz") from None
-    if not mark or not (math.isfinite(limits[0]) and math.isfinite(limits[1])):
+    low, _, high = text.partition(":")
+    limits = (parse_number(low), parse_number(high))
+    if not all(map(math.isfinite, limits)):
         raise InputError(f"--band {text!r} is not understood", expected="LO:HI in Hz")
     return limits
 

@@ -22,17 +22,8 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
-from damping_pipelines.store import check_picture, refuse_inputs, refuse_twice, write_picture, write_plain
-from damping_pipelines.terminal import (
-    Notes,
-    PlainTable,
-    console,
-    number,
-    progress,
-    report_findings,
-    show_cautions,
-    suggest,
-)
+from damping_pipelines.store import check_outputs, write_picture, write_plain
+from damping_pipelines.terminal import Notes, PlainTable, console, number, progress, report_findings, suggest
 
 #: Laws whose coefficients are shown.
 MOST_LAWS = 3
@@ -61,11 +52,7 @@ class Asked:
 
     def read(self) -> tuple[Record, Mode]:
         """Both files, read, checked and audited before any work; findings go to standard error."""
-        for option, target in (("--json", self.json_out), ("--plot", self.plot)):
-            refuse_inputs(option, target, self.record, self.mode)
-        refuse_twice({"--json": self.json_out, "--plot": self.plot})
-        if self.plot is not None:
-            check_picture(self.plot)
+        check_outputs({"--json": self.json_out, "--plot": self.plot}, self.record, self.mode)
         read = read_record(self.record, max_size=self.max_size)
         described = read_mode(self.mode, max_size=self.max_size)
         report_findings(read, described, self.despite)
@@ -115,8 +102,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
     out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
-    notes.show(out)
-    show_cautions(out, result.cautions)
+    notes.show(out, result.cautions)
 
 
 def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
@@ -182,8 +168,7 @@ def print_loads(result: LoadsResult) -> None:
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.")
     if by_force:
         _print_what_if(result)
-    notes.show(out)
-    show_cautions(out, result.cautions)
+    notes.show(out, result.cautions)
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:
@@ -255,5 +240,4 @@ def print_curve(result: CurveResult) -> None:
         "The low end is the one a load is sized with. Loss factor = 1/Q."
     )
     out.print(_name_laws(result.extrapolation.members))
-    notes.show(out)
-    show_cautions(out, result.cautions)
+    notes.show(out, result.cautions)

@@ -25,7 +25,6 @@ from damping.errors import AnalysisError, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -79,9 +78,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
     """InputError where the file that ``option`` names is one of the inputs, by whatever path; before any work."""
     if target is None or target == "-":
         return
-    if os.path.realpath(target) in {
-        os.path.realpath(path) for path in inputs
-    }:  # Path.resolve fails on a link to itself
+    if os.path.realpath(target) in map(os.path.realpath, inputs):  # Path.resolve fails on a link to itself
         raise InputError(
             f"{option} is one of the inputs, which are never written over", file=target, expected="another file"
         )
@@ -96,6 +93,16 @@ def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
         other = seen.setdefault(os.path.realpath(target), option)
         if other != option:
             raise InputError(f"{option} is the file of {other}", file=target, expected="another file for each output")
+
+
+def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
+    """InputError before any work: an output, by option, is an input or another output, or ``--plot`` is no picture."""
+    for option, target in targets.items():
+        refuse_inputs(option, target, *inputs)
+    refuse_twice(targets)
+    plot = targets.get("--plot")
+    if plot is not None and Path(plot).suffix.lower() not in PICTURES:
+        raise InputError(f"--plot {Path(plot).name!r} is of no known format", expected="a name ending in .svg or .png")
 
 
 def make_folder(path: Path) -> None:
@@ -156,30 +163,18 @@ def to_parquet(table: pd.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-def to_png(figure: Figure, *, dots_per_inch: int = 200) -> bytes:
-    """A figure as a PNG image, the same bytes for the same figure."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return buffer.getvalue()
-
-
+#: Dots per inch of a PNG image.
+PNG_DPI = 200
 #: Endings of a picture's name.
 PICTURES = (".svg", ".png")
 
 
-def check_picture(path: Path) -> None:
-    """InputError where the name of a picture ends with none of ``PICTURES``; before any work."""
-    if path.suffix.lower() not in PICTURES:
-        raise InputError(f"--plot {path.name!r} is of no known format", expected="a name ending in .svg or .png")
-
-
 def write_picture(path: Path, figure: Any, title: str) -> None:
     """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
-    from damping.plots import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots import to_png, to_svg  # noqa: PLC0415 - only drawing needs matplotlib
 
-    check_picture(path)
     if path.suffix.lower() == ".png":
-        write_bytes(path, to_png(figure))
+        write_bytes(path, to_png(figure, PNG_DPI))
     else:
         write_text(path, to_svg(figure, path.stem, title, title))
     print(f"{path} drawn", file=sys.stderr)

@@ -34,6 +34,7 @@ from damping.errors import InputError
 from damping.extrapolation.prediction import Loads
 from damping.forces import force_class
 from damping.infer.checks import inference_data
+from damping.plots import to_png
 from damping.ranking import Ranking
 from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
@@ -42,7 +43,7 @@ from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult, describe_file_stem
 from damping.report.study import render
 from damping_pipelines.manifest import publish
-from damping_pipelines.store import print_answer, refuse_inputs, to_json, to_png
+from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_json
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970
@@ -265,4 +266,4 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
         figures |= {describe_file_stem(result, name): figure.figure for name, figure in drawn.items()}
     for exhibit in study.exhibits:
         figures |= {name: draw() for name, draw in exhibit.drawings.items()}
-    return {str(path.with_suffix(".png")): to_png(figures[path.stem]) for path in map(PurePosixPath, svgs)}
+    return {str(path.with_suffix(".png")): to_png(figures[path.stem], PNG_DPI) for path in map(PurePosixPath, svgs)}

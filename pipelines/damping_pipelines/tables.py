@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,12 +28,11 @@ from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
-from damping.regression.selecting import Choice
 from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
-from damping_pipelines.store import refuse_inputs, refuse_twice, write_json, write_plain, write_text
+from damping_pipelines.store import check_outputs, write_json, write_plain, write_text
 from damping_pipelines.terminal import PlainTable, console, number, progress
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
@@ -45,26 +45,23 @@ def regress(
     data: list[Path],
     response: str,
     terms: list[str],
-    select: str,
-    criterion: str,
-    nonnegative: bool,
-    t_stop: float | None,
+    *,
     json_out: str | None,
     plots: Path | None,
     max_size: int,
+    **choice: Any,
 ) -> None:
     """The command: run every curve on every table, then print and write.
 
     With one table and one curve the JSON is the form ``regress/1``, otherwise a list of them, tables outermost. Nothing
-    is written unless every fit succeeded. With ``--json -`` standard output holds the JSON alone.
+    is written unless every fit succeeded. With ``--json -`` standard output holds the JSON alone. ``choice``: how terms
+    are selected, as :func:`damping.regress` is asked.
     """
-    refuse_inputs("--json", json_out, *data)
-    results = run_regress(data, response, terms, Choice(select, criterion, nonnegative, t_stop), max_size)
+    check_outputs({"--json": json_out}, *data)
+    results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
     drawn = {} if plots is None else {plots / name: text for name, text in deviation_plots(regressions).items()}
-    for path in drawn:
-        refuse_inputs("--plots", path, *data)
-    refuse_twice({"--json": json_out, **{f"--plots {path.name}": path for path in drawn}})
+    check_outputs({"--json": json_out, **{f"--plots {path.name}": path for path in drawn}}, *data)
     if json_out is not None:
         forms = [result.to_json() for result in results]
         write_plain(json_out, forms[0] if len(forms) == 1 else forms)
@@ -76,7 +73,7 @@ def regress(
 
 
 def run_regress(
-    data: Sequence[Path], response: str, curves: Sequence[str], choice: Choice, max_size: int
+    data: Sequence[Path], response: str, curves: Sequence[str], max_size: int, **choice: Any
 ) -> list[RegressionResult]:
     """Every curve on every table, tables outermost; all is parsed and read before anything is fitted.
 
@@ -96,16 +93,7 @@ def run_regress(
                 f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
             )
     return [
-        damping.regress(
-            table,
-            response=wanted,
-            terms=curve,
-            select=choice.method,
-            criterion=choice.criterion,
-            nonnegative=choice.nonnegative,
-            t_stop=choice.t_stop,
-            source=str(path),
-        )
+        damping.regress(table, response=wanted, terms=curve, source=str(path), **choice)
         for path, table in tables
         for curve in curves
     ]
@@ -134,7 +122,13 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     drawn: dict[str, str] = {}
     for place, result in enumerate(results, start=1):
         d, response = result.deviations, result.design.response
-        for name, x in _variables(result).items():
+        variables = {
+            **result.independent,
+            **dict(zip(result.design.names, result.design.columns.T, strict=True)),
+            f"fitted {response}": d.fitted,
+            "row": (result.rows + 1).astype(np.float64),
+        }
+        for name, x in variables.items():
             curve = f"{place}-" if len(results) > 1 else ""
             stem = _describe_unused(
                 f"{_describe_file_name(Path(result.data).stem)}-{curve}deviations-{_describe_file_name(name)}", drawn
@@ -145,16 +139,6 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
             drawn[f"{stem}.svg"] = to_svg(figure, stem, title, caption)
             figure.clear()
     return drawn
-
-
-def _variables(result: Regression) -> dict[str, FloatArray]:
-    """What deviations are drawn against, by name."""
-    return {
-        **result.independent,
-        **dict(zip(result.design.names, result.design.columns.T, strict=True)),
-        f"fitted {result.design.response}": result.deviations.fitted,
-        "row": (result.rows + 1).astype(np.float64),
-    }
 
 
 def _describe_file_name(text: str) -> str:
@@ -175,16 +159,14 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the steps that are
     asked for cannot be done on this table.
     """
-    refuse_inputs("--out", out, raw, config)
+    check_outputs({"--out": out}, raw, config)
     description = read_description(config)
     table = read_raw(raw, description, max_size)
     done = condition_steps(table, description)
     record = done[-1].after
     check_repeats(record, raw, max_size)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
-    for path in texts:
-        refuse_inputs("--steps", path, raw, config)
-    refuse_twice({"--out": out, **{f"--steps {path.name}": path for path in texts}})
+    check_outputs({"--out": out, **{f"--steps {path.name}": path for path in texts}}, raw, config)
     write_text(out, record_to_csv(record))
     for path, text in texts.items():
         write_text(path, text)
@@ -229,7 +211,7 @@ MOST_POINTS = 100_000
 
 def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) -> None:
     """Audit a record, print findings and what its sweeps imply, write the form; exit 1 where a finding refuses."""
-    refuse_inputs("--json", json_out, record, *([mode] if mode else []))
+    check_outputs({"--json": json_out}, *(path for path in (record, mode) if path))
     measured = read_record(record, max_size=max_size)
     described = None if mode is None else read_mode(mode, max_size=max_size)
     findings = audit(measured, described)
@@ -261,7 +243,7 @@ def sweep(model: Path, force: list[float], frequency: str, out: Path, direction:
     InputError: a bad option, or a model file that cannot be read. AnalysisError: the model has an effect that is not
     simulated, or no steady state somewhere in a sweep.
     """
-    refuse_inputs("--out", out, model)
+    check_outputs({"--out": out}, model)
     hertz = _read_frequencies(frequency)
     if len(hertz) * len(force) > MOST_POINTS:
         raise InputError(
@@ -276,13 +258,13 @@ def sweep(model: Path, force: list[float], frequency: str, out: Path, direction:
 def _read_frequencies(text: str) -> FloatArray:
     """LO:HI:N as N equally spaced frequencies from LO to HI, Hz."""
     expected = "LO:HI:N with 0 < LO < HI in Hz and N >= 2 points"
-    parts = text.split(":")
     try:
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        ends = text.split(":")
+        low, high, count = float(ends[0]), float(ends[1]), int(":".join(ends[2:]))
     except (ValueError, IndexError):
         raise InputError(f"--frequency {text!r} is not understood", expected=expected) from None
     if count > MOST_POINTS:
         raise InputError(f"--frequency {text!r}: {count} points", expected=f"{MOST_POINTS} points at most")
-    if len(parts) != 3 or not (0.0 < low < high < math.inf and count >= 2):
+    if not (0.0 < low < high < math.inf and count >= 2):
         raise InputError(f"--frequency {text!r} is out of range", expected=expected)
     return np.linspace(low, high, count)

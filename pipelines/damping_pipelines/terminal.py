@@ -78,17 +78,13 @@ class Notes:
         """Numbers of cautions, new ones added."""
         return " ".join(str(self._numbers.setdefault(caution, len(self._numbers) + 1)) for caution in cautions)
 
-    def show(self, console: Console) -> None:
-        """Print the notes in order."""
+    def show(self, console: Console, cautions: Iterable[str] = ()) -> None:
+        """Print the notes in order, then ``cautions`` about all that was printed."""
         for caution, number in self._numbers.items():
             for line in wrap(caution, console.width, initial_indent=f"{number:3d}  ", subsequent_indent="     "):
                 console.print(line, soft_wrap=True)
-
-
-def show_cautions(console: Console, cautions: Iterable[str]) -> None:
-    """Cautions about all that was printed."""
-    for caution in cautions:
-        console.print(f"Caution: {caution}.", highlight=False)
+        for caution in cautions:
+            console.print(f"Caution: {caution}.", highlight=False)
 
 
 #: Characters between two columns of a table.
@@ -199,6 +195,14 @@ def _shorten(text: str, most: int) -> str:
 def number(value: float, digits: int = 4) -> str:
     """A number to the given digits; a dash for one that does not exist."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
+
+
+def parse_number(text: str) -> float:
+    """The number that a word is, NaN where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def console() -> Console:

@@ -97,13 +97,13 @@ def _read(path: str) -> pd.DataFrame:
 
 def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
     """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
-    return table.assign(**{name: _convert_column(table[name]) for name in table.columns if name not in text})
-
-
-def _convert_column(column: pd.Series) -> pd.Series:
-    filled = column.where(column != "")
-    numbers = pd.to_numeric(filled, errors="coerce")
-    return numbers if filled.notna().any() and numbers.notna().equals(filled.notna()) else column
+    table = table.copy()
+    for name in table.columns.difference(text):
+        filled = table[name].where(table[name] != "")
+        numbers = pd.to_numeric(filled, errors="coerce")
+        if filled.notna().any() and numbers.notna().equals(filled.notna()):
+            table[name] = numbers
+    return table
 
 
 def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
@@ -114,17 +114,11 @@ def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: R
         used = row["used_by_report"] if version == "used" and row["run"] in ("", run) else ""
         value = used or row["corrected"]
         if value:
-            table.loc[_find_rows(table, row["key_columns"], row["key"]), row["column"]] = value
+            # columns ``a|b`` that hold ``1|A``
+            where = zip(row["key_columns"].split("|"), row["key"].split("|"), strict=True)
+            matching = np.logical_and.reduce([table[column] == key for column, key in where])
+            table.loc[matching, row["column"]] = value
     return table
-
-
-def _find_rows(table: pd.DataFrame, key_columns: str, key: str) -> pd.Series:
-    """True in the row whose key columns (``a|b``) hold the key (``1|A``)."""
-    parts = zip(key_columns.split("|"), key.split("|"), strict=True)
-    matching = pd.Series(True, index=table.index)
-    for column, value in parts:
-        matching &= table[column] == value
-    return matching
 
 
 def _choose(value: str, choices: tuple[str, ...], what: str) -> str:

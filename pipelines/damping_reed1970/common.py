@@ -27,15 +27,9 @@ from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text, 
 
 #: Figures whose data are not printed: there is a counterpart, from other data.
 NOT_PRINTED = ("5.1",)
-#: Agreement of a printed number with its recomputation, best first, in words.
-AGREEMENTS = {
-    "printed digits": "come out to the printed digits",
-    "last digit": "to one unit of the last digit",
-    "0.5 per cent": "within 0.5 per cent",
-    "2 per cent": "within 2 per cent",
-    "no": "not within 2 per cent",
-}
-#: Those that count as right.
+#: What tables and figures call what the code knows by name.
+LABELS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("labels.toml").read_text("utf-8"))
+#: Agreements of a printed number with its recomputation that count as right.
 CLOSE = ("printed digits", "last digit", "0.5 per cent")
 
 
@@ -109,7 +103,9 @@ def chapter_of(identity: str) -> int:
 def describe_agreement_text(reproduction: pd.DataFrame) -> str:
     """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
     counts = reproduction["agreement"].value_counts()
-    counted = format_joined(f"{counts[name]} {words}" for name, words in AGREEMENTS.items() if counts.get(name, 0))
+    counted = format_joined(
+        f"{counts[name]} {words}" for name, words in LABELS["agreements"].items() if counts.get(name, 0)
+    )
     known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
     text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {counted}."
     if known.empty:
@@ -152,15 +148,6 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     return [*words, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
 
 
-TITLES = {
-    2: "Chapter II: hysteresis and slip",
-    3: "Chapter III: one mode in two planes",
-    4: "Chapter IV: force from level to level",
-    5: "Chapter V: energy as a polynomial",
-    6: "Chapter VI: the forces of section 6.1",
-}
-
-
 def write_chapter(
     number: int,
     named: Mapping[str, pd.DataFrame],
@@ -171,10 +158,10 @@ def write_chapter(
     shown: Mapping[str, Table],
     headings: Mapping[str, str] | None = None,
 ) -> ReportPart:
-    """The section of a chapter from its text, which may say ``agreement``.
+    """The section of a chapter from its text, a template that knows ``agreement``, ``tables`` by name and ``row``.
 
     Args:
-        named: tables of the report beside ours, by name. values: what the template is filled with.
+        named: tables of the report beside ours, by name. values: what else the template is filled with.
         figures: how each is drawn, by name.
         tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
         shown: further tables of the page by name, or such as stand for whole ones, without captions.
@@ -194,6 +181,7 @@ def write_chapter(
 
     agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
     text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
-    blocks = write_blocks(text, {"agreement": agreement, **values}, take)
-    section = Section(f"chapter-{number}", TITLES[number], blocks)
+    known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row}
+    blocks = write_blocks(text, {**known_values, **values}, take)
+    section = Section(f"chapter-{number}", LABELS["titles"][str(number)], blocks)
     return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})

@@ -19,7 +19,7 @@ from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, s
 from damping.report import number
 from damping.report.page import Block, Section, Table, join_lines, write_blocks
 from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
-from damping_reed1970.common import AGREEMENTS, CLOSE, KNOWN, ReportPart, chapter_of, draw_block
+from damping_reed1970.common import CLOSE, KNOWN, LABELS, ReportPart, chapter_of, draw_block
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 
@@ -107,7 +107,7 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
 def count_agreements(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows of the reproduction by chapter and agreement, with the number that carry an erratum; a last row for all."""
     chapter = rows["id"].map(chapter_of)
-    table = pd.crosstab(chapter, rows["agreement"]).reindex(columns=list(AGREEMENTS), fill_value=0)
+    table = pd.crosstab(chapter, rows["agreement"]).reindex(columns=list(LABELS["agreements"]), fill_value=0)
     table.insert(0, "printed numbers", table.sum(axis=1))
     table["with erratum"] = (rows["erratum"] != "").groupby(chapter).sum()
     table.loc["all"] = table.sum()
@@ -172,16 +172,6 @@ def _spread(rows: pd.DataFrame) -> FloatArray:
     return np.asarray(0.28 * np.sin(2.399963 * number))  # the golden angle: neighbours land apart
 
 
-SEVERITIES = {"A": "Errata that change results", "B": "Errata that change numbers", "C": "Minor errata"}
-#: Kinds as the reader sees them; the scan of the report has misreadings of its own.
-KINDS = {
-    "derivation error": "of derivation",
-    "rounding": "of rounding or reading a plot",
-    "misprint": "of print",
-    "ocr": "of the scan",
-    "ocr_or_misprint": "of print or scan",
-    "unsupported claim": "claims without support",
-}
 #: Numbers shown beside an erratum.
 MOST_NUMBERS = 3
 
@@ -192,8 +182,8 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     values = {
         "entries": len(table),
         "sizes": table["severity"].value_counts().to_dict(),
-        "kinds": [f"{n} {KINDS.get(str(kind), str(kind))}" for kind, n in kinds.items()],
-        "severities": SEVERITIES,
+        "kinds": [f"{n} {LABELS['kinds'].get(str(kind), kind)}" for kind, n in kinds.items()],
+        "severities": LABELS["severities"],
     }
 
     def take(kind: str, name: str, caption: str) -> list[Block]:

@@ -36,7 +36,7 @@ from damping_reed1970.chapter_4.lines import (
 )
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
-from damping_reed1970.chapter_5.nine_terms import EnergySurface, NineTerms, energy_surface, nine_terms
+from damping_reed1970.chapter_5.nine_terms import EnergySurface, energy_surface, nine_terms
 from damping_reed1970.common import DrawnBlock, ReportPart, draw_block
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
@@ -47,10 +47,8 @@ MODES = (1, 2)
 class Studies:
     """Results of the chapters.
 
-    Attributes:
-        loops, slip: section 2.4. lines: section 4.1, a mode each. curves: section 4.2. levels: Tables 4.IV and 4.V as
-            methods, by mode and what is held (``xi``, ``coefficient``). force_lines: section 4.3, a mode each.
-        nine, false, circular, surface: chapter V.
+    ``loops, slip``: section 2.4. ``lines``: section 4.1, a mode each. ``curves``: section 4.2. ``levels``: Tables 4.IV
+    and 4.V by mode and what is held (``xi``, ``coefficient``). ``force_lines``: section 4.3. The others: chapter V.
     """
 
     loops: HysteresisLoops
@@ -59,14 +57,14 @@ class Studies:
     curves: AmplitudeFrequency
     levels: dict[tuple[int, str], LevelMethods]
     force_lines: tuple[ForceAmplitudeLines, ...]
-    nine: NineTerms
+    nine: Mapping[str, pd.DataFrame]
     false: FalseTerms
     circular: Circularity
     surface: EnergySurface
 
     def tables(self, chapter: int | None = None) -> dict[str, pd.DataFrame]:
         """Tidy tables by name, of a chapter or all."""
-        nine, false = self.nine, self.false
+        false = self.false
         by_chapter = {
             2: {"hysteresis_loops": self.loops.areas, "slip_equivalent": self.slip.energies},
             4: {
@@ -78,11 +76,7 @@ class Studies:
                 "chance_of_exponent": tabulate_chance_of_exponent(),
             },
             5: {
-                "nine_terms": nine.full,
-                "nine_terms_summary": nine.summary,
-                "nine_terms_elimination": nine.elimination,
-                "nine_terms_best": nine.best,
-                "nine_terms_by_size": nine.by_size,
+                **self.nine,
                 "false_terms": false.selection,
                 "false_terms_frequency": false.frequency,
                 "false_terms_inflation": false.inflation,
@@ -125,12 +119,8 @@ def _level_methods(mode: int, held: str) -> LevelMethods:
     return level_methods(data, masses(record, data) if held == "xi" else None, (1.0, 100.0))
 
 
-@dataclass(frozen=True)
-class Gaps:
-    """Two gaps between simulation and test, diagnosed."""
-
-    configuration_1: Diagnosis
-    configuration_2: Diagnosis
+#: Gaps between simulation and test, diagnosed, by the number of the configuration.
+Gaps = Mapping[str, Diagnosis]
 
 
 @dataclass(frozen=True)
@@ -145,7 +135,7 @@ class ReportResults:
 
 def diagnose_gaps() -> Gaps:
     """Both gaps diagnosed from their tables alone."""
-    return Gaps(configuration_1_gap(), configuration_2_gap())
+    return {"1": configuration_1_gap(), "2": configuration_2_gap()}
 
 
 _UNITS = Units(force="lb", length="in", time="s")
@@ -205,9 +195,8 @@ SHOWN = ("overlay", "probabilities", "local")
 _MOST = 8
 
 
-def gaps_part(gaps: Gaps) -> ReportPart:
+def gaps_part(diagnoses: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
-    diagnoses = {"1": gaps.configuration_1, "2": gaps.configuration_2}
     tables = {f"gap_configuration_{number}": tabulate_hypotheses(d) for number, d in diagnoses.items()}
 
     def take(kind: str, name: str, caption: str) -> list[Block]:
@@ -225,9 +214,10 @@ def gaps_part(gaps: Gaps) -> ReportPart:
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 
-    first, second = diagnoses.values()
+    second = diagnoses["2"].hypotheses
+    forces = sum(h.probability for h in second if {CATALOGUE[name].kind for name in h.effects} == {"force"})
     values: dict[str, Any] = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
-    values |= {"planes": _find_planes(first), "missing_forces": format_share(_sum_forces(second))}
+    values |= {"planes": _find_planes(diagnoses["1"]), "missing_forces": format_share(forces)}
     blocks = write_blocks(Path(__file__).with_name("gaps.txt"), values, take)
     return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)
 
@@ -250,8 +240,3 @@ def _find_planes(diagnosis: Diagnosis) -> tuple[float, float, float] | None:
         return None
     first = diagnosis.mode.omega_n * (1.0 + refitted_values(diagnosis.leading.best)["frequency"])
     return first * values["frequency_ratio"], first, degrees(values["angle"])
-
-
-def _sum_forces(diagnosis: Diagnosis) -> float:
-    """How probable it is that damping forces, and no other effects, are missing."""
-    return sum(h.probability for h in diagnosis.hypotheses if {CATALOGUE[name].kind for name in h.effects} == {"force"})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -32,24 +33,8 @@ LEVEL = 0.9
 #: Largest high/low wanted at a ratio of force to the largest tested one.
 GOALS = {1.5: 1.35, 4.0: 1.8}
 RATIOS = (1.5, 2.0, 4.0)
-#: Folder of a known record: the structure, and what its figures and numbers are derived from.
-CITATIONS = {
-    "brake-reuss-beam": (
-        "Brake-Reuss beam, bolted lap joint",
-        "W. Chen et al., Mech. Syst. Signal Process. 166 (2022) 108401; M. Jin et al., ibid. 108402; records "
-        "mattiacenedese/BRBtesting, GPL-3.0",
-    ),
-    "eth-beam": (
-        "Micro-beam in partial vacuum",
-        "T. Brack et al., Nat. Phys. 18 (2022) 952; records haller-group/SSMLearn, AGPL-3.0",
-    ),
-    "sloshing-tank": (
-        "Sloshing tank",
-        "B. Baeuerlein & K. Avila, J. Fluid Mech. 925 (2021) A22; records haller-group/SSMLearn, AGPL-3.0",
-    ),
-}
-#: Records whose law changes at the top of the test.
-WARNED = ("sloshing-tank",)
+#: Known records by folder: ``title`` of the structure, ``source``, and whether a warning is wanted.
+CITATIONS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 #: Forces at which a band is drawn.
 _GRID = 40
 #: Dots per inch of the figure.
@@ -140,7 +125,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
             )
             for band in results
         ],
-        "citations": {name: source for name, (_, source) in CITATIONS.items()},
+        "citations": {name: known["source"] for name, known in CITATIONS.items()},
         "parts": PARTS,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values)
@@ -149,7 +134,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
 def _list_goals(band: BandResult) -> list[tuple[str, str, bool]]:
     """Goal, what was measured, met or not: widths; a warning where one is wanted."""
     title = _name_structure(band)
-    if band.name in WARNED:
+    if band.name in CITATIONS and CITATIONS[band.name]["warned"]:
         caution, refused = band.at.cautions[-1][0], bool(np.isnan(band.at.average.median).all())
         measured = caution if refused else f"a band, and before it: {caution}"
         return [(f"{title}: a warning rather than a confident band", measured, refused)]
@@ -164,7 +149,7 @@ def _list_goals(band: BandResult) -> list[tuple[str, str, bool]]:
 
 
 def _name_structure(band: BandResult) -> str:
-    return CITATIONS[band.name][0] if band.name in CITATIONS else band.mode.name
+    return CITATIONS[band.name]["title"] if band.name in CITATIONS else band.mode.name
 
 
 _PARTS = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
@@ -69,12 +69,8 @@ LARGEST = FULL = Sizes(40, 4, 0, 24, 2)
 QUICK = Sizes(1, 0, 0, 12, 2)
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A unit of work for a process: what it is of, and the call that does it."""
-
-    key: tuple[Any, ...]
-    call: Callable[[], Any]
+#: What a trial is of: ``coverage``, way, truth, number; or data, law, number of a posterior.
+Key = tuple[Any, ...]
 
 
 def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
@@ -85,7 +81,7 @@ def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     print(f"{out / 'README.md'} written")
 
 
-def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[str, bytes]:
+def render(results: dict[Key, Any], seed: int, quick: bool) -> dict[str, bytes]:
     """Tables, figures and page of the results of all trials, by file name."""
     covered = {key[1:]: value for key, value in results.items() if key[0] == "coverage"}
     ranked = {key: value for key, value in results.items() if key[0] != "coverage"}
@@ -101,49 +97,45 @@ def render(results: dict[tuple[Any, ...], Any], seed: int, quick: bool) -> dict[
     return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
 
 
-def all_trials(sizes: Sizes, seed: int) -> list[Trial]:
+def all_trials(sizes: Sizes, seed: int) -> dict[Key, Callable[[], Any]]:
     """Every trial, each with a seed of its own, which depends on its key alone: fewer trials are a part of more."""
-    made = [*_coverage_calls(LARGEST), *_rank_calls(LARGEST)]
-    seeds = np.random.SeedSequence(seed).generate_state(len(made))
-    wanted = {key for key, _ in (*_coverage_calls(sizes), *_rank_calls(sizes))}
-    return [
-        Trial(key, partial(call, seed=int(own))) for (key, call), own in zip(made, seeds, strict=True) if key in wanted
-    ]
+    calls, wanted = _list_calls(LARGEST), _list_calls(sizes)
+    seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
+    return {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
 
 
-def _coverage_calls(sizes: Sizes) -> Iterable[tuple[tuple[Any, ...], Callable[..., Any]]]:
+def _list_calls(sizes: Sizes) -> dict[Key, Callable[..., Any]]:
+    """Every trial, without its seed."""
+    calls: dict[Key, Callable[..., Any]] = {}
     for way, trials in (("fast", sizes.fast), ("importance", sizes.importance), ("chains", sizes.chained)):
         for name in TRUTHS:
-            yield from ((("coverage", way, name, n), partial(coverage_trial, name, way)) for n in range(trials))
-
-
-def _rank_calls(sizes: Sizes) -> Iterable[tuple[tuple[Any, ...], Callable[..., Any]]]:
+            calls |= {("coverage", way, name, n): partial(coverage_trial, name, way) for n in range(trials)}
     for law in CALIBRATED:
-        yield from ((("resonances", law.name, n), partial(rank_trial, law)) for n in range(sizes.ranks))
-    yield from ((("sweeps", SWEPT.name, n), partial(rank_trial_of_sweeps, SWEPT)) for n in range(sizes.ranks))
-    call = partial(rank_trial, CHAINED, chains=True)
-    yield from ((("emcee", CHAINED.name, n), call) for n in range(sizes.chains))
+        calls |= {("resonances", law.name, n): partial(rank_trial, law) for n in range(sizes.ranks)}
+    calls |= {("sweeps", SWEPT.name, n): partial(rank_trial_of_sweeps, SWEPT) for n in range(sizes.ranks)}
+    calls |= {("emcee", CHAINED.name, n): partial(rank_trial, CHAINED, chains=True) for n in range(sizes.chains)}
+    return calls
 
 
-def run(trials: list[Trial], jobs: int) -> dict[tuple[Any, ...], Any]:
+def run(trials: Mapping[Key, Callable[[], Any]], jobs: int) -> dict[Key, Any]:
     """Results of all trials by key, in the order of ``trials`` whatever finishes first."""
-    batches = [trials[i : i + BATCH] for i in range(0, len(trials), BATCH)]
-    results: dict[tuple[Any, ...], Any] = {}
+    every = list(trials.items())
+    batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
+    results: dict[Key, Any] = {}
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     with (
         progress("calibrating", len(trials)) as done,
         ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool,
     ):
-        futures = {pool.submit(_batch, batch): batch for batch in batches}
-        for future in as_completed(futures):
+        for future in as_completed([pool.submit(_run_batch, batch) for batch in batches]):
             results |= future.result()
-            batch = futures[future]
-            done(f"{batch[-1].key[0]} {batch[-1].key[1]}", len(batch))
-    return {trial.key: results[trial.key] for trial in trials}
+            data, law, *_ = next(iter(future.result()))
+            done(f"{data} {law}", len(future.result()))
+    return {key: results[key] for key in trials}
 
 
-def _batch(trials: list[Trial]) -> dict[tuple[Any, ...], Any]:
-    return {trial.key: trial.call() for trial in trials}
+def _run_batch(trials: Sequence[tuple[Key, Callable[[], Any]]]) -> dict[Key, Any]:
+    return {key: call() for key, call in trials}
 
 
 def draw_figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:

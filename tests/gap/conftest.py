@@ -49,6 +49,7 @@ EFFECTS: dict[str, tuple[float, tuple[float, ...]]] = {
     "amplitude-scale": (0.1, (1.0,)),
     "phase-lag": (0.1, (-1.0,)),
     "force-dropout": (0.3, (0.02, 1.0, 0.0)),
+    "absorber": (0.3, (0.01, 0.01)),  # of no name in the library
 }
 
 

@@ -13,7 +13,6 @@ from damping.gap.corrected import corrected_mode, effect_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import Tolerance
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares both diagnoses
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {
     *("viscous-coefficient", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"),
@@ -23,12 +22,12 @@ DISSIPATIVE = {
 
 @pytest.fixture(scope="module")
 def first(gaps):
-    return gaps.configuration_1
+    return gaps["1"]
 
 
 @pytest.fixture(scope="module")
 def second(gaps):
-    return gaps.configuration_2
+    return gaps["2"]
 
 
 def test_configuration_1_has_two_planes_and_does_not_soften(first):

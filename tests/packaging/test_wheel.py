@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("forks")  # one wheel
 ROOT = Path(__file__).parents[2]
 HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
 DATA = Path("damping_reed1970", "_data")

@@ -19,13 +19,14 @@ from damping.forces import from_damping
 from damping.formats.quantity import Factors, convert_mode
 from damping.formats.series import Stated
 from damping.infer.observations import observe
+from damping.plots import to_png
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, read_answer
 from damping_pipelines.import_ import RingDown, import_file, pairs, read_band, scales
-from damping_pipelines.store import to_png, write_json
+from damping_pipelines.store import write_json
 from damping_reed1970 import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
@@ -369,7 +370,7 @@ def test_a_form_is_no_record(ranking: Path, tmp_path: Path) -> None:
 def test_a_figure_as_png() -> None:
     figure = Figure(figsize=(2, 1))
     figure.add_subplot().plot([1, 2])
-    image = to_png(figure, dots_per_inch=100)
+    image = to_png(figure, dpi=100)
     assert image.startswith(b"\x89PNG\r\n\x1a\n")
     assert image[16:24] == (200).to_bytes(4, "big") + (100).to_bytes(4, "big")  # width and height of the header
-    assert to_png(figure, dots_per_inch=100) == image
+    assert to_png(figure, dpi=100) == image

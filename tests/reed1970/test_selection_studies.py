@@ -84,20 +84,22 @@ def test_nine_terms_of_the_report() -> None:
         [A**2 * omega, A**2, A**3 * omega**2, A**3 * omega, A**4 * omega, A, A**3, A**4, A**2 * omega**2]
     )
     unit = X / np.linalg.norm(X, axis=0)
-    summary = found.summary.iloc[0]
+    summary = found["nine_terms_summary"].iloc[0]
     # numpy's singular values lose the condition number's seven digits of sixteen
     np.testing.assert_allclose(summary["condition_number"], np.linalg.cond(unit), rtol=1e-6, atol=0.0)
     weights, _ = nnls(unit, E)
     # what is held at nought is exact; the rest is a well-conditioned fit
-    np.testing.assert_allclose(found.full["nonnegative"], weights / np.linalg.norm(X, axis=0), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        found["nine_terms"]["nonnegative"], weights / np.linalg.norm(X, axis=0), rtol=1e-6, atol=1e-9
+    )
     assert summary["negative_coefficients"] == 4  # "negative coefficients resulted"
-    assert list(found.full["term"]) == list(NINE_TERMS)
+    assert list(found["nine_terms"]["term"]) == list(NINE_TERMS)
     positive = 0
     for size in (1, 2, 3):  # no larger subset of these data has all coefficients above 0
         for subset in combinations(range(9), size):
             positive += bool((np.linalg.lstsq(unit[:, subset], E, rcond=None)[0] > 0.0).all())
     assert summary["subsets_all_positive"] == positive
-    path = found.elimination.query("coefficients == 'free'")
+    path = found["nine_terms_elimination"].query("coefficients == 'free'")
     assert path["terms_left"].tolist() == list(range(9, 0, -1))
     assert path["rms_error_in_lb"].is_monotonic_increasing
 

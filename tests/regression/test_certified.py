@@ -82,7 +82,7 @@ def digits(found: Any, certified: Any) -> float:
 @pytest.mark.parametrize("name", CERTIFIED)
 def test_command_reaches_the_stated_digits(name: str, tmp_path: Path) -> None:
     certified, target = CERTIFIED[name], tmp_path / "fit.json"
-    regress([FOLDER / f"{name}.csv"], "y", [certified["terms"]], "none", "bic", False, None, str(target), None, 10**6)
+    regress([FOLDER / f"{name}.csv"], "y", [certified["terms"]], json_out=str(target), plots=None, max_size=10**6)
     form = json.loads(target.read_text())
     coefficients, deviations = stated()[name]
     assert digits([term["coefficient"] for term in form["terms"]], certified["estimates"]) >= coefficients

@@ -13,7 +13,6 @@ import pytest
 from damping.report import format_between, format_signed, number
 from damping.report.study import Rendered, render
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted((ROOT / "results").rglob("*.html"))
 #: Widths of a telephone and of a desk screen, pixels.

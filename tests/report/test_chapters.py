@@ -28,9 +28,6 @@ from damping_reed1970.studies import Gaps, ReportResults, Studies
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
-
 @pytest.fixture(scope="module")
 def results(
     studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame], gaps: Gaps
@@ -251,7 +248,7 @@ def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResul
     plane = re.search(r"The second plane lies at ([\d.]+) rad/s", said(found))
     assert plane
     assert 11.46 <= float(plane[1]) <= 11.51
-    assert results.gaps.configuration_1.leading.effects == ("planar-coupling",)
+    assert results.gaps["1"].leading.effects == ("planar-coupling",)
     assert "Damping grows with amplitude" in said(found)
     shown = found.tables["gap_configuration_2"]
     assert shown["probability"].sum() == pytest.approx(1.0)

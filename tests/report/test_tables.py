@@ -32,9 +32,8 @@ from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior
 from damping.report.study import render
 from damping.report.tables import record_tables
 from damping_pipelines.study_files import add_damping_ratio
-from damping_reed1970.chapter_6 import UNITS
+from damping_reed1970.common import LABELS
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares the study
 POUND = Units("lb", "in", "s")
 
 
@@ -169,10 +168,10 @@ def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: Re
     assert "At the design load" not in out.html
 
 
-@pytest.mark.parametrize("force", UNITS)
+@pytest.mark.parametrize("force", LABELS["units"])
 def test_units_are_those_of_the_report(force: str) -> None:
     ours = format_parameter_unit(force, POUND).replace("²", "^2").replace("³", "^3").replace("·", " ")
-    assert ours == UNITS[force]
+    assert ours == LABELS["units"][force]
 
 
 def test_other_units_and_labels() -> None:

@@ -291,8 +291,7 @@ def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block
 
 def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> page.FigureBlock:
     data, units, name = record.data, record.mode.units, record.task.name
-    tested = pd.DataFrame({"sweep": data.sweeps, "force": data.tested_force, "amplitude": data.tested_amplitude})
-    tables = (forms.tabulate_loads(bands), tested, forms.tabulate_loads(design))
+    tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))
     drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
     caption = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
     return page.FigureBlock(to_svg(drawn, identifier(name), f"{name}: design loads", caption), caption)

@@ -40,9 +40,9 @@ TIME_LIMIT = 3600.0
 class FleetSettings:
     """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result.
 
-    ``fast``: few importance draws. ``level``: content of the bands. ``forces``: design forces; empty for ``MULTIPLES``
-    of each record's own. ``max_size``: largest input file, bytes. ``despite``: checks of the audit whose refusal is
-    passed over. ``code``: digest of versions and source. ``time_limit``: seconds that a record may take.
+    ``fast``: few importance draws. ``forces``: design forces; empty for ``MULTIPLES`` of each record's own.
+    ``max_size``: largest input file, bytes. ``despite``: checks of the audit whose refusal is passed over. ``code``:
+    digest of versions and source. ``time_limit``: seconds that a record may take.
     """
 
     seed: int
@@ -188,10 +188,7 @@ def read_files(task: FleetTask) -> tuple[Record, Mode]:
         try:
             record, mode = read_record(paths[0]), read_mode(paths[1])
         except InputError as error:
-            known = names[Path(error.file).name] if error.file else None
-            raise InputError(
-                error.message, file=known, line=error.line, column=error.column, expected=error.expected
-            ) from error
+            raise (error.in_file(names[Path(error.file).name]) if error.file else error) from error
     first, second = names.values()
     name = task.name if mode.name == _UNNAMED else mode.name
     return replace(record, source=first), replace(mode, source=second, name=name)

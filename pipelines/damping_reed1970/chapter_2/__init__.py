@@ -80,12 +80,11 @@ def corrected_coefficient(slip: Slip, A: Floats, omega: Floats) -> Floats:
 def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float, points: int = 2880) -> pd.DataFrame:
     """How far a velocity-squared force fixed at ``reference`` stands for slip, at each ``amplitude``, all above A1.
 
-    ``coefficient_percent``: Eq 2.4.4 as printed against corrected, at each amplitude.
-    ``printed_percent``, ``corrected_percent``: energy of the force with C3 fixed at the reference amplitude, printed
-    or corrected, against the exact energy of the joint: what a model identified at one level does at the others.
-    ``shape_percent``: with equal energy, root mean square over the cycle of the difference between the joint's force
-    about its mean slope (K less what slip lost, S/A) and C3 q'^2 sgn q', over that of the former. The frequency
-    cancels: C3 omega^2 is what the equivalence fixes (section 2.4).
+    ``coefficient_percent``: Eq 2.4.4 as printed against corrected, at each amplitude. ``printed_percent``,
+    ``corrected_percent``: energy of the force with C3 fixed at the reference, printed or corrected, against the exact
+    energy of the joint. ``shape_percent``: with equal energy, root mean square over the cycle of the difference between
+    the joint's force about its mean slope (K less what slip lost, S/A) and C3 q'^2 sgn q', over that of the former. The
+    frequency cancels: C3 omega^2 is what the equivalence fixes (section 2.4).
     """
     A = np.asarray(amplitude, dtype=float)
     exact = np.asarray(exact_energy(slip, A))
@@ -154,7 +153,9 @@ class SlipEquivalent:
 def hysteresis_loops() -> HysteresisLoops:
     """One loop of every force, all of one energy per cycle except slip's, which its stiffness and limit give."""
     forces = {name: _scaled(name) for name in CATALOGUE}
-    forces["case V"] = _of_loss(case_five(1.0, 4.0))
+    fifth = case_five(1.0, 4.0)  # scaled to the same loss
+    factor = 0.5 * LOSS / float(energy_per_cycle(fifth, 1.0, 1.0))
+    forces["case V"] = Sum(tuple(make(part.name, coefficient=factor * part.coefficient) for part in fifth.forces))  # type: ignore[attr-defined]  # both parts of case V have one
     loops = {name: loop(force, 1.0, 1.0, stiffness=1.0) for name, force in forces.items()}
     closed = np.array([float(energy_per_cycle(force, 1.0, 1.0)) for force in forces.values()])
     areas = np.array([closed_loop.area for closed_loop in loops.values()])
@@ -205,9 +206,3 @@ def _scaled(name: str) -> Force:
     shapes = {"exponent": EXPONENTS[name]} if name in EXPONENTS else {}
     energy = float(energy_per_cycle(make(name, coefficient=1.0, **shapes), 1.0, 1.0))
     return make(name, coefficient=0.5 * LOSS / energy, **shapes)
-
-
-def _of_loss(force: Sum) -> Sum:
-    """A sum of forces proportional to their first field, scaled to the energy per cycle that is drawn."""
-    factor = 0.5 * LOSS / float(energy_per_cycle(force, 1.0, 1.0))
-    return Sum(tuple(make(part.name, coefficient=factor * part.coefficient) for part in force.forces))  # type: ignore[attr-defined]  # both parts of case V have one

@@ -102,7 +102,10 @@ def rigid_body(table: pd.DataFrame) -> float:
 
 
 def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
-    """Correction C_t2 (Eq. 3.1.20), modal phase (3.1.22), C_t2 cos phi_2 and modal amplitude (3.1.23)."""
+    """Correction C_t2 (Eq. 3.1.20), modal phase (3.1.22), C_t2 cos phi_2 and modal amplitude (3.1.23).
+
+    Also the energy put in per cycle, pi X_t F sin(phi_t) (Eq. 3.2.9), of Table 3.IV.
+    """
     F, omega = columns(load_table("3_I"), "force_lb", "omega_rad_s")
     X, phi_t, C_t = columns(table, "tail_amplitude_in", "tail_phase_rad", "correction_Ct2_in")
     (phi_2,) = columns(table, "modal_phase_rad")
@@ -112,14 +115,8 @@ def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
         **by_point("tab3III.phi2", signals.modal_phase(X, phi_t, C_t, PLANES.phi)),
         **by_point("tab3III.Ccos", C_t * np.cos(phi_2)),
         **by_point("tab3III.A2", signals.modal_amplitude(X, phi_t, C_t, PLANES.phi, phi_2)),
+        **by_point("tab3IV.E_input", signals.input_energy(X, F, phi_t)),
     }
-
-
-def table_3_iv_input(table_3_iii: pd.DataFrame) -> dict[str, float]:
-    """Energy put in per cycle, pi X_t F sin(phi_t) (Eq. 3.2.9)."""
-    (F,) = columns(load_table("3_I"), "force_lb")
-    X, phi_t = columns(table_3_iii, "tail_amplitude_in", "tail_phase_rad")
-    return by_point("tab3IV.E_input", signals.input_energy(X, F, phi_t))
 
 
 def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
@@ -156,14 +153,13 @@ def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
     return {"eq3218.C1": signals.mean_coefficient(PLANES.mass, omega, xi)}
 
 
-def worked_example() -> dict[str, float]:
-    """xi of the example after Eq. 3.2.16: omega = 11.39, F = 922, E = 114.5, the upper of two roots."""
-    return {"sec32.example_xi": float(signals.damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])}
-
-
 def computed() -> dict[str, float]:
-    """Every result of the chapter from the tables as printed."""
-    return {**_tables(load_table("3_I"), load_table("3_III"), load_table("3_IV")), **worked_example()}
+    """Every result of the chapter from the tables as printed.
+
+    With them xi of the example after Eq. 3.2.16: omega = 11.39, F = 922, E = 114.5, the upper of two roots.
+    """
+    example = float(signals.damping_roots(PLANES, F=922.0, omega=11.39, energy=114.5).roots[-1])
+    return {**_tables(load_table("3_I"), load_table("3_III"), load_table("3_IV")), "sec32.example_xi": example}
 
 
 def after_correction() -> dict[str, float]:
@@ -175,7 +171,6 @@ def _tables(table_i: pd.DataFrame, table_iii: pd.DataFrame, table_iv: pd.DataFra
     return {
         **table_3_i(table_i),
         **table_3_iii(table_iii),
-        **table_3_iv_input(table_iii),
         **table_3_iv(table_iv),
         **table_3_iv_xi(table_iv),
         **equation_3_2_18(table_iv),
@@ -197,17 +192,16 @@ def tabulate_points() -> pd.DataFrame:
 def tabulate_branch(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
     """By point: both roots, the printed xi, the branch it is on, and the energy in each plane on each branch.
 
-    Columns: ``point, omega, energy`` (put in), ``largest_energy`` (that can be lost, at ``xi_of_largest``), ``roots``
-    (number), ``xi_low, xi_high`` (NaN where none), ``xi_printed, taken`` (``low``, ``high`` or ``none``),
-    ``energy_printed`` (lost at the printed xi), and ``pitch_low, yaw_low, pitch_high, yaw_high``: energies lost in the
-    planes, and ``A_pitch_low, A_pitch_high``: amplitudes.
+    ``energy`` is put in; ``largest_energy`` can be lost, at ``xi_of_largest``; ``xi_low, xi_high``: NaN where there is
+    no root; ``taken``: ``low``, ``high`` or ``none``; ``energy_printed``: lost at the printed xi; ``pitch_low`` and so
+    on: energies lost in the planes; ``A_pitch_low, A_pitch_high``: amplitudes.
     """
     table = tabulate_points()
     roots = find_roots(table, planes)
     F, omega, energy, printed = columns(table, "force_lb", "omega_rad_s", "energy_input_in_lb", "xi")
     low, high = signals.branch(roots, 0), signals.branch(roots, -1)
     nearer = np.where(np.abs(low - printed) < np.abs(high - printed), "low", "high")
-    motion = {name: signals.plane_motion(planes, F, omega, xi) for name, xi in (("low", low), ("high", high))}
+    lowest, highest = (signals.plane_motion(planes, F, omega, xi) for xi in (low, high))
     return pd.DataFrame(
         {
             "point": table["point"],
@@ -221,12 +215,12 @@ def tabulate_branch(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
             "xi_printed": printed,
             "taken": np.where(np.isnan(low), "none", nearer),
             "energy_printed": signals.energy_loss(planes, F, omega, printed),
-            **{
-                f"{name}_{key}": value
-                for key, m in motion.items()
-                for name, value in (("pitch", m.E_p), ("yaw", m.E_y))
-            },
-            **{f"A_pitch_{key}": m.A_p for key, m in motion.items()},
+            "pitch_low": lowest.E_p,
+            "yaw_low": lowest.E_y,
+            "pitch_high": highest.E_p,
+            "yaw_high": highest.E_y,
+            "A_pitch_low": lowest.A_p,
+            "A_pitch_high": highest.A_p,
         }
     )
 
@@ -255,12 +249,7 @@ def tabulate_mean(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
         "every high root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, high_or_low),
     }
     rows = [
-        {
-            "choice": choice,
-            "points": int(np.isfinite(xi).sum()),
-            "mean_xi": float(np.nanmean(xi)),
-            "C_1": signals.mean_coefficient(planes.mass, omega, xi),
-        }
+        (choice, int(np.isfinite(xi).sum()), np.nanmean(xi), signals.mean_coefficient(planes.mass, omega, xi))
         for choice, xi in choices.items()
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=["choice", "points", "mean_xi", "C_1"])

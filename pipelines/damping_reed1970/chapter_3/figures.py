@@ -120,7 +120,7 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
 
 @styled
 def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
-    """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), a panel a plane."""
+    """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), one panel for each plane."""
     figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
@@ -164,7 +164,7 @@ def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Fig
 
 
 def _draw_parts(axes: Axes, removed: pd.DataFrame) -> None:
-    """One line a part, labelled at its right end; the total beside."""
+    """One line for each part, labelled at its right end; the total beside."""
     parts = removed.drop(columns=["point", "omega"], errors="ignore")
     colours = (YAW, PITCH, "#009e73", "#aa4499", "#999933")
     for number, name in enumerate(parts):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,11 +10,11 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
 from damping.arrays import FloatArray
-from damping.report import NOTHING, format_between
+from damping.report import NOTHING
 from damping_reed1970.chapter_3 import PLANES, figures
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
+from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: Rise of a peak above what is around it, over the largest value: that of a median of draws is rough by less.
@@ -51,35 +50,8 @@ def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
     return float(change.max()), float(change[first.argmax()])
 
 
-#: Parameters of a fit as the page shows them, with the digits after the point.
-SHOWN = {
-    "omega_p": ("ω_p, rad/s", 3),
-    "omega_y": ("ω_y, rad/s", 3),
-    "theta_degrees": ("θ, degrees", 1),
-    "M": ("M, lb s²/in", 2),
-    "C": ("C, lb s/in", 2),
-    "xi": ("ξ", 5),
-    "in_phase_in": ("in phase, in", 3),
-    "lag_rad": ("lag, rad", 3),
-}
-#: The same of a posterior.
+#: What ``labels.toml`` calls parameters of a posterior.
 POSTERIOR = {"theta": "theta_degrees", "R": "in_phase_in"}
-#: The fit with the report's angle and mass held.
-HELD = "theta = 28, M = 21"
-#: The fit with all parameters free.
-FREE = "free"
-#: Columns of the roots that the page shows, and what they are called.
-ROOTS = {
-    "point": "point",
-    "omega": "ω, rad/s",
-    "energy": "energy in, in-lb",
-    "largest_energy": "largest that can be lost",
-    "roots": "roots",
-    "xi_low": "low root ξ",
-    "xi_high": "high root ξ",
-    "xi_printed": "printed ξ",
-    "taken": "taken",
-}
 
 
 def write_chapter_3(results: ReportResults) -> ReportPart:
@@ -89,21 +61,34 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
     fits, branches = tables["planar_fits"], tables["branches"]
     main = fits[(fits["data"] == "A2") & (fits["noise"] == "constant")]
     of_planes = [name for name in map(str, branches) if name.startswith(("pitch", "yaw", "A_"))]
+    roots = LABELS["roots"]
     shown = {
         "fits": chapter_table(3, "planar_fits", fit_rows(main)),
         "planar_fits": chapter_table(3, "planar_fits", fit_rows(fits, ["data", "noise"])),
         "posteriors": chapter_table(3, "planar_posteriors", tabulate_posterior_rows(tables["planar_posteriors"])),
-        "branches": chapter_table(3, "branches", branches[list(ROOTS)], ROOTS),
-        "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(ROOTS)], ROOTS),
+        "branches": chapter_table(3, "branches", branches[list(roots)], roots),
+        "branches_fitted": chapter_table(3, "branches_fitted", tables["branches_fitted"][list(roots)], roots),
         "branch_energies": chapter_table(3, "branches", branches[["point", "energy_printed", *of_planes]]),
     }
+    measured, tail, mode = computed.measured, computed.bands["tail"], computed.bands["A2"]
+    yaw = tables["yaw"].drop(columns=["point", "omega"])
     values = {
-        **_collect_conditioning_values(computed),
-        **_collect_figure_values(computed),
-        **_collect_plane_values(computed),
-        "branches": branches,
-        "fitted": tables["branches_fitted"],
-        "means": tables["branch_means"].set_index("choice"),
+        "steps": len(computed.steps),
+        "change": change_by_conditioning(computed.effect),
+        "points": len(measured),
+        "peaks": [count_peaks(values) for values in (measured["tail"], tail.amplitude[0])],
+        "sines": compare_sines(measured, tail),
+        "fit_off": root_mean_square(
+            measured["A_2_printed"] - np.interp(measured["omega"], mode.omega, mode.amplitude[0])
+        ),
+        "yaw_off": [
+            f"{root_mean_square(values - yaw['measured']):.2g} in ({str(name).replace(',', ' and')})"
+            for name, values in yaw.drop(columns="measured").items()
+        ],
+        "planes": PLANES,
+        "angle": float(np.degrees(PLANES.theta)),
+        "level": f"{100 * LEVEL:g}",
+        "pair": _pair,
     }
     headings = {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
     figures = collect_figures(computed)
@@ -133,64 +118,10 @@ def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
     }
 
 
-def _collect_figure_values(computed: Chapter3) -> dict[str, Any]:
-    """What the figures are said to show."""
-    measured, tail, mode = computed.measured, computed.bands["tail"], computed.bands["A2"]
-    fitted = np.interp(measured["omega"], mode.omega, mode.amplitude[0])
-    yaw = computed.tables["yaw"].drop(columns=["point", "omega"])
-    return {
-        "points": len(measured),
-        "peaks": [count_peaks(values) for values in (measured["tail"], tail.amplitude[0])],
-        "sines": compare_sines(measured, tail),
-        "fit_off": root_mean_square(measured["A_2_printed"] - fitted),
-        "yaw_off": [
-            f"{root_mean_square(values - yaw['measured']):.2g} in ({str(name).replace(',', ' and')})"
-            for name, values in yaw.drop(columns="measured").items()
-        ],
-    }
-
-
-def _collect_conditioning_values(computed: Chapter3) -> dict[str, Any]:
-    """What the chain gives and takes away."""
-    chain = computed.tables["conditioned"]
-    largest, at_peak = change_by_conditioning(computed.effect)
-    return {
-        "steps": len(computed.steps),
-        "amplitude_off": 100.0 * (chain["A_2"] / chain["A_2_printed"] - 1.0).abs().max(),
-        "phase_off": (chain["phi_2"] - chain["phi_2_printed"]).abs().max(),
-        "removed": computed.tables["removed"].drop(columns=["point", "omega"]).sum(axis=1).abs(),
-        "largest": largest,
-        "at_peak": at_peak,
-    }
-
-
-def _collect_plane_values(computed: Chapter3) -> dict[str, Any]:
-    """The report's planes and ours, and what the data say for and against each assumption."""
-    fits, posteriors = computed.tables["planar_fits"], computed.tables["planar_posteriors"]
-    free, held = (row(fits, data="A2", noise="constant", fit=fit) for fit in (FREE, HELD))
-    read = {"omega_p": PLANES.omega_p, "omega_y": PLANES.omega_y}
-    factors = computed.tables["planar_evidence"].set_index("fit")["bayes_factor_over_free"]
-    angles = [row(posteriors, data=data, fit="free + in phase", parameter="theta") for data in ("A2", "tail")]
-    return {
-        "planes": PLANES,
-        "angle": float(np.degrees(PLANES.theta)),
-        "level": f"{100 * LEVEL:g}",
-        "pair": _pair,
-        "free": free,
-        "held": held,
-        "errors_off": max(abs(held[name] - value) / held[f"{name}_se"] for name, value in read.items()),
-        "theta": row(posteriors, data="A2", fit=FREE, parameter="theta"),
-        "factors": factors,
-        "held_factor": factors[HELD],
-        "phase": row(posteriors, data="A2", fit="free + in phase", parameter="R"),
-        "angles": [f"θ {format_between(angle['low'], angle['high'])}" for angle in angles],
-    }
-
-
 def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
     """One row per fit: parameters with standard errors as text, those held without."""
     columns: dict[str, object] = {name: fits[name] for name in [*(head or []), "fit"]}
-    for name, (label, digits) in SHOWN.items():
+    for name, (label, digits) in LABELS["fitted"].items():
         pairs = fits[[name, f"{name}_se"]].to_numpy(float)
         columns[label] = [_describe_with_error(value, error, digits) for value, error in pairs]
     columns["residual, in"] = fits["sigma"]
@@ -206,13 +137,13 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
         texts = {"data": data, "fit": fit}
         chosen = posteriors[(posteriors["data"] == data) & (posteriors["fit"] == fit)]
         for name, *numbers in chosen[["parameter", "median", "low", "high"]].itertuples(index=False):
-            label, digits = SHOWN.get(POSTERIOR.get(name, name), ("", 0))
+            label, digits = LABELS["fitted"].get(POSTERIOR.get(name, name), ("", 0))
             if label:
                 median, low, high = (f"{value:.{digits}f}".replace("-", "−") for value in numbers)
                 texts[label] = f"{median} ({low} to {high})"
         rows.append(texts)
     return pd.DataFrame(rows).fillna("")[
-        ["data", "fit", *(label for label, _ in SHOWN.values() if label != "lag, rad")]
+        ["data", "fit", *(label for label, _ in LABELS["fitted"].values() if label != "lag, rad")]
     ]
 
 

@@ -1,15 +1,13 @@
 """Fit of the planar-coupled oscillator to measured amplitude and phase together (Eqs. 3.1.24-3.1.35).
 
-The report sets the model up, says that its parameters are found "by solving the resulting set of nonlinear algebraic
-equations", and leaves that out of its scope. Here they are fitted to all phasors A exp(-i phi) at once, by least
-squares of the distance between measured and model phasor; its standard deviation is the same in every direction
-(circular noise) and of unknown size. Two more parameters may be fitted: what is left of motion in phase with the force
-(other modes, rigid body), and a lag common to all points.
+The report leaves the solution out of its scope. Here all phasors A exp(-i phi) are fitted at once, by least squares of
+the distance between measured and model phasor: circular noise of unknown size. Motion in phase with the force that is
+left (other modes, rigid body) and a lag common to all points may be fitted too.
 
 The response along the force stays what it is when theta changes sign and when the two planes change names (omega_p,
 omega_y, theta -> omega_y, omega_p, pi/2 - theta). Results carry 0 <= theta <= pi/2 and, where all three are fitted,
-omega_p <= omega_y. Planes outside the swept frequencies are no planes of this mode: there a "plane" only stands for
-motion in phase with the force, and such minima are passed over.
+omega_p <= omega_y. A "plane" outside the swept frequencies only stands for motion in phase with the force: such minima
+are passed over.
 """
 
 from __future__ import annotations
@@ -125,7 +123,6 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
         raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
     starts = _choose_starts(data, fixed)
     _lengths(_real(_jacobian(data, starts[0], free)), free)
-    # planes outside the swept frequencies are no planes of this mode
     low, high, fitted = data.omega.min(), data.omega.max(), {"omega_p", "omega_y"} & set(free)
     fits = [_minimise(data, fixed, free, start) for start in starts]
     inside = [fit for fit in fits if all(low <= getattr(fit[1], name) <= high for name in fitted)]
@@ -268,12 +265,9 @@ def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:
 
 
 def fit_table(fits: Fits) -> pd.DataFrame:
-    """One row a fit: parameters with standard errors (``_se``; theta in degrees), quality, comparison with ``free``.
+    """One row for each fit: parameters with standard errors (``_se``; theta in degrees), quality, :func:`comparison`.
 
-    ``in_phase_in``: motion R F at the mean force. ``chi_square`` = 2 n ln(SSE/SSE of ``free``), negative where a fit
-    has more parameters than that; ``p_value`` of its size with the difference in parameters as degrees of freedom, and
-    ``p_value_correlated`` with chi_square reduced for the correlation r of neighbouring residuals, by (1 - r)/(1 + r)
-    of the larger model.
+    ``in_phase_in``: motion R F at the mean force.
     """
     rows = []
     for (name, noise, variant), fit in fits.items():
@@ -292,7 +286,12 @@ def fit_table(fits: Fits) -> pd.DataFrame:
 
 
 def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
-    """Chi-square of a fit against another that contains it or is contained, and what probability it has by chance."""
+    """A fit against another that contains it or is contained.
+
+    ``chi_square`` = 2 n ln(SSE/SSE of ``free``), negative where the fit has more parameters; ``p_value`` of its size
+    with the difference in parameters as degrees of freedom; ``p_value_correlated`` with chi_square reduced for the
+    correlation r of neighbouring residuals, by (1 - r)/(1 + r) of the larger model.
+    """
     larger = max(fit, free, key=lambda either: len(either.fitted))
     chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
     left = (1.0 - larger.correlation) / (1.0 + larger.correlation)

@@ -5,12 +5,8 @@ Every parameter is a known function of a standard normal variable, so that a pri
 - ``omega_p <= omega_y``: the frequencies of the two planes, each uniform over the swept band, in rising order. (A plane
   outside it would only stand for motion in phase with the force, of other modes or of the rigid body.)
 - ``theta``: uniform from 0 to 90 degrees (its sign has no effect along the force).
-- ``M``: log-normal about the modal mass assumed, log standard deviation 0.5 (a factor of 2.3 either way in 90 %).
-- ``xi`` of the pitch plane: log-normal about 0.01, log standard deviation 1.
-- ``sigma``: noise of a phasor's components, log-normal about 5 % of the largest amplitude (of each amplitude, where
-  noise is proportional), log standard deviation 1.
-- where they are asked for: ``R``, normal about 0 with a motion of 20 % of the largest amplitude as standard deviation;
-  ``lag``, normal about 0 with 0.1 rad.
+- ``M`` about the modal mass assumed, ``xi`` of the pitch plane, ``sigma``, noise of a phasor's components: log-normal;
+  ``R`` and ``lag``, where they are asked for: normal about 0.
 
 The likelihood is that of circular normal noise, independent from point to point.
 """
@@ -61,10 +57,8 @@ _STEP = 1e-5  # of a standard normal variable, in difference quotients
 class PlanarPrior:
     """The map from standard normal variables ``x`` (..., dimension) to the parameters.
 
-    Attributes:
-        low, high: the swept band, rad/s. mass: median of M. sigma: median of the noise scale. R: standard deviation.
-        force: mean modal force.
-        fixed: theta (rad) and M where they are held at a value. extras: of ``EXTRAS``, that are free.
+    ``low, high``: the swept band, rad/s. ``mass``: median of M. ``sigma``: median of the noise scale. ``R``: standard
+    deviation. ``force``: mean modal force. ``fixed``: theta (rad) and M where they are held. ``extras``: that are free.
     """
 
     low: float
@@ -132,11 +126,9 @@ class PlanarPrior:
 
 @dataclass(frozen=True)
 class PlanarPosterior:
-    """What is known of a planar oscillator.
+    """What is known of a planar oscillator: draws of its variables (n, dimension), whose meaning the prior gives.
 
-    Attributes:
-        prior: the meaning of ``x``. draws: of the variables (n, dimension). evidence: of the model.
-        chains: None where it is known by importance sampling.
+    ``chains`` is None where it is known by importance sampling.
     """
 
     prior: PlanarPrior

@@ -28,14 +28,10 @@ SEED = 1970
 class Chapter3:
     """Results of chapter III.
 
-    Attributes:
-        steps: conditioning of the test of Configuration I, in order.
-        tables: for people, by name (``chapter_3_results``).
-        measured: by point, what figures draw beside the computed: see :func:`tabulate_measured`.
-        corrected: rows 6+ and 9+ of Table 3.IV: ``point, omega, energy, pitch, yaw``.
-        effect: amplitude and phase after each step from the mode factor on: ``step, omega, amplitude, phase``.
-        curves: over frequency with one damping for all points: see :func:`tabulate_fitted_curves`.
-        fits, posteriors: of the planar oscillator. bands: of the sampled posteriors by data.
+    ``steps``: conditioning of the test of Configuration I. ``tables``: for people, by name. For the figures:
+    ``measured``, by point (:func:`tabulate_measured`); ``corrected``, rows 6+ and 9+ of Table 3.IV; ``effect``,
+    amplitude and phase after each step; ``curves`` with one damping for all points (:func:`tabulate_fitted_curves`).
+    ``fits, posteriors``: of the planar oscillator. ``bands``: of the sampled posteriors by data.
     """
 
     steps: tuple[ConditioningStep, ...]

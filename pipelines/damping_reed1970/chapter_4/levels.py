@@ -67,17 +67,12 @@ class LevelCase:
 
 @dataclass(frozen=True)
 class LevelMethods:
-    """What the two methods say; tables are tidy, percentages of the measured or base value.
+    """What the two methods say; percentages are of the measured or base value.
 
-    Attributes:
-        held: ``xi`` or ``coefficient``, what is kept from level to level.
-        cases: every case, with its alpha.
-        coefficients: Table 4.V, ``case, alpha, sweep, held``.
-        variations: ``case, alpha, free, base, largest_percent`` (signed, as the report), ``spread_percent`` (standard
-            deviation of ln held over the levels, with a degree of freedom less for a free alpha; NaN without any).
-        predictions: Table 4.IV, ``case, alpha, base, sweep, predicted, amplitude, percent_error``; base ``others``
-            takes coefficient and free alpha from all other sweeps.
-        picked: case of least spread. cautions: what a reader should know, in words.
+    ``held``: ``xi`` or ``coefficient``, kept from level to level. ``coefficients``: Table 4.V. ``variations``:
+    ``largest_percent`` by base (signed, as the report), ``spread_percent`` (:func:`spread`). ``predictions``: Table
+    4.IV; base ``others`` takes coefficient and free alpha from all other sweeps. ``picked``: case of least spread.
+    ``cautions``: what a reader should know, in words.
     """
 
     held: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
 from typing import Any
@@ -17,11 +17,10 @@ from damping.report.page import Table
 from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
 from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
-from damping_reed1970.chapter_4.lines import IV, CoefficientLines, CoefficientModel, ForceAmplitudeLines, V
-from damping_reed1970.common import ReportPart, chapter_table, row, write_chapter
+from damping_reed1970.chapter_4.lines import IV, CoefficientLines, ForceAmplitudeLines, V
+from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
-Tables = Mapping[str, pd.DataFrame]
 #: What is kept from level to level, in words.
 KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 
@@ -29,7 +28,7 @@ KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
     studies, every, named = results.studies, results.studies.tables(4), results.tables
-    lines, variations, laws = named["linear_coefficients"], every["level_variations"], named["power_laws"]
+    lines, variations = named["linear_coefficients"], every["level_variations"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
         "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
@@ -37,15 +36,16 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "by_base": chapter_table(4, "level_variations", _tabulate_by_base(variations)),
         "predictions": chapter_table(4, "level_predictions", _tabulate_errors(every["level_predictions"])),
     }
+    cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
     values = {
-        "lines": [_find_line(lines, IV, mode) for mode in (1, 2)],
-        "line_squared": _find_line(lines, V, 1),
-        **_collect_response_values(every, studies.curves),
-        **_collect_level_values(studies, variations),
-        "powers": [row(laws, mode=mode, form="velocity-power", inputs="corrected") for mode in (1, 2)],
-        "second": row(laws, mode=2, form="displacement-velocity-power", inputs="corrected"),
-        "needed": every["chance_of_exponent"]["needed_percent"],
-        **_collect_example_values(named["section_4_3_example"]),
+        "models": (IV.name, V.name),
+        "hertz": studies.curves.omega_n / (2.0 * np.pi),
+        "printed": response.PRINTED,
+        "least": _list_least(variations),
+        "held": HELD,
+        "kept": list(studies.levels),
+        "cautions": "; ".join(cautions).capitalize(),
+        "example_force": F_EXAMPLE,
     }
     figures = collect_figures(studies)
     return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
@@ -58,56 +58,15 @@ def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _find_line(lines: pd.DataFrame, model: CoefficientModel, mode: int) -> list[pd.Series[Any]]:
-    """Rows of the constant and of the second coefficient of a model, from the corrected tables."""
-    return [row(lines, model=model.name, inputs="corrected", mode=mode, parameter=name) for name in ("C_01", "C_11")]
-
-
-def _collect_response_values(every: Tables, curves: response.AmplitudeFrequency) -> dict[str, Any]:
-    """What section 4.2 says of the curves."""
-    points, widths = every["response_points"], every["response_widths"]
-    half = widths[widths["amplitude_over_resonant"] == 0.5].sort_values("width_eta_squared")
-    wide = half["width_eta_squared"]
-    hertz = curves.omega_n / (2.0 * np.pi)
-    return {
-        **dict(zip(("delta", "distance", "half", "edge"), (points.iloc[i] for i in range(4)), strict=True)),
-        "printed": response.PRINTED,
-        "by_width": [
-            f"{case.removeprefix('case ')} ({width / wide.iloc[0]:.2f})"
-            for case, width in zip(half["case"], wide, strict=True)
-        ],
-        "heavy": widths[widths["amplitude_over_resonant"] == 0.9]["percent_error_undamped"],
-        "wide": wide,
-        "hertz": hertz,
-        "spread": 0.5 * hertz * (wide.max() - wide.min()),  # d(eta^2) = 2 d(eta) at resonance
-    }
-
-
-def _collect_level_values(studies: Studies, variations: pd.DataFrame) -> dict[str, Any]:
-    """What varies least among the report's cases and among all, and what a reader should know of it."""
-    cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
+def _list_least(variations: pd.DataFrame) -> list[tuple[int, str, pd.Series[Any], pd.Series[Any]]]:
+    """What varies least, by mode and what is kept: among the report's cases, and among all."""
     least = []
     for mode, held in product((1, 2), KEPT):
         rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
         rows = _tabulate_named(rows.sort_values("spread_percent", kind="stable"))
         of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
         least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
-    return {"least": least, "held": HELD, "kept": list(studies.levels), "cautions": "; ".join(cautions).capitalize()}
-
-
-def _collect_example_values(example: pd.DataFrame) -> dict[str, Any]:
-    """The extrapolation to 90 lb, and what is left of the 67 per cent."""
-    quantities = {
-        "ratio": "force over largest tested",
-        "own": "error of linear, p = 1.859",
-        "refitted": "error of linear, p refitted",
-        "whole": "error of linear, over all laws",
-    }
-    rows = {name: row(example, quantity=quantity) for name, quantity in quantities.items()}
-    laws = {"refitted": "the refitted power law", "whole": "all laws by weight"}
-    printed = rows["own"]["printed"]
-    inside = [law for name, law in laws.items() if rows[name]["low"] <= printed <= rows[name]["high"]]
-    return {**rows, "example_force": F_EXAMPLE, "inside": inside}
+    return least
 
 
 def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
@@ -166,7 +125,7 @@ _COEFFICIENT_LINES = {
 
 @styled
 def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
-    """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), a panel a mode."""
+    """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
     figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
     for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
         for cases, (law, label) in _COEFFICIENT_LINES.items():

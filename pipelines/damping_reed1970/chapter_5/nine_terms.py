@@ -7,7 +7,8 @@ Eq. 5.3.6 go below zero there, where a law of damping cannot.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,46 +45,32 @@ INPUTS: dict[str, tuple[EnergyFit, Version]] = {
 }
 
 
-@dataclass(frozen=True)
-class NineTerms:
-    """The study on all inputs.
+def nine_terms(names: Sequence[str] = tuple(INPUTS)) -> dict[str, pd.DataFrame]:
+    """The nine-term study on each of the inputs, a column of every table.
 
-    Attributes:
-        full: all nine terms at once, free and >= 0: ``inputs, term, one_term_rank`` (1 most significant alone),
-            coefficient, standard error and T-ratio of the free fit, ``nonnegative`` coefficient.
-        summary: one row per input: scaled condition number, negative coefficients of the free fit, largest term over
-            largest energy (cancellation), R^2 and RMS error of both fits, terms that >= 0 leaves, subsets of 511 with
-            all coefficients > 0.
-        elimination: terms dropped one after the other by least |T|, down to one, free and >= 0.
-        best: the ``BEST`` subsets by BIC, free and with all coefficients > 0.
-        by_size: least RMS error of each number of terms, free and > 0 (NaN where none is).
+    ``nine_terms``: all nine terms at once, ``term, one_term_rank`` (1 most significant alone), coefficient, standard
+    error and T-ratio of the free fit, ``nonnegative`` coefficient. ``nine_terms_summary``: scaled condition number,
+    negative coefficients of the free fit, largest term over largest energy (cancellation), R^2 and RMS error free and
+    >= 0, terms that >= 0 leaves, subsets of 511 with all coefficients > 0. ``nine_terms_elimination``: terms dropped by
+    least |T|, down to one, free and >= 0. ``nine_terms_best``: the ``BEST`` subsets by BIC, free and with all > 0.
+    ``nine_terms_by_size``: least RMS error of each number of terms, free and > 0 (NaN where none is).
     """
-
-    full: pd.DataFrame
-    summary: pd.DataFrame
-    elimination: pd.DataFrame
-    best: pd.DataFrame
-    by_size: pd.DataFrame
-
-
-def nine_terms(names: Sequence[str] = tuple(INPUTS)) -> NineTerms:
-    """The nine-term study on each of the inputs."""
-    parts: dict[str, list[pd.DataFrame]] = {"full": [], "summary": [], "elimination": [], "best": [], "by_size": []}
+    parts = defaultdict[str, list[pd.DataFrame]](list)
     for name in names:
         design = energy_design(NINE_TERMS, *load_inputs(name))
         free, held, subsets = fit(design), fit_nonnegative(design), all_subsets(design)
         positive = subsets.take(((subsets.coefficients > 0.0) == subsets.members).all(axis=1))
         tables = {
-            "full": _tabulate_full(design, free, held),
-            "summary": _tabulate_summary(design, free, held, len(positive)),
-            "elimination": _tabulate_elimination(design),
-            "best": pd.concat([_tabulate_best(subsets, "free"), _tabulate_best(positive, "> 0")]),
-            "by_size": pd.concat([_tabulate_by_size(subsets, "free"), _tabulate_by_size(positive, "> 0")]),
+            "nine_terms": _tabulate_full(design, free, held),
+            "nine_terms_summary": _tabulate_summary(design, free, held, len(positive)),
+            "nine_terms_elimination": _tabulate_elimination(design),
+            "nine_terms_best": pd.concat([_tabulate_best(subsets, "free"), _tabulate_best(positive, "> 0")]),
+            "nine_terms_by_size": pd.concat([_tabulate_by_size(subsets, "free"), _tabulate_by_size(positive, "> 0")]),
         }
         for key, table in tables.items():
             table.insert(0, "inputs", name)
             parts[key].append(table)
-    return NineTerms(**{key: pd.concat(tables, ignore_index=True) for key, tables in parts.items()})
+    return {key: pd.concat(tables, ignore_index=True) for key, tables in parts.items()}
 
 
 def load_inputs(name: str) -> Points:
@@ -173,13 +160,13 @@ DRAWN = ("5.III recovered", "5.IV recovered")
 
 
 @styled
-def draw_terms_against_error(study: NineTerms) -> Figure:
+def draw_terms_against_error(study: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination."""
     figure = Figure(figsize=(WIDTH, 2.7 * len(DRAWN)))
     panels = figure.subplots(len(DRAWN), sharex=True, sharey=True)
     for axes, name in zip(panels, DRAWN, strict=True):
-        sizes = study.by_size[study.by_size["inputs"] == name]
-        steps = study.elimination.query("inputs == @name and coefficients == 'free'")
+        sizes = study["nine_terms_by_size"].query("inputs == @name")
+        steps = study["nine_terms_elimination"].query("inputs == @name and coefficients == 'free'")
         axes.set_yscale("log")
         for kind, colour, label in (("free", MUTED, "free"), ("> 0", "#009e73", "all > 0")):
             rows = sizes[sizes["coefficients"] == kind]
@@ -248,7 +235,8 @@ def draw_energy_surfaces(result: EnergySurface) -> Figure:
     figure = Figure(figsize=(WIDTH, 5.6))
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     top = float(result.points["energy_in_lb"].max())
-    names = " + ".join(_describe_pretty(term) for term in result.law), "nine terms"
+    law = " + ".join(result.law).replace("*", "").replace("omega", "ω")  # A²ω
+    names = law.replace("^2", "²").replace("^3", "³").replace("^4", "⁴"), "nine terms"
     titles = [f"{name}\nrms error {e:.1f} in-lb" for name, e in zip(names, result.rms_errors, strict=True)]
     levels = np.asarray(MaxNLocator(12).tick_values(0.0, 1.2 * top))
     for axes, surface, title in zip(panels, (result.physical, result.nine), titles, strict=True):
@@ -276,8 +264,3 @@ def _draw_surface(axes: Axes, result: EnergySurface, surface: FloatArray, levels
     )  # fmt: skip
     axes.grid(visible=False)
     return drawn
-
-
-def _describe_pretty(term: str) -> str:
-    """A term with its powers raised: A²ω."""
-    return term.replace("*", "").replace("omega", "ω").replace("^2", "²").replace("^3", "³").replace("^4", "⁴")

@@ -32,6 +32,11 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
+#: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
+FOREIGN: dict[str, Effect] = {
+    effect.name: effect for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+}
+
 
 def find_effect(name: str) -> Effect:
     """The effect called ``name``.

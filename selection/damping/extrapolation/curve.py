@@ -29,11 +29,11 @@ from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
 from damping.extrapolation.near import NEAREST, ROUNDING, Plan
 from damping.extrapolation.prediction import Band, Loads, list_cautions
+from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 
-#: Steepest local exponent d ln F/d ln A that damping can have (:data:`damping.infer.doubt.SLOPES`): how far the grid of
-#: forces goes for an amplitude.
-STEEPEST = 3.0
+#: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
+STEEPEST = 1.0 / SLOPES[0]
 #: Forces of that grid; between two of them ln A is taken as straight in ln F.
 GRID = 20
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.

@@ -23,7 +23,7 @@ from scipy.special import gammaln
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.forces.contract import Sum
-from damping.infer.doubt import DOUBT_LOG_SD, JOINTS, extend, stray
+from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -41,7 +41,7 @@ _POINTS = 7
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``cautions``: what to know of the draws. ``joint``: probability that what dissipates slips.
+    ``cautions``: what to know of the draws. ``joint``: what the resonances say of one.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     cautions: tuple[str, ...] = ()
-    joint: float = JOINTS
+    joint: JointEvidence = ANY_JOINT
 
     def thin(self) -> Member:
         """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""

@@ -46,9 +46,9 @@ def list_cautions(
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, and what the trend of p says."""
     slips = (
-        f"the resonance falls as where a joint slips (probability {plan.joint:.2f}): damping may stop growing beyond "
-        "the test, and the band allows for it"
-        if plan.joint > 0.5 and force > plan.data.tested_force.max()
+        f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
+        "growing beyond the test, and the band allows for it"
+        if plan.joint.probability > 0.5 and force > plan.data.tested_force.max()
         else ""
     )
     return [said for said in (plan.fit.sentence, plan.bistable, slips) if said] + _list_of_trend(force, plan)
