@@ -73,7 +73,8 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     """Spread of each case by mode and what is kept, one row per case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
-    wide.columns = pd.Index([f"mode {mode}, {KEPT[held]}" for mode, held in wide.columns])
+    pairs = wide.columns.to_frame().itertuples(index=False)
+    wide.columns = pd.Index([f"mode {pair.mode}, {KEPT[str(pair.kept)]}" for pair in pairs])
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
