@@ -158,7 +158,7 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
         for record, data, candidates in zip(inputs, near, laws, strict=True):
             try:
                 advance = _prefixed(done, record.settings.name)
-                plans.append(plan_loads(data, candidates, seed, advance, record.mode.mass, estimate))
+                plans.append(plan_loads(data, candidates, seed, advance, record.mode, estimate))
             except AnalysisError:
                 if record.settings.design_forces:
                     raise

@@ -23,8 +23,7 @@ from scipy.optimize import minimize
 
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import diagnose
-from damping.gap.weighing import describe_doubts
+from damping.gap.diagnose import explain
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines.terminal import end_with_parent
@@ -110,17 +109,16 @@ Answer = tuple[FloatArray, bool]
 
 
 def list_answers(folder: Path) -> Iterator[Answer]:
-    """Of every answer what speaks for the library, (5,), and whether it holds the cause."""
+    """Of every answer what speaks for the library, (6,), and whether it holds the cause."""
     labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["cases"]
     for name, label in labels.items():
         case = folder / "cases" / name
-        answer = diagnose(read_record(case / "data.csv"), read_mode(case / "model.toml"))
-        doubts = describe_doubts(answer.tests, answer.hypotheses)
-        yield np.array([1.0, not answer.leading.effects, *-doubts]), set(label["effects"]) <= set(CATALOGUE)
+        answer = explain(read_record(case / "data.csv"), read_mode(case / "model.toml"))
+        yield np.array([1.0, not answer.leading.effects, *-answer.doubts]), set(label["effects"]) <= set(CATALOGUE)
 
 
 def regress(answers: list[Answer]) -> FloatArray:
-    """The log odds (5,) that are most probable: of an effect, of nothing blamed, and what each doubt takes."""
+    """The log odds (6,) that are most probable: of an effect, of nothing blamed, and what each doubt takes."""
     X, held = np.array([x for x, _ in answers]), np.array([held for _, held in answers])
     blamed = X[:, 1] == 0.0
     weights = np.where(held, 1.0, np.sum(held & blamed) / (ODDS * max(np.sum(~held & blamed), 1)))
@@ -136,7 +134,7 @@ def print_doubts() -> None:
     with tempfile.TemporaryDirectory() as name:
         make_cases(Path(name) / "cases", Path(name) / "labels.json", DOUBT_CASES, DOUBT_SEED)
         log_odds = regress(list(list_answers(Path(name))))
-    names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_MAKESHIFT", "PER_END")
+    names = ("IN_LIBRARY", "NOTHING_BLAMED", "PER_DECADE", "PER_MAKESHIFT", "PER_END", "PER_RIVAL")
     for constant, value in zip(names, log_odds, strict=True):
         print(f"{constant} = {value:.2f}")
 

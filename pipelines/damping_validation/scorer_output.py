@@ -163,7 +163,7 @@ def to_markdown(figures: Sequence[Figure]) -> str:
 
 @styled
 def draw_table(figures: Sequence[Figure]) -> Drawing:
-    """Measured shares with their intervals as points, goals as bands, one line a figure."""
+    """Measured shares with their intervals as points, goals as bands, one line for each figure."""
     shown = [figure for figure in figures if figure.share]
     drawing = Drawing(figsize=(TEXT_WIDTH * 1.25, 0.8 + 0.24 * len(shown)))
     axes = drawing.subplots()

@@ -25,10 +25,10 @@ def planned_once():
     """Laws are weighed for the loads of a record once, not for either side of every comparison."""
     plan, made = extrapolation.plan_loads, {}
 
-    def find(data, laws, seed, done, mass, estimate):
-        key = (data.A.tobytes(), data.D.tobytes(), tuple(laws), seed, mass, estimate)
+    def find(data, laws, seed, done, mode, estimate):
+        key = (data.A.tobytes(), data.D.tobytes(), tuple(laws), seed, mode.mass, mode.tolerance, estimate)
         if key not in made:
-            made[key] = plan(data, laws, seed, done, mass, estimate)
+            made[key] = plan(data, laws, seed, done, mode, estimate)
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:

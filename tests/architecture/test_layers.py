@@ -38,8 +38,6 @@ HOUSES = {
     "damping_reed1970": {"damping", "damping_pipelines", "damping_validation"},
     "damping_validation": {"damping", "damping_pipelines"},
 }
-#: One group: every module is parsed once.
-pytestmark = pytest.mark.xdist_group("layers")
 LIBRARY = ROOT / "selection" / "damping"
 MODULES = sorted(LIBRARY.rglob("*.py")) + sorted((ROOT / "pipelines").rglob("*.py"))
 SELECTION = [path for path in MODULES if path.is_relative_to(LIBRARY)]

@@ -197,17 +197,7 @@ def test_pages_link_to_what_is_there(built):
                 assert f'id="{anchor}"' in file.read_text(), f"{page.name}: {target}"
 
 
-def test_pages_are_quiet_load_nothing_fit_and_can_be_read(opened, built):
-    contrast = (ROOT / "tests" / "contrast.js").read_text()
+def test_pages_are_quiet_load_nothing_fit_and_can_be_read(check_page, built):
     for page in PAGES:
         path = (built / page.relative_to(DOCS)).with_suffix(".html")
-        with opened(path, width=390) as one:
-            for width, scheme in ((390, "light"), (1280, "dark")):
-                one.page.set_viewport_size({"width": width, "height": 900})
-                one.page.emulate_media(color_scheme=scheme)
-                assert one.page.evaluate("document.documentElement.scrollWidth") <= width, page.name
-                found = one.page.evaluate(contrast)
-                assert found["checked"] > 20
-                assert found["found"] == [], page.name
-            assert one.complaints == []
-            assert all(request.startswith(("file:", "data:")) for request in one.requests)
+        check_page(path, (390, "light"), (1280, "dark"), least=20, alone=False)

@@ -109,8 +109,7 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page, one_p
     assert "viscous + quadratic-displacement" in page
     loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
     assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
-    check_page(tmp_path / "out" / "report.html", 390, "dark")
-    check_page(tmp_path / "out" / "report.html", 1280, "light")
+    check_page(tmp_path / "out" / "report.html", (390, "dark"), (1280, "light"))
 
 
 def test_the_second_plane_is_found(tmp_path, capsys, check_page):
@@ -128,5 +127,4 @@ def test_the_second_plane_is_found(tmp_path, capsys, check_page):
     np.testing.assert_allclose(plane["angle"], np.radians(25.0), rtol=0.1, atol=0.0)
     np.testing.assert_allclose(plane["frequency_ratio"] - 1.0, 0.025, rtol=0.1, atol=0.0)
     assert found["gap"]["held_out"]["shrinkage"] > 0.9
-    check_page(page, 390, "light")
-    check_page(page, 1280, "dark")
+    check_page(page, (390, "light"), (1280, "dark"))

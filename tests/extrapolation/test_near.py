@@ -18,15 +18,17 @@ from damping.extrapolation.near import (
     describe_bistability,
     near_resonance,
     plan_loads,
+    read_resonances,
     trend,
     without_offset,
 )
 from damping.forces import CubicStiffness, Sum
-from damping.infer.doubt import JOINTS
+from damping.infer.doubt import ANY_JOINT
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
 from damping.ranking import prior_masses
+from damping.records.mode import Mode, Tolerance
 from damping.records.record import Record
 from damping_validation.truths import draw_truth, peaks
 
@@ -170,7 +172,7 @@ def test_bistability_counts_half_power_bandwidths(peaks):
     shift = 0.05 * BISTABLE
     for factor, said in ((0.9, False), (1.1, True)):
         data = peaks(np.array([0.5, 1.0]), np.array([0.5, 1.0]), np.array([10.0 + factor * shift, 10.0]))
-        assert bool(describe_bistability(data, 2.0)) == said
+        assert bool(describe_bistability(data, np.full(len(data.sweeps), 2.0))) == said
 
 
 STRUCTURES = {s.name: s for s in structures()}
@@ -188,19 +190,19 @@ def test_the_resonance_says_how_far_damping_may_let_go():
         truth = draw_truth(name, np.random.default_rng(seed))
         data = peaks(force, truth.amplitude(force))
         data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
-        plan = plan_loads(data, laws, mass=truth.mass, estimate=brief_evidence)
+        plan = plan_loads(data, laws, mode=Mode(name="", frequency=1.0, mass=truth.mass), estimate=brief_evidence)
         loads, unknown = (
-            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=JOINTS))
+            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=ANY_JOINT))
         )
         higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
         said = any("as where a joint slips" in caution for caution in loads.cautions[0])
         if name == "Bouc-Wen":
-            assert plan.joint > 0.5
+            assert plan.joint.probability > 0.5
             assert higher > 1.02
             assert lower < 1.0
             assert said
         else:
-            assert plan.joint < 0.1
+            assert plan.joint.probability < 0.1
             assert higher < 0.98
             np.testing.assert_allclose(lower, 1.0, rtol=0.01)  # another draw of the average: the lower end is its own
             assert not said
@@ -281,12 +283,18 @@ def test_a_sweep_at_constant_response_singles_out_no_law(swept):
 
 
 def test_a_known_mass_is_no_joint():
-    """Mass that is added moves the resonance by arithmetic: the frequency then says nothing of joints."""
+    """Mass that is added, or of the row's own, moves the resonance by arithmetic: the stiffness stays, so no joint."""
     A, M = np.array([1.0, 1.6, 2.4]), 0.4  # the resonance falls by 1.6 times the loss over amplitude
     added = np.array([0.0, 0.02, 0.04]) * M
-    table = {"sweep": ["1", "2", "3"], "force": A**1.5, "frequency": 2.0 / np.sqrt(1.0 + added / M), "amplitude": A}
-    laws = [Law(("viscous",)), Law(("velocity-squared",))]
-    unknown = plan_loads(near_resonance(Record(pd.DataFrame(table))), laws, mass=M)
-    known = plan_loads(near_resonance(Record(pd.DataFrame(table | {"added_mass": added}))), laws, mass=M)
-    assert unknown.joint > 0.7
-    assert known.joint == JOINTS
+    data = peaks(A**1.5, A)
+    data = replace(data, tested_omega=4.0 * np.pi / np.sqrt(1.0 + added / M))
+    mode = Mode(name="", frequency=2.0, mass=M, tolerance=Tolerance(mass=0.02))
+    assert read_resonances(data, mode)[1].probability > 0.7
+    steady = replace(data, tested_omega=12.0 * (1.0 + 1e-9 * A))
+    for known in ({"added_mass": added}, {"tested_mass": M + added}, {"tested_mass": [np.nan, 1.02 * M, 1.04 * M]}):
+        # as of a resonance that stays, but for what 2 % of the mass's error leave open
+        of_known, of_steady = (read_resonances(test, mode)[1].probability for test in (replace(data, **known), steady))
+        assert of_steady < of_known < 2.0 * of_steady < 0.1
+    # masses read from the rows that gave the mode's are estimates of one mass, as in Table 4.I
+    estimates = replace(mode, tolerance=replace(mode.tolerance, from_record=True))
+    assert read_resonances(replace(data, tested_mass=M + added), estimates)[1].probability > 0.7

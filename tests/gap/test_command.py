@@ -14,7 +14,6 @@ import pytest
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping_pipelines.cli import main
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
 KEYS = {
     *("format", "effects", "explanations", "equivalents", "unexplained", "where", "footprint", "gap", "parameters"),
     *("next_test", "intervals", "levels", "in_library", "audit", "cautions"),

@@ -12,7 +12,6 @@ from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.cli import main
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
 #: A force and a parameter; one effect of each further kind.
 NAMES = ("velocity-squared", "natural-frequency")
 FURTHER = ("stiffness-hardening", "planar-coupling", "phase-lag")

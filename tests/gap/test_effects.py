@@ -19,7 +19,6 @@ from damping.records.reading import read_record
 from damping_validation.generator import draw
 from damping_validation.generator.plan import columns, describe_data_text, describe_model_text, force_unit
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
 #: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the
 #: motion beside resonance. One residual mode stands for three, on either side of the rows. All others are exact but for

@@ -8,9 +8,6 @@ import pytest
 from damping.gap.next_test import WORTH
 from damping.gap.weighing import COVER, INDISTINCT, distance
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
-
-
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
 
 

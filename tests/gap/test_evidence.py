@@ -21,8 +21,6 @@ from damping.gap.search import Search
 from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
 from damping.infer.importance import importance
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares what was integrated with other files
-
 
 @dataclass(frozen=True)
 class Linear:

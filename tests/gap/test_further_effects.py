@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from damping.effects import CATALOGUE, with_effects
+from damping.effects import CATALOGUE, FOREIGN, with_effects
 from damping.effects.contract import Drive, Terms
-from damping.effects.forces import joint_force
+from damping.effects.forces import Contact, joint_force
 from damping.effects.rig import clipping, compressing
 from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
 from damping.forces import make
@@ -23,6 +23,7 @@ from damping.gap.search import Search
 from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
+from damping_validation.generator.laws import Partner
 
 pytestmark = pytest.mark.usefixtures("no_folds")
 OMEGA = 2 * np.pi * 3.0
@@ -275,3 +276,30 @@ def test_ways_of_a_sweep_do_not_remember_each_other():
     np.testing.assert_allclose(both, np.concatenate([up, down]), rtol=1e-12)
     batch = remembered(np.stack([p, p]), np.stack([np.full(3, 0.5), np.full(3, -0.5)]), omega, np.zeros(3))
     np.testing.assert_allclose(batch, np.stack([up, down]), rtol=1e-12)
+
+
+def test_a_contact_beyond_a_clearance_has_the_averages_of_its_force():
+    """S and dS/d ln A against the mean over a sampled cycle, below and above the clearance."""
+    force, A = Contact(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4])
+    theta = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
+
+    def sampled(A):
+        return 2.0 * np.mean(force.g(A * np.sin(theta), 1.0, 1.0) * np.sin(theta), axis=0)
+
+    C, slope, S, in_phase_slope = force.averages(A, np.ones(4))
+    assert not C.any()
+    assert not slope.any()
+    # corners lie within a step of the cycle, which leaves its square; a difference over 1e-3 its square too
+    np.testing.assert_allclose(S, sampled(A), rtol=1e-6, atol=1e-9)
+    numeric = (sampled(A * np.exp(1e-3)) - sampled(A * np.exp(-1e-3))) / 2e-3
+    np.testing.assert_allclose(in_phase_slope, numeric, rtol=1e-4, atol=1e-6)
+
+
+def test_a_partner_is_the_second_of_two_coupled_equations():
+    """Against the generator's circuit, whose push is solved from its own two equations."""
+    omega = OMEGA * np.linspace(0.9, 1.1, 30)  # none exactly at resonance
+    table = {"coupling": 0.03, "ratio": 1.02, "damping": 0.01}
+    push = Partner("circuit", 1.02 * OMEGA, 0.01, 0.03).push(omega)
+    stiffness = MASS * (OMEGA**2 - omega**2) + 1j * VISCOUS * omega - MASS * push
+    H = receptance(omega, FOREIGN["partner"].simulate(TERMS, table))
+    np.testing.assert_allclose(H, 1.0 / stiffness, rtol=1e-10, atol=0.0)  # the same numbers in another order

@@ -13,7 +13,6 @@ from damping.gap.corrected import corrected_mode, effect_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import Tolerance
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares both diagnoses
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {
     *("viscous-coefficient", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"),

@@ -13,8 +13,6 @@ from damping.gap.problem import setting
 from damping.gap.size import hold_levels_out, measure_gap, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 
-pytestmark = pytest.mark.xdist_group("gap")  # shares diagnoses with other files
-
 
 @pytest.fixture(scope="module")
 def honest(lab):

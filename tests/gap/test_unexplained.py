@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import diagnose
+from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import read_rows
 from damping.gap.size import nominal_residuals
+from damping.gap.unknowns import stated_noise
 from damping.gap.weighing import describe_doubts
 from damping.records.record import Record
 
 #: One group: what was integrated is shared with other files.
-pytestmark = [pytest.mark.xdist_group("gap"), pytest.mark.usefixtures("no_folds")]
+pytestmark = pytest.mark.usefixtures("no_folds")
 #: Effects that are the same to first order: a second plane is a mode beside and a gain, a delay a lag in a narrow band.
 ALIKE = {"planar-coupling": {"second-mode"}, "phase-lag": {"time-delay"}}
 #: Effects whose gap in ``lab`` is 6 to 31 sigma: an instrument, a structure and a damping force; others of each kind.
@@ -52,8 +53,9 @@ def test_an_effect_that_pays_little_beside_others_is_doubted(monkeypatch):
     monkeypatch.setattr("damping.gap.weighing.list_ends", lambda fit: [])
     tests = [SimpleNamespace(p_value=0.5)]
     others = [hypothesis(-5.0, "drift"), hypothesis(-10.0, "slip"), hypothesis(-90.0)]
-    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others])[1] == 0.0  # one effect patches nothing
-    doubts = [describe_doubts(tests, [hypothesis(gain, "slip", "background"), *others])[1] for gain in (0, 20)]
+    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others], None)[1] == 0.0  # one effect patches nothing
+    two = [[hypothesis(gain, "slip", "background"), *others] for gain in (0.0, 20.0)]
+    doubts = [describe_doubts(tests, hypotheses, None)[1] for hypotheses in two]
     assert doubts == pytest.approx([0.5, 0.25], rel=1e-12)  # gains of 10 and 30; drift is not part of the explanation
 
 
@@ -65,3 +67,25 @@ def test_a_channel_that_was_not_measured_has_no_residuals(lab):
     assert rows.channels == ("third",)
     assert len(rows.sweep_of_values) == 4 * len(rows)  # amplitude, phase, two parts of the third harmonic
     assert rows.seen.all()
+
+
+def test_the_noise_of_a_third_harmonic_goes_with_the_unit_of_length(lab):
+    """In micrometres or kilometres: the same share of the noise-free part of the rows."""
+    record = lab.measured("phase-lag", points=10)
+    third = {"amplitude_3": 1e-4 * record.column("amplitude"), "phase_3": np.zeros(len(record))}
+    noise = []
+    for unit in (1e-6, 1.0, 1e3):
+        table = record.table.assign(**third)
+        table[["amplitude", "amplitude_sd", "amplitude_3"]] *= unit
+        own = Record(table, "with a third harmonic")
+        noise.append(stated_noise(read_rows(own, lab.mode()), own).sd_third / unit)
+    np.testing.assert_allclose(noise, [noise[1]] * 3, rtol=1e-9, atol=0.0)  # products of rounded numbers
+
+
+def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):
+    """A second plane is much like an absorber, and the noise allows it; the absorber is more probable all the same."""
+    explained = explain(lab.measured("absorber"), lab.mode())
+    assert explained.leading.effects == ("planar-coupling",)
+    assert explained.doubts[3] > np.log(2.0)  # odds above 1
+    assert explained.in_library < 0.5
+    assert any("no name in the library" in caution for caution in explained.cautions)

@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal, norm
 
 from damping.forces.joints import Slip
 from damping.infer.doubt import (
+    ANY_JOINT,
     FREQUENCY_SCATTER,
     JOINT_FALL,
     JOINTS,
@@ -22,8 +23,9 @@ from damping.infer.doubt import (
     SLOWER,
     STEADY,
     STEEPER,
+    JointEvidence,
     extend,
-    find_joint_probability,
+    find_joint,
     nonlinearity,
     stray,
     stray_covariance,
@@ -92,9 +94,11 @@ def test_loss_and_fall_of_stiffness_of_a_joint_are_bound_to_one_another(n):
 
 def test_probability_of_a_joint_is_the_ratio_of_integrals():
     """Two levels: the error of the fall is that of two frequencies; the joint's fall is integrated numerically."""
-    A, F, mass, omega = np.array([1.0, 1.5]), np.array([1.0, 2.0]), 4.0, np.array([10.02, 10.0])
-    per_loss = mass * A[1] / F[1]
-    fall, error = (omega[0] ** 2 - 100.0) * per_loss, np.sqrt(2.0) * 2.0 * FREQUENCY_SCATTER * 100.0 * per_loss
+    A, F, omega = np.array([1.0, 1.5]), np.array([1.0, 2.0]), np.array([10.02, 10.0])
+    mass, tolerance = np.full(2, 4.0), 0.3
+    per_loss = 4.0 * A[1] / F[1]
+    fall = (omega[0] ** 2 - 100.0) * per_loss
+    error = np.hypot(np.sqrt(2.0) * 2.0 * FREQUENCY_SCATTER * 100.0 * per_loss, tolerance * fall)
     width = np.hypot(OTHER_FALLS, error)
     other = OTHER_SHARES @ norm.pdf(fall, 0.0, width)
 
@@ -103,19 +107,20 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
 
     joint = quad(density, 0.0, 9.0, points=[fall])[0]
     expected = JOINTS * joint / (JOINTS * joint + (1.0 - JOINTS) * other)
-    np.testing.assert_allclose(find_joint_probability(A, F, omega, mass), expected, rtol=1e-7)
-    assert find_joint_probability(A, F, omega, mass) > 0.8
-    assert find_joint_probability(A, F, omega[::-1], mass) < JOINTS
+    np.testing.assert_allclose(find_joint(A, F, omega, mass, tolerance), (expected, fall), rtol=1e-7)
+    assert find_joint(A, F, omega, mass, 0.0).probability > 0.8
+    assert find_joint(A, F, omega[::-1], mass, 0.0).probability < JOINTS
     # in other units the same; nothing known: as before
-    np.testing.assert_allclose(find_joint_probability(25.4 * A, F, omega, mass / 25.4), expected, rtol=1e-9)
-    assert find_joint_probability(A, F, omega, None) == JOINTS
-    assert find_joint_probability(A, F, np.full(2, 10.0), mass) == JOINTS
+    np.testing.assert_allclose(find_joint(25.4 * A, F, omega, mass / 25.4, tolerance).probability, expected, rtol=1e-9)
+    assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == ANY_JOINT
 
 
 def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     z = np.array([0.0, 1.0, 2.0])
     far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
-    for joint, up, least in ((JOINTS, 1.0, 0.0), (1.0, 1.0, far), (0.0, 1.0 / STEADY, 0.0)):
+    certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
+    for fall, up, least in (*certain, (np.nan, 1.0, 0.0), (0.0, 1.0 / STEADY, 0.0)):
+        joint = JointEvidence(float(up == 1.0), fall) if np.isfinite(fall) else ANY_JOINT
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
             own = factor * stray_slope / 0.7

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal, norm
 
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import (
-    MOST,
+    BLOCK,
     REACH,
     by_blocks,
     log_likelihood,
@@ -192,7 +192,7 @@ def test_memory_does_not_grow_with_points_times_rows(peaks):
     found = log_likelihood(x, c, data)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert len(x) * len(data.A) > 10 * MOST
+    assert len(x) * len(data.A) > 10 * BLOCK
     assert peak < 20e6  # some ten arrays of a block, 0.5 MB each, and a few of all rows
     few = np.concatenate([log_likelihood(part, c, data) for part in np.array_split(x, 100)])
     np.testing.assert_allclose(found, few, rtol=1e-12)  # sums in another order

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.xdist_group("forks")  # one wheel
 ROOT = Path(__file__).parents[2]
 HOUSES = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
 DATA = Path("damping_reed1970", "_data")
@@ -127,6 +126,25 @@ def test_the_command_runs_outside_the_clone(unpacked, run_forked):
     table = unpacked / "damping_reed1970" / "_data" / "saturn-v" / "tables" / "table_5_II.csv"
     words = ["regress", str(table), "--response", "E_in_lb", "--terms", "A_in^2*omega_rad_s"]
     assert "A_in^2*omega_rad_s" in run_forked(f"from damping_pipelines.cli import main; main({words!r})")
+
+
+@pytest.mark.parametrize(
+    ("without", "extra", "words"),
+    [
+        ("distributed", "fleet", ("fleet", ".", "--out", "out")),
+        ("pyarrow", "formats", ("export", "RECORD", "--out", "out.parquet")),
+    ],
+)
+def test_a_bare_install_says_which_extra_to_install(without, extra, words, unpacked, tmp_path, forking):
+    record = unpacked / DATA / "saturn-v" / "records" / "config-2-mode-1.csv"
+    code = f"import sys; sys.modules[{without!r}] = None\nfrom damping_pipelines.cli import main; main()"
+    given = [record if word == "RECORD" else word for word in words]
+    done = forking.run(code, *given, folder=tmp_path, paths=[unpacked])
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("damping: ")
+    assert done.stderr.count("\n") == 1
+    assert f"damping-selection[{extra}]" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_house_answers_from_the_wheel(unpacked, tmp_path):

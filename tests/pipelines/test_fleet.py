@@ -42,8 +42,6 @@ from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
 
-#: One group: the cluster and its records are there once.
-pytestmark = pytest.mark.xdist_group("forks")
 RECORDS = 6
 SIZE = 10_000_000
 #: Two laws to rank and one to predict with, in whatever process this runs: where the laws do not matter.

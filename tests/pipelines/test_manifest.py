@@ -27,7 +27,6 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.sampling
-@pytest.mark.xdist_group("forks")
 @pytest.mark.parametrize("number", [2, pytest.param(10, marks=pytest.mark.slow)])
 def test_studies_are_killed(tmp_path, number, forking, monkeypatch):
     """At any moment and while it writes; the assertions are those of the benchmark, which kills fifty."""
@@ -163,7 +162,6 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
 """
 
 
-@pytest.mark.xdist_group("forks")
 def test_a_full_disk_leaves_the_earlier_results(tmp_path, forking):
     put(tmp_path, OLD)
     body = (
@@ -180,7 +178,6 @@ def test_a_full_disk_leaves_the_earlier_results(tmp_path, forking):
     assert verify(tmp_path).manifest.seed == 1
 
 
-@pytest.mark.xdist_group("forks")
 def test_a_study_on_a_full_disk(tmp_path, forking):
     """It ends with one line before it has computed anything."""
     settings = kills.Studies(tmp_path).settings

@@ -202,7 +202,6 @@ runpy.run_module("damping_pipelines.cli", run_name="__main__", alter_sys=True)
 """
 
 
-@pytest.mark.xdist_group("forks")
 @pytest.mark.parametrize("output", ["full", "closed"])
 @pytest.mark.parametrize("words", [(), ("--json", "-")])
 def test_standard_output_that_takes_nothing(output, words, forking):

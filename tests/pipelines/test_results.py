@@ -27,8 +27,6 @@ CHAPTERS = {
     ),
 }
 RESULTS = Path(__file__).parents[2] / "results" / "saturn-v"
-#: One group: records are ranked, and what the chapters say is computed, once.
-pytestmark = pytest.mark.xdist_group("chapters")
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,6 @@ from damping.ranking import prior_masses, rank_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
 from damping.records.record import Record
 
-#: One group: some rankings are shared.
-pytestmark = pytest.mark.xdist_group("ranking")
 OMEGA = 12.0
 LEVELS = np.geomspace(0.4, 2.0, 8)
 

@@ -25,8 +25,6 @@ ROOT = Path(__file__).parents[2]
 MEASURED = next((up / "shared" / "real" for up in ROOT.parents if (up / "shared" / "real").is_dir()), ROOT / "absent")
 #: Share of right records that may carry a caution: resonances bent out of the range and strongly bent ones do by right.
 MOST_CAUTIONS = 4 / 60
-#: One group: wrong records are made once.
-pytestmark = pytest.mark.xdist_group("audit")
 SEEDS = (0, 1, 2)
 #: Fast sweeps that state no rate are found by their beats where noise and range show any; the stated rate always is.
 BY_BEATS = {"4 oct/min", "4 oct/min, no phase"}

@@ -14,8 +14,6 @@ from damping_reed1970.chapter_3.page import collect_figures
 from damping_reed1970.chapter_3.planar_fit import fit_table, phasors
 from damping_reed1970.chapter_3.study import Chapter3, tabulate_energy_split, tabulate_yaw
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
 
 @pytest.fixture
 def result(chapter_3: Chapter3) -> Chapter3:

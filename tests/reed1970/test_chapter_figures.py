@@ -18,8 +18,6 @@ from damping_reed1970.chapter_5.circularity import ROUTES, draw_circularity
 from damping_reed1970.chapter_6 import draw_force_laws
 from damping_reed1970.studies import Studies
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
 
 @pytest.fixture(scope="module")
 def found(studies: Studies) -> Studies:

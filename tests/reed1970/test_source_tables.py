@@ -20,9 +20,6 @@ TABLES = {
 }  # fmt: skip
 
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
-
 @pytest.fixture
 def tables(tables_of_source: dict[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     return tables_of_source

@@ -28,9 +28,6 @@ from damping_reed1970.studies import Gaps, ReportResults, Studies
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
 
 
-pytestmark = pytest.mark.xdist_group("chapters")
-
-
 @pytest.fixture(scope="module")
 def results(
     studies: Studies, chapter_3: Chapter3, tables_of_source: dict[str, pd.DataFrame], gaps: Gaps
@@ -40,7 +37,9 @@ def results(
 
 @pytest.fixture(scope="module")
 def parts(results: ReportResults) -> list[ReportPart]:
-    return report_parts(results)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # see ``no_layout``
+        return report_parts(results)
 
 
 @pytest.fixture(scope="module")

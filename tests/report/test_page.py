@@ -35,7 +35,6 @@ from damping.report.page import (
 from damping.report.results import Exhibit, StudyResult
 from damping.report.study import Rendered, render
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares the study and its page
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
 

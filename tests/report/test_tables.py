@@ -34,7 +34,6 @@ from damping.report.tables import record_tables
 from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.common import LABELS
 
-pytestmark = pytest.mark.xdist_group("chapters")  # shares the study
 POUND = Units("lb", "in", "s")
 
 

@@ -24,8 +24,7 @@ from damping_validation.calibration import (
 )
 from damping_validation.truths import TRUTHS
 
-#: One group: the trials that every test looks at are made once.
-pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("calibration")]
+pytestmark = pytest.mark.sampling
 
 #: One false alarm in a thousand sets of seeds; the seeds are fixed.
 ALARM = 1e-3

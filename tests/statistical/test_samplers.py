@@ -15,8 +15,7 @@ from damping.infer.importance import importance, more_draws
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_likelihood, log_posterior, log_prior
 
-#: One group: nested sampling is done once.
-pytestmark = [pytest.mark.sampling, pytest.mark.xdist_group("samplers")]
+pytestmark = pytest.mark.sampling
 
 #: Differences allowed, in standard errors of the two estimates: some fifty are looked at, of which one beyond 4 would
 #: come by chance in 300 sets of seeds.

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 from damping.effects import course, forces, rig, structure
 from damping.effects.contract import Effect, Terms
-from damping.errors import InputError
-from damping.forces.shapes import describe_nearest_of
+from damping.errors import InputError, list_nearest
 
 #: The library: what a gap may be called, in the order in which hypotheses are tried.
 CATALOGUE: dict[str, Effect] = {
@@ -33,6 +32,11 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
+#: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
+FOREIGN: dict[str, Effect] = {
+    effect.name: effect for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+}
+
 
 def find_effect(name: str) -> Effect:
     """The effect called ``name``.
@@ -41,7 +45,7 @@ def find_effect(name: str) -> Effect:
         InputError: no such effect; the nearest one is named.
     """
     if name not in CATALOGUE:
-        raise InputError(f"unknown effect {name!r}", expected=describe_nearest_of(name, CATALOGUE))
+        raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]
 
 

@@ -196,3 +196,25 @@ SWEEP_RATE = Effect(
     shapes=(Shape("rate", TIME**-2.0), Shape("law", default=0.0), Shape("ringing", default=0.0)),
     need="sweep",
 )
+
+
+def reading_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |ln| of what the reading changes by in all. Shape: its angle, 0 for the gain and pi/2 for the lag."""
+    angle = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
+    return (READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(angle,), largest=1.0),)
+
+
+def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """ln of the reading's complex factor moves by ``size`` exp(-i ``angle``) from the first row to the last."""
+    change = table["size"] * np.exp(-1j * np.asarray(table["angle"]))
+    return replace(terms, offset=(*terms.offset, lambda drive: change * drive.time))
+
+
+READING_DRIFT = Effect(
+    name="reading-drift",
+    kind="instrument",
+    sentence="a reading whose gain or phase drifts in the course of the test",
+    forms=reading_forms,
+    simulate=simulate_reading,
+    need="sweep",
+)

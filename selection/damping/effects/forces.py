@@ -8,17 +8,24 @@ A restoring force with a cubic term or one like it, q |q|: the resonance bends t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Sum
-from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
-from damping.forces.powers import Displacement, DisplacementVelocity, QuadraticDisplacement, VelocitySquared
+from damping.forces.contract import Force, Sum, ones, zeros
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
+from damping.forces.powers import (
+    Displacement,
+    DisplacementVelocity,
+    QuadraticDisplacement,
+    VelocityPower,
+    VelocitySquared,
+)
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
 #: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
@@ -29,6 +36,8 @@ _ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
 _LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
 #: Exponent of a spring that is no cubic one: 1.5 to 8.
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
+#: Power of velocity of a damping force that is none of those above: 0.3 to 8.
+_POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 
 
 def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
@@ -172,4 +181,83 @@ def _spring(coefficient: Floats, exponent: Floats) -> Force:
 SPRINGS = (
     _stiffness_effect("stiffness-hardening", 1.0, "the stiffness grows with amplitude", "stiffness-softening"),
     _stiffness_effect("stiffness-softening", -1.0, "the stiffness falls with amplitude", "stiffness-hardening"),
+)
+
+
+@dataclass(frozen=True)
+class Contact(Spring):
+    """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic.
+
+    S = k A (1 - (2/pi)(asin x + x sqrt(1 - x^2))), x = clearance/A, above the clearance (DenHartog 1931); else 0.
+    """
+
+    coefficient: Floats
+    clearance: Floats
+
+    name: ClassVar[str] = "contact"
+    label: ClassVar[str] = "contact beyond a clearance"
+    formula: ClassVar[str] = "k (|q| - q0) sgn q beyond q0"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE / LENGTH, least=0.0),
+        Shape("clearance", LENGTH, above=0.0),
+    )
+
+    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """C = dC/d ln A = 0, S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
+        x = np.minimum(self.clearance / A, 1.0)
+        root = np.sqrt(1.0 - x * x)
+        k = self.coefficient * A * ones(omega)
+        S = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+        none = zeros(k)
+        return none, none, S, S + (4.0 / np.pi) * k * x * root
+
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S: see `averages`."""
+        return self.averages(A, omega)[2]
+
+    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
+        """dS/d ln A: see `averages`."""
+        return self.averages(A, omega)[3]
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """k (q - clip(q, -clearance, clearance))."""
+        return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
+
+
+def contact_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the stiffness. Shape: the clearance, within the measured amplitudes."""
+    place = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
+
+    def report(stiffness: Floats, clearance: Floats) -> dict[str, Floats]:
+        return {"coefficient": stiffness, "clearance": clearance}
+
+    return (CONTACT.form(report, scales.loss, shapes=(place,), largest=3.0 * scales.stiffness),)
+
+
+CONTACT = Effect(
+    name="contact",
+    kind="force",
+    sentence="a spring that acts beyond a clearance",
+    forms=contact_forms,
+    simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"])),
+    need="sweep",
+)
+
+
+def power_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
+
+    def report(loss: Floats, power: Floats) -> dict[str, Floats]:
+        unit = VelocityPower(np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
+        return {"coefficient": loss / unit, "exponent": power}
+
+    return (ANY_POWER.form(report, scales.loss, shapes=(_POWER,)),)
+
+
+ANY_POWER = Effect(
+    name="any-power",
+    kind="force",
+    sentence="a damping force with another power of velocity",
+    forms=power_forms,
+    simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
 )

@@ -229,3 +229,39 @@ SECOND_MODE = Effect(
     denies=frozenset({"planar-coupling"}),
     prior=_OWN_MASS,
 )
+
+
+def partner_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: coupling over the bandwidth. Shapes: distance of the partner's frequency, and its damping ratio."""
+    low = 0.2 * scales.bandwidth
+    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.0, 0.0, 1.0))
+    loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-0.7, 0.5))
+
+    def side(sign: float) -> Form:
+        def report(strength: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
+            return {"coupling": strength * scales.bandwidth, "ratio": 1.0 + sign * distance, "damping": damping}
+
+        return PARTNER.form(report, 0.5, shapes=(apart, loss), largest=100.0, sizes=(0.5, 2.0))
+
+    return side(1.0), side(-1.0)
+
+
+def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """Z less M coupling^2 w^4/(w^2 - omega^2 + 2 i damping w omega), w = ratio omega_n: absorber, circuit, rotor."""
+    own, M = table["ratio"] * terms.omega_n, terms.M
+
+    def part(drive: Drive) -> Floats:
+        stiffness = own * own - drive.omega**2 + 2j * table["damping"] * own * drive.omega
+        return np.asarray(-M * (table["coupling"] * own * own) ** 2 / stiffness)
+
+    return replace(terms, beside=(*terms.beside, part))
+
+
+PARTNER = Effect(
+    name="partner",
+    kind="structure",
+    sentence="a coupled part that resonates itself (an absorber, a tank, a circuit)",
+    forms=partner_forms,
+    simulate=simulate_partner,
+    need="sweep",
+)

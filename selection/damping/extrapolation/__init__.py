@@ -31,6 +31,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
 from damping.infer.chains import Posterior, sample
+from damping.infer.doubt import JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
@@ -127,7 +128,7 @@ def extrapolate_loads(
     if plan is None:
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
-            plan = plan_loads(data, candidates, seed, done, mode.mass if mode else None, estimate)
+            plan = plan_loads(data, candidates, seed, done, mode, estimate)
     with progress("sampling", len(plan.laws)) as done:
         posteriors = (
             (law, sampler(law, plan.data, asked, seed) if law.weight > least_weight else None) for law in plan.laws
@@ -166,7 +167,7 @@ def _is_number(value: object) -> bool:
 
 
 def _list_sampled(
-    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: float
+    posteriors: Iterable[tuple[Planned, Posterior | None]], done: Advance, joint: JointEvidence
 ) -> tuple[Member, ...]:
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
@@ -220,7 +221,7 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
 
     Returns:
-        A row a number of levels and sweep predicted: ``levels, laws, sweep, ratio, force, measured, median, low, high,
+        One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
     levels = number_levels(data.tested_force)

@@ -29,11 +29,11 @@ from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
 from damping.extrapolation.near import NEAREST, ROUNDING, Plan
 from damping.extrapolation.prediction import Band, Loads, list_cautions
+from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 
-#: Steepest local exponent d ln F/d ln A that damping can have (:data:`damping.infer.doubt.SLOPES`): how far the grid of
-#: forces goes for an amplitude.
-STEEPEST = 3.0
+#: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
+STEEPEST = 1.0 / SLOPES[0]
 #: Forces of that grid; between two of them ln A is taken as straight in ln F.
 GRID = 20
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
@@ -53,7 +53,7 @@ class Curve:
     Attributes:
         level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
         damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude lies within the
-            rows that the laws rest on. cautions: a tuple a row.
+            rows that the laws rest on. cautions: a tuple for each row.
     """
 
     level: float
@@ -72,7 +72,7 @@ class Curve:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a resonance: each quantity's median under its own name, its band as ``NAME_low, NAME_high``."""
+        """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
         columns: dict[str, FloatArray | BoolArray | list[str]] = {}
         for name in ("amplitude", "force", "frequency", "damping_ratio", "q"):
             of = getattr(self, name)

@@ -23,7 +23,7 @@ from scipy.special import gammaln
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.forces.contract import Sum
-from damping.infer.doubt import DOUBT_LOG_SD, JOINTS, extend, stray
+from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -41,7 +41,7 @@ _POINTS = 7
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``cautions``: what to know of the draws. ``joint``: probability that what dissipates slips.
+    ``cautions``: what to know of the draws. ``joint``: what the resonances say of one.
     """
 
     name: str
@@ -49,10 +49,10 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     cautions: tuple[str, ...] = ()
-    joint: float = JOINTS
+    joint: JointEvidence = ANY_JOINT
 
     def thin(self) -> Member:
-        """Every k-th draw, so many as its share in ``AVERAGE_DRAWS`` asks for."""
+        """Every k-th draw, as many as its share in ``AVERAGE_DRAWS`` asks for."""
         wanted = max(FEWEST_DRAWS, int(AVERAGE_DRAWS * self.weight))
         return replace(self, draws=self.draws[:: max(1, len(self.draws) // wanted)])
 
@@ -168,7 +168,7 @@ def vary_priors(
     """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the draws ``spreads``.
 
     Returns:
-        A row a prior, factor and force: ``prior, factor, force, median, low, high``.
+        One row for each prior, factor and force: ``prior, factor, force, median, low, high``.
     """
     tail, rows = 50.0 * (1.0 - level), []
     for prior, ratio in (("scatter", _of_scatter), ("share", _of_shares), ("discrepancy", _of_doubt)):
@@ -211,7 +211,7 @@ class NextLevel:
 
     Attributes:
         design, force: design force, and force of the level. width, expected: high/low there now, and with the level.
-        others: ``force, expected``, a row a level that was tried, best first.
+        others: ``force, expected``, one row for each level tried, best first.
     """
 
     design: float

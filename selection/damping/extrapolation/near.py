@@ -17,13 +17,14 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.best_fit import BestFit
-from damping.infer.doubt import JOINTS, find_joint_probability
+from damping.infer.doubt import ANY_JOINT, JointEvidence, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import rank_laws
 from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct
+from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
@@ -35,7 +36,7 @@ NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """One row a sweep, its phase resonance; all rows near resonance where one level alone says how damping changes.
+    """One row for each sweep, its phase resonance; all near resonance where one level says how damping changes.
 
     Rows of one sweep share their error, so counting them one by one would single out a law falsely.
 
@@ -65,7 +66,7 @@ def without_offset(record: Record) -> Record:
 
 
 def at_resonance(data: Observations) -> Observations:
-    """One row a sweep: its phase resonance, with the mean uncertainties of the sweep's rows."""
+    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows."""
     number = len(data.sweeps)
 
     def mean(values: FloatArray) -> FloatArray:
@@ -159,15 +160,34 @@ def _change(p: FloatArray, slope: FloatArray, variance: FloatArray) -> float:
     return float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:])))
 
 
-def describe_bistability(data: Observations, mass: float) -> str:
+def level_masses(data: Observations, mode: Mode) -> FloatArray:
+    """Generalized mass at each level's resonance, (levels,): the record's own where it has one, and what was added.
+
+    Where the mode was taken from the record (``from_record``) the record's masses are estimates of one and the same.
+    """
+    mass = np.full(len(data.sweeps), mode.mass)
+    if data.tested_mass is not None and not mode.tolerance.from_record:
+        mass = np.where(np.isnan(data.tested_mass), mass, data.tested_mass)
+    return mass if data.added_mass is None else mass + np.nan_to_num(data.added_mass)
+
+
+def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:
+    """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips."""
+    mass = level_masses(data, mode)
+    tested = (data.tested_amplitude, data.tested_force, data.tested_omega)
+    return describe_bistability(data, mass), find_joint(*tested, mass, mode.tolerance.mass)
+
+
+def describe_bistability(data: Observations, mass: FloatArray) -> str:
     """A caution where two stable amplitudes are likely to belong to one force and frequency; else empty.
 
-    The half-power bandwidth at the largest tested force is F/(M omega A), with the generalized ``mass`` M. A cubic
-    spring that moves the resonance by 4/(3 sqrt(3)) of it makes the response curve vertical somewhere.
+    The half-power bandwidth at the largest tested force is F/(M omega A), with the generalized ``mass`` M of each
+    level. A cubic spring that moves the resonance by 4/(3 sqrt(3)) of it, at one and the same mass, makes the response
+    curve vertical somewhere.
     """
     top = data.top
-    width = data.tested_force[top] / (mass * data.tested_omega[top] * data.tested_amplitude[top])
-    moved = float(np.ptp(data.tested_omega) / width)
+    width = data.tested_force[top] / (mass[top] * data.tested_omega[top] * data.tested_amplitude[top])
+    moved = float(np.ptp(data.tested_omega * np.sqrt(mass / mass[top])) / width)
     if moved < BISTABLE:
         return ""
     return (
@@ -206,8 +226,8 @@ class Plan:
     Attributes:
         data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
             prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
-            bistable: caution, empty where there is none or the mass is not known. joint: probability that what
-            dissipates slips, by the frequencies of the levels.
+            bistable: caution, empty where there is none or the mass is not known. joint: what the frequencies
+            of the levels say of one.
     """
 
     data: Observations
@@ -216,7 +236,7 @@ class Plan:
     limit: float
     fit: FitVerdict
     bistable: str = ""
-    joint: float = JOINTS
+    joint: JointEvidence = ANY_JOINT
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
@@ -233,15 +253,15 @@ def plan_loads(
     laws: Sequence[Law] | None = None,
     seed: int = 0,
     done: Callable[[str], None] = lambda name: None,
-    mass: float | None = None,
+    mode: Mode | None = None,
     estimate: Estimate = evidence,
 ) -> Plan:
     """Choose and weigh laws for predictions beyond the test.
 
     Args:
         data: rows near resonance (``near_resonance``). laws: candidates, by default ``load_candidates``. done: called
-            with each candidate's name. mass: generalized mass, to see whether the mode is bistable. estimate: of
-            marginal likelihoods and posteriors.
+            with each candidate's name. mode: its mass tells whether the mode is bistable and whether a joint slips.
+            estimate: of marginal likelihoods and posteriors.
 
     Raises:
         AnalysisError: no candidate can carry the measured forces.
@@ -262,14 +282,13 @@ def plan_loads(
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
+    bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     return Plan(
         data=data,
         laws=tuple(planned),
         trend=trend(data, float(np.median(scatter))),
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         fit=ranked.fit,
-        bistable=describe_bistability(data, mass) if mass else "",
-        joint=find_joint_probability(
-            data.tested_amplitude, data.tested_force, data.tested_omega, None if data.other_mass else mass
-        ),
+        bistable=bistable,
+        joint=joint,
     )

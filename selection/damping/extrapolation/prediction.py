@@ -46,9 +46,9 @@ def list_cautions(
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, and what the trend of p says."""
     slips = (
-        f"the resonance falls as where a joint slips (probability {plan.joint:.2f}): damping may stop growing beyond "
-        "the test, and the band allows for it"
-        if plan.joint > 0.5 and force > plan.data.tested_force.max()
+        f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
+        "growing beyond the test, and the band allows for it"
+        if plan.joint.probability > 0.5 and force > plan.data.tested_force.max()
         else ""
     )
     return [said for said in (plan.fit.sentence, plan.bistable, slips) if said] + _list_of_trend(force, plan)
@@ -114,7 +114,7 @@ class Loads:
         parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to that of the whole.
         linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
         overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
-            interval's ends. ratio: force over the largest tested force. cautions: one tuple a force.
+            interval's ends. ratio: force over the largest tested force. cautions: a tuple for each force.
         limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
         amplitude: where amplitudes were asked, these; ``force`` then holds medians, and the bands are of force.
     """

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.effects import CATALOGUE
+from damping.arrays import FloatArray
+from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.gap import size, weighing
@@ -59,8 +60,8 @@ class Explained:
     Attributes:
         record, mode: what is compared. setting: how noise and repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
-        tests: directed tests of what the leading hypothesis leaves. in_library: chance that the library holds the
-            cause at all. cautions: what the record cannot say.
+        tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
+        in_library: chance that the library holds the cause at all. cautions: what the record cannot say.
     """
 
     record: Record
@@ -70,6 +71,7 @@ class Explained:
     library: Mapping[str, Effect]
     hypotheses: tuple[Explanation, ...]
     tests: tuple[Test, ...]
+    doubts: FloatArray
     in_library: float
     cautions: tuple[str, ...]
 
@@ -142,9 +144,12 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    in_library = weighing.estimate_in_library(weighing.describe_doubts(tests, hypotheses), leading, known.dispersion)
+    foreign = fit_foreign(search, leading)
+    doubts = weighing.describe_doubts(tests, hypotheses, foreign)
+    in_library = weighing.estimate_in_library(doubts, leading, known.dispersion)
     weighed = weighing.blend_probabilities(hypotheses, in_library)
-    return Explained(record, mode, known, search, library, weighed, tests, in_library, tuple(cautions))
+    cautions += weighing.describe_foreign(leading, foreign)
+    return Explained(record, mode, known, search, library, weighed, tests, doubts, in_library, tuple(cautions))
 
 
 @np.errstate(all="ignore")  # as above
@@ -220,6 +225,21 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
         known = replace(known, dispersion=known.dispersion * rest)
         search = search.again(known.problem, known.unknowns)
     return known, search
+
+
+def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
+    """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
+
+    Of several effects it may stand in the place of any.
+    """
+    if not leading.effects:
+        return None
+    own = {name: search.effects[name] for name in leading.effects} if len(leading.effects) > 1 else {}
+    fitted = {key: hypothesis for key, hypothesis in search.hypotheses.items() if key <= leading.key}
+    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted)
+    beside.singles()
+    ranked = beside.combine() if own else beside.ranked()
+    return next((hypothesis for hypothesis in ranked if hypothesis.key & set(FOREIGN)), None)
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

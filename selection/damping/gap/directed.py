@@ -164,7 +164,7 @@ def _windows(fit: ModelFit) -> Test:
             z = (total[width:] - total[:-width]) / np.sqrt(width * quantities)
             best, tried = max(best, float(z.max())), tried + 2 * len(z) // width
     freedom = min(_WINDOWS) * quantities
-    p = chdtrc(freedom, freedom + best * np.sqrt(2.0 * freedom))  # skew as a sum of so many squares
+    p = chdtrc(freedom, freedom + best * np.sqrt(2.0 * freedom))  # a sum of ``freedom`` squares is skew
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 

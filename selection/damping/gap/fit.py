@@ -23,7 +23,7 @@ _INLIER = np.log(1.0 - WILD)
 _OUTLIER = np.log(WILD / WIDE)
 #: Robust weight below which a residual is taken for wild and left out of every number.
 WILD_WEIGHT = 0.5
-#: More wild values than this share of all, and so many beside it, are no errors of measurement.
+#: Largest share of wild values that are errors of measurement, and how many more a short record may have.
 MOST_WILD = 0.05
 _FEW_WILD = 2.0
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large: for a

@@ -29,7 +29,7 @@ from damping.gap.simulation import Simulation
 
 #: Least |d| that counts: noise of force and frequency hides a sharper fold.
 FOLD = 0.05
-#: Predictions are taken at the motion within so many units of noise of the measured amplitude.
+#: Farthest from the measured amplitude, in units of noise, at which a prediction is taken.
 NEAR = 5.0
 #: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
 STEP = 1e-4

@@ -27,8 +27,8 @@ PRIOR_NULL = 25.0
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
 _NEAR = 4.0
-#: The gain beside an explanation that leaves no more than noise: the spread of its residuals within so many standard
-#: errors, 0.8/sqrt(m), of 1.
+#: The gain beside an explanation that leaves no more than noise: the spread of its m residuals is at most
+#: 1 + ``_FITTING``/sqrt(m), two standard errors above 1.
 _GAIN_BEYOND_NOISE = 4.5
 _FITTING = 1.6
 #: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
@@ -72,7 +72,7 @@ class Hypothesis:
         plain: the best mode before scatter and noise were chosen, in which scatter cannot hide what an effect would
             explain. others: the best plain modes of other forms that are about as good.
         log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
-        log_posterior: with the prior of so many effects, not normalised.
+        log_posterior: with the prior of the number of effects, not normalised.
         forms: number of forms of the last effect, over which the evidence is averaged.
     """
 
@@ -152,14 +152,16 @@ class Search:
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
-        model = Model(self.problem, (), self.unknown.first)
-        first = fit_model(model, np.zeros((1, model.size)))[0]
+        null = self.hypotheses.get(frozenset())
+        if null is None:
+            model = Model(self.problem, (), self.unknown.first)
+            null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1], 1)
+        first = null.plain
         tried = {name: list_starts(first, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
-        null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
-            if gains[name] > _HOPELESS * (max(gains.values()) - SURE):
+            if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
                 self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
@@ -190,7 +192,7 @@ class Search:
         return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
     def _most_effects(self) -> int:
-        """Effects that so many rows can carry; at phase resonance only, a level less than there are."""
+        """Most effects that the rows can carry; at phase resonance only, one fewer than there are levels."""
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 

@@ -18,7 +18,7 @@ from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
 from damping.records.mode import Mode
 
-#: Deviations beyond so many tolerances are effects of their own (natural-frequency, viscous-coefficient).
+#: Largest deviation, in tolerances; one beyond is an effect of its own (natural-frequency, viscous-coefficient).
 MOST_TOLERANCES = 3.0
 _SHARPNESS = 8
 

@@ -81,7 +81,7 @@ def _starts(
 
 
 def at_gap(start: Start, gap: float) -> FloatArray:
-    """Variables of a start with the strength that opens a gap of so many units of noise."""
+    """Variables of a start whose strength opens the ``gap``, in units of noise."""
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 

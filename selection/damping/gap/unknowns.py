@@ -62,9 +62,10 @@ def further_noise(rows: Rows) -> Rows:
     """Noise of further channels: the roughness along sweeps, and a share of the phasor that is beyond the model."""
 
     def noise(phasor: ComplexArray, unseen: FloatArray) -> FloatArray:
-        floor = float(np.min(rows.sd_amplitude * rows.A))
+        floor, largest = float(np.min(rows.sd_amplitude * rows.A)), float(np.max(rows.A))
         if not rows.at_resonance:
-            rough = np.hypot(roughness(rows, phasor.real), roughness(rows, phasor.imag)) / np.sqrt(2.0)
+            parts = (roughness(rows, part / largest) for part in (phasor.real, phasor.imag))
+            rough = largest * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
         return np.where(unseen < UNSEEN, np.hypot(floor, FURTHER_ERROR * np.abs(phasor)), UNSEEN)
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import expit, softmax
 
 from damping.arrays import FloatArray
+from damping.effects import FOREIGN
 from damping.effects.contract import Effect
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
@@ -28,14 +29,17 @@ COVER = 0.95
 TEMPERATURE_OUTSIDE = 8.0
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.32
-NOTHING_BLAMED = 0.89
-PER_DECADE = 0.52
-PER_MAKESHIFT = 3.07
-PER_END = 2.32
+IN_LIBRARY = 1.61
+NOTHING_BLAMED = 0.46
+PER_DECADE = 0.47
+PER_MAKESHIFT = 2.27
+PER_END = 1.03
+PER_RIVAL = 1.08
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
+#: ln of 1 + the odds of a foreign cause beyond which they say no more: 20 to 1 is as good as certain.
+_MOST_RIVAL = 3.0
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
@@ -77,25 +81,37 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float) 
     )
 
 
-def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation]) -> FloatArray:
-    """What speaks against the first of ``hypotheses``, (3,).
+def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], foreign: Hypothesis | None) -> FloatArray:
+    """What speaks against the first of ``hypotheses``, (4,).
 
     Decades of the smallest p-value (at most six), how much of a makeshift the effects beyond one are, best fits at the
-    end of their range. A cause that is not known is patched up with what is: each patch pays little beside the others.
+    end of their range, ln of 1 + the odds of a ``foreign`` cause against it (at most three). A cause that is not known
+    is patched up with what is: each patch pays little beside the others.
     """
     leading = hypotheses[0].hypothesis
     decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
     more = max(len(leading.effects) - 1, 0)
     shorter = [rival.hypothesis.log_posterior for rival in hypotheses if rival.hypothesis.key < leading.key]
     gain = leading.log_posterior - max(shorter, default=leading.log_posterior)
-    return np.array([decades, more / (1.0 + gain / _PAYS), len(list_ends(leading.best))], dtype=float)
+    rival = 0.0 if foreign is None else float(np.logaddexp(0.0, foreign.log_posterior - leading.log_posterior))
+    makeshift = more / (1.0 + gain / _PAYS)
+    return np.array([decades, makeshift, len(list_ends(leading.best)), min(rival, _MOST_RIVAL)], dtype=float)
 
 
 def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: float) -> float:
     """The chance that the cause is in the library at all: logistic, with the constants above."""
-    log_odds = IN_LIBRARY - float(doubts @ (PER_DECADE, PER_MAKESHIFT, PER_END))
+    log_odds = IN_LIBRARY - float(doubts @ (PER_DECADE, PER_MAKESHIFT, PER_END, PER_RIVAL))
     log_odds += 0.0 if leading.effects else NOTHING_BLAMED
     return float(expit(log_odds - PER_DISPERSION * float(np.log(dispersion))))
+
+
+def describe_foreign(leading: Hypothesis, foreign: Hypothesis | None) -> list[str]:
+    """The caution where a cause that has no name in the library is at least as probable as the leading explanation."""
+    if foreign is None or foreign.log_posterior < leading.log_posterior:
+        return []
+    cause = " with ".join(FOREIGN[name].sentence for name in foreign.effects if name in FOREIGN)
+    odds = foreign.log_posterior - leading.log_posterior
+    return [f"{cause} explains the record as well (log odds {odds:.1f}), and has no name in the library"]
 
 
 def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:

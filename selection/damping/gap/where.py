@@ -25,7 +25,7 @@ from damping.gap.rows import Rows, wrapped
 from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 
-#: Cells of a sweep, each of at least so many rows.
+#: Cells of a sweep, and the fewest rows of a cell.
 MOST_CELLS = 8
 FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.

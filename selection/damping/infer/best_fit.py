@@ -55,7 +55,7 @@ class BestFit:
     """A law at its best coefficients >= 0.
 
     Attributes:
-        coordinates: the law on its record. coefficients: one a component. shapes: of each component by name, ``point``
+        coordinates: the law on its record. coefficients: (components,). shapes: of each component by name, ``point``
         the same as standard normal variables (shapes,).
         n: residual of each row, relative amplitude or rad (rows,). squares: sum of n^2 over the variance of the rows.
         parameters: coefficients above 0 and shapes.

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
 #: Share of a run that is left out at its beginning: walkers start on draws of the posterior, so little is needed.
 BURN_IN = 0.1
+#: Quantiles that stand for the tails of a quantity.
+TAILS = (0.05, 0.95)
 #: A run that has not said enough is made longer by this factor before the next look.
 GROWTH = 1.5
 
@@ -117,10 +119,12 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
     by_walker = values.T
     # in order of steps, so that the halves of split R-hat are early and late
     by_ensemble = by_walker.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
-    arviz = load_arviz()
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - only chains are diagnosed
+
     with np.errstate(invalid="ignore", divide="ignore"):  # of a quantity that stays where it is
-        sizes = {method: float(arviz.ess(by_walker, method=method)) for method in ("mean", "bulk", "tail")}
-        r_hat = float(arviz.rhat(by_ensemble))
+        sizes = {method: float(array_stats.ess(by_walker, method=method)) for method in ("mean", "bulk")}
+        sizes["tail"] = float(array_stats.ess(by_walker, method="tail", prob=TAILS))
+        r_hat = float(array_stats.rhat(by_ensemble))
     moves = bool(np.ptp(values) > 0.0)
     size = min(sizes.values()) if moves else np.nan
     sd = float(values.std())

@@ -16,11 +16,13 @@ paths are drawn given what the levels leave over, and the slope q + delta is hel
 Whether damping will let go, amplitudes alone do not say; the resonance does. A joint that slips loses stiffness as it
 dissipates: while it slips in part, C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
 (n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, one that saturates too,
-leaves the frequency where it is. So the fall of M omega^2 over the loss F/A says how probable a joint is, and by that
-:func:`extend` lets slopes stray farther or less far.
+leaves the frequency where it is. So the fall of M omega^2 over the loss F/A says how probable a joint is, and how near
+it is to letting go; by both :func:`extend` lets slopes stray farther or less far.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
@@ -54,12 +56,26 @@ FREQUENCY_SCATTER = 3e-4
 #: Where a joint is excluded, upward strays are narrower by this factor: beyond 1.4 a damper that saturates escapes
 #: above the band in a fifth of trials.
 STEADY = 1.3
-#: Standard deviation of the ln of a slope that is left to a joint far beyond the test, each time that it is twice,
-#: three times as probable as before: where the levels leave less, as of a joint that has only begun to slip, strays
-#: are wider.
-LETS_GO = 0.4
-#: Slopes that damping can have: p from 3 (steeper than any force known of structures) down to 1/3 (slip in full).
-SLOPES = (1.0 / 3.0, 3.0)
+#: Standard deviation of the ln of a slope that is left to a joint about to let go, far beyond the test, each time that
+#: it is twice, three times as probable as before. Where the levels leave less, strays are wider.
+LETS_GO = 0.6
+#: Fall over loss of such a joint. Below, slip has only begun, and in proportion less is left; above, most of the joint
+#: has let go before. The slopes of joints of ``damping calibrate`` from one to four times the tested force say so.
+FALLS_AT_GO = (0.5, 1.0)
+#: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
+#: any force measured of structures) down to 1/3 (slip in full).
+SLOPES = (0.25, 3.0)
+
+
+class JointEvidence(NamedTuple):
+    """What the resonances say of a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A."""
+
+    probability: float = JOINTS
+    fall: float = 0.0
+
+
+#: Nothing is known of the resonances.
+ANY_JOINT = JointEvidence()
 
 
 def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
@@ -109,47 +125,52 @@ def nonlinearity(p: FloatArray) -> FloatArray:
     return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 
-def find_joint_probability(amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: float | None) -> float:
-    """Probability that what dissipates slips, from the resonances of the levels, (levels,) each.
+def find_joint(
+    amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float
+) -> JointEvidence:
+    """Whether what dissipates slips, from the resonances of the levels and their masses, (levels,) each.
 
     f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
-    s its error, by the scatter about the line and ``FREQUENCY_SCATTER``. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2),
-    of all else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. ``JOINTS`` where the ``mass`` is
-    not known, or every level has the same frequency or amplitude.
+    s its error, by the scatter about the line, ``FREQUENCY_SCATTER`` and the relative ``tolerance`` of a mass common
+    to all levels. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2), of all else f = N(0, b^2 + s^2), with
+    a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. Nothing is known where every level has the same frequency or amplitude.
     """
     x = amplitude - amplitude.mean()
     spread = float(x @ x)
-    if mass is None or not np.ptp(omega) > 0.0 or not spread > 0.0:
-        return JOINTS
+    if not np.ptp(omega) > 0.0 or not spread > 0.0:
+        return ANY_JOINT
     top = int(np.argmax(force))
-    stiffness = mass * (omega**2 - omega[top] ** 2) * amplitude[top] / force[top]
-    slope = float(x @ stiffness) / spread
+    per_loss = amplitude[top] / force[top]
+    stiffness = (mass * omega**2 - mass[top] * omega[top] ** 2) * per_loss
+    slope, of_mass = np.array([stiffness, tolerance * mass * (omega**2 - omega[top] ** 2) * per_loss]) @ x / spread
     left = stiffness - stiffness.mean() - slope * x
-    of_frequency = 2.0 * mass * omega[top] ** 2 * amplitude[top] / force[top]
-    variance = ((of_frequency * FREQUENCY_SCATTER) ** 2 + left @ left) / max(len(x) - 1, 1)
-    fall, error = -slope * np.ptp(x), np.sqrt(variance / spread) * np.ptp(x)
+    of_frequency = 2.0 * mass[top] * omega[top] ** 2 * per_loss * FREQUENCY_SCATTER
+    variance = (of_frequency**2 + left @ left) / max(len(x) - 1, 1)
+    fall, error = -slope * np.ptp(x), np.hypot(np.sqrt(variance / spread), of_mass) * np.ptp(x)
     other = np.hypot(OTHER_FALLS, error)
     joint = np.hypot(JOINT_FALL, other)
     log_other = -0.5 * (fall / other) ** 2 - np.log(other)
     log_joint = -0.5 * (fall / joint) ** 2 - np.log(joint) + np.log(2.0) + log_ndtr(fall * JOINT_FALL / other / joint)
     odds = logsumexp(log_joint, b=OTHER_SHARES) - logsumexp(log_other, b=OTHER_SHARES)
-    return float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS))
+    return JointEvidence(float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS)), float(fall))
 
 
-def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: float = JOINTS) -> FloatArray:
+def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: JointEvidence = ANY_JOINT) -> FloatArray:
     """ln A (draws, grid) beyond the test, from a law's and its straying g: slopes q exp(delta/q), held in ``SLOPES``.
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
-    grow far where damping stops growing. NaN counts as steep. ``joint``: probability that what dissipates slips.
+    grow far where damping stops growing. NaN counts as steep.
     """
-    lean = joint / JOINTS - 1.0
+    lean = joint.probability / JOINTS - 1.0
+    near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
+    goes = LETS_GO * max(lean, 0.0) * near
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
     delta = np.diff(strays, axis=1) / step
     grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
     spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
-    least = LETS_GO * max(lean, 0.0) * -np.expm1((z[0] - z[:-1]) / LENGTH)
+    least = goes * -np.expm1((z[0] - z[:-1]) / LENGTH)
     grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
     slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), *SLOPES)  # 10: far beyond ``SLOPES``
     start = log_A[:, :1] + strays[:, :1]

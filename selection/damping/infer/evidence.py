@@ -84,9 +84,10 @@ def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Float
     z = posterior.find_variables(start[None])[0]
     if not negative(z[None, :])[0] < BARRIER:
         points = np.random.default_rng(0).standard_normal((STARTS, start.size))
-        z = points[np.argmin(negative(points))]
-    if not negative(z[None, :])[0] < BARRIER:
-        raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
+        values = negative(points)
+        z = points[np.argmin(values)]
+        if not values.min() < BARRIER:
+            raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
     return descend(z, negative)
 
 

@@ -219,7 +219,8 @@ class Coordinates:
         """Local exponents p = d ln F/d ln A at both ends of the tested range, (..., 2); NaN where there is no force."""
         force, ends = force or self.force(x), np.array(self.tested[:2])
         with np.errstate(all="ignore"):
-            return np.asarray(force.slope(ends, self.tested.omega) / force.quadrature(ends, self.tested.omega))
+            C, slope = force.grow(ends, self.tested.omega)
+            return np.asarray(slope / C)
 
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""

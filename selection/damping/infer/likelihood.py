@@ -30,8 +30,7 @@ from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
-#: Points times rows beyond which points are computed in blocks of as many: they stay in a processor's cache.
-MOST = 250_000
+#: Points times rows that are computed at once: their arrays stay in a processor's cache.
 BLOCK = 60_000
 #: How far in ln A the drift of a decay is remembered: over a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
@@ -85,10 +84,10 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
 
 
 def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
-    """``work(x)``, a value a point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
-    if len(x) * rows <= MOST:
-        return work(x)
+    """``work(x)``, one value for each point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
     step = max(1, BLOCK // rows)
+    if len(x) <= step:
+        return work(x)
     return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
 
 
@@ -157,19 +156,19 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
     Args:
         nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
     """
-    root = np.sqrt(hh)
-    B = np.eye(hh.shape[1]) + root[:, :, None] * covariance * root[:, None, :]
-    fine = np.isfinite(B).all(axis=(1, 2))
-    B[~fine] = np.eye(hh.shape[1])
-    factor = np.linalg.cholesky(B)
-    pivots = np.diagonal(factor, axis1=1, axis2=2)
-    u = np.where(root > 0.0, hn / root, 0.0)
-    white = np.empty_like(u)
-    for j in range(u.shape[1]):  # forward substitution, of all points at once
-        white[:, j] = (u[:, j] - np.einsum("nk,nk->n", factor[:, j, :j], white[:, :j])) / pivots[:, j]
-    within = np.maximum(nn - u**2, 0.0)  # one row a level has nothing within it, and rounding is not to make it so
-    value = -0.5 * np.sum(within + white**2, axis=1) - np.sum(np.log(pivots), axis=1)
-    return np.asarray(np.where(fine, value, -np.inf))
+    root = np.sqrt(hh).T
+    s, points = root.shape
+    # the lower factor of B column by column, of all points at once; the row below it becomes S^-1 hn without B
+    factor = np.empty((s + 1, s, points))
+    np.multiply(root[:, None] * root, np.moveaxis(covariance, 0, -1), out=factor[:s])
+    factor[range(s), range(s)] += 1.0
+    factor[s] = np.divide(hn.T, root, out=np.zeros(root.shape), where=root > 0.0)
+    within = np.maximum(nn.T - factor[s] ** 2, 0.0)  # one row a level has nothing within it, and rounding leaves none
+    for j in range(s):
+        factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
+        factor[j:, j] /= np.sqrt(factor[j, j])
+    pivots = factor[range(s), range(s)]
+    return np.asarray(-0.5 * np.sum(within + factor[s] ** 2, axis=0) - np.sum(np.log(pivots), axis=0))
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:

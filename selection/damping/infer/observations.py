@@ -36,8 +36,8 @@ class Observations:
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
-        other_mass: whether known mass is added to some rows, which moves the resonance. (A column ``mass`` is an
-            estimate of one and the same mass, sweep by sweep, as in Table 4.I.)
+        tested_mass: generalized mass that the record gives of each sweep, NaN of those without. added_mass: known mass
+            added to the structure for each sweep. None where the record has no such column.
     """
 
     A: FloatArray
@@ -53,7 +53,8 @@ class Observations:
     tested_amplitude: FloatArray
     tested_omega: FloatArray
     amplitude_is_input: bool = False
-    other_mass: bool = False
+    tested_mass: FloatArray | None = None
+    added_mass: FloatArray | None = None
 
     @property
     def rows_per_sweep(self) -> IntArray:
@@ -105,7 +106,7 @@ class Observations:
         rows = keep[self.sweep]
         number = np.cumsum(keep) - 1
         per_row = {name: getattr(self, name)[rows] for name in _PER_ROW}
-        per_sweep = {name: getattr(self, name)[keep] for name in _PER_SWEEP}
+        per_sweep = {name: value[keep] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
         labels = tuple(label for label, kept in zip(self.sweeps, keep, strict=True) if kept)
         return replace(self, **per_row, **per_sweep, sweep=number[self.sweep[rows]], sweeps=labels)
 
@@ -117,7 +118,7 @@ def round_bits(values: FloatArray, bits: int = 40) -> FloatArray:
 
 
 _PER_ROW = ("A", "omega", "D", "R", "sd_amplitude", "sd_force", "sd_phase")
-_PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega")
+_PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass", "added_mass")
 
 
 def observe(record: Record) -> Observations:
@@ -146,6 +147,11 @@ def observe(record: Record) -> Observations:
     labels = list(dict.fromkeys(rows["sweep"].astype(str)))
     number = {label: i for i, label in enumerate(labels)}
     peaks = tabulate_resonances(record).set_index("sweep").loc[labels]
+    masses = {
+        field: table[name].to_numpy(dtype=np.float64)[peaks["row"]]
+        for name, field in (("mass", "tested_mass"), ("added_mass", "added_mass"))
+        if name in table
+    }
     return Observations(
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
@@ -160,7 +166,7 @@ def observe(record: Record) -> Observations:
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
         amplitude_is_input=record.is_decay,
-        other_mass="added_mass" in rows and bool(np.ptp(rows["added_mass"].fillna(0.0)) > 0.0),
+        **masses,
     )
 
 

@@ -14,7 +14,7 @@ from scipy.special import gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 
-#: Heavier tails than a posterior close to normal, so that importance weights stay bounded; an integer.
+#: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
 #: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
 WIDE_SHARE = 0.3
@@ -60,7 +60,7 @@ class Proposal:
 
     @classmethod
     def through(cls, draws: FloatArray, worth: float) -> Proposal:
-        """Parts fitted to posterior draws (n, d) worth so many independent ones, and the wide one."""
+        """Parts fitted to posterior draws (n, d) worth ``worth`` independent ones, and the wide one."""
         draws = draws[:: max(1, len(draws) // MOST_FITTED)]
         parts = [draws]
         while len(parts) < PARTS:
@@ -74,11 +74,12 @@ class Proposal:
 
     def _improve(self, draws: FloatArray, least: FloatArray) -> Proposal:
         """One step of expectation and maximisation on draws (n, d); ``least`` is added to each covariance."""
-        of_part, growth = self._densities(draws)
-        of_part /= of_part.sum(axis=1, keepdims=True)
-        number = of_part.sum(axis=0)
-        kept = np.flatnonzero(number[:-1] > draws.shape[1])
-        weight = (of_part * ((1.0 + draws.shape[1] / DEGREES_OF_FREEDOM) / growth))[:, kept].T
+        d, growth = draws.shape[1], self._grow(draws)
+        of_part = self._heights[:, None] * growth ** (-0.5 * (DEGREES_OF_FREEDOM + d))
+        of_part /= of_part.sum(axis=0)
+        number = of_part.sum(axis=1)
+        kept = np.flatnonzero(number[:-1] > d)
+        weight = (of_part * ((1.0 + d / DEGREES_OF_FREEDOM) / growth))[kept]
         means = weight @ draws / weight.sum(axis=1, keepdims=True)
         centred = draws - means[:, None]
         covariances = (centred * weight[..., None]).transpose(0, 2, 1) @ centred / number[kept, None, None] + least
@@ -107,14 +108,10 @@ class Proposal:
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
-    def _whitening(self) -> FloatArray:
-        """x @ this + ``_white_origin``: x as each part sees it, all parts side by side; (d, k d)."""
-        inverse = np.linalg.inv(self.roots)
-        return np.asarray(inverse.transpose(2, 0, 1).reshape(len(inverse[0]), -1), dtype=np.float64)
-
-    @cached_property
-    def _white_origin(self) -> FloatArray:
-        return np.asarray(-np.einsum("kij,kj->ki", np.linalg.inv(self.roots), self.means).ravel())
+    def _whitening(self) -> tuple[FloatArray, FloatArray]:
+        """(k, d, d) @ x + (k, d, 1): x (d, n) as each part sees it."""
+        inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
+        return inverse, -inverse @ self.means[..., None]
 
     @cached_property
     def _heights(self) -> FloatArray:
@@ -124,17 +121,19 @@ class Proposal:
         log_volume = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
         return np.asarray(np.exp(norm - log_volume + np.log(self.shares)))
 
-    def _densities(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Each part's share times its density at x (n, d), and 1 + its squared distance over nu, (n, k) each."""
-        d = x.shape[1]
-        white = (x @ self._whitening + self._white_origin).reshape(len(x), len(self.shares), d)
-        growth = 1.0 + np.einsum("nki,nki->nk", white, white) / DEGREES_OF_FREEDOM
-        return self._heights * _raise_root(1.0 / growth, int(DEGREES_OF_FREEDOM) + d), growth
+    def _grow(self, x: FloatArray) -> FloatArray:
+        """1 + the squared distance of x (n, d) from each part over nu, (k, n)."""
+        whitening, origin = self._whitening
+        white = whitening @ x.T
+        white += origin
+        white *= white
+        return np.asarray(1.0 + white.sum(axis=1) / DEGREES_OF_FREEDOM)
 
     def density(self, x: FloatArray) -> FloatArray:
         """Density at x (n, d): above zero, the wide part has heavy tails."""
+        power = -0.5 * (DEGREES_OF_FREEDOM + x.shape[1])
         blocks = np.array_split(x, 1 + len(x) // BLOCK)
-        return np.concatenate([self._densities(block)[0].sum(axis=1) for block in blocks])
+        return np.concatenate([self._heights @ self._grow(block) ** power for block in blocks])
 
     def log_density(self, x: FloatArray) -> FloatArray:
         """Its logarithm."""
@@ -159,17 +158,6 @@ class Proposal:
         return np.searchsorted(edges, u).astype(np.int64)
 
 
-def _raise_root(values: FloatArray, power: int) -> FloatArray:
-    """sqrt(values)^power by products, a fifth of the work of a logarithm and an exponential."""
-    result = np.sqrt(values) if power % 2 else np.ones_like(values)
-    power //= 2
-    while power:
-        if power % 2:
-            result = result * values
-        values, power = values * values, power // 2
-    return result
-
-
 def _covary(draws: FloatArray) -> FloatArray:
     """Covariance (d, d) of draws (n, d)."""
     centred = draws - draws.mean(axis=0)
@@ -185,7 +173,7 @@ def _halve(draws: FloatArray) -> list[FloatArray]:
 
 
 def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArray:
-    """Points strictly inside the unit cube, (number, dimension): one in each of so many equal slices of every axis.
+    """Points strictly inside the unit cube, (number, dimension): one in each of ``number`` equal slices of every axis.
 
     A Latin hypercube (McKay, Beckman and Conover 1979). Of the laws here it errs as little as Sobol points of
     scipy.stats, whose import takes half a second.

@@ -86,7 +86,7 @@ def sweep(
 
 
 def finely(omega: FloatArray) -> tuple[FloatArray, int]:
-    """Frequencies with so many steps between any two that a branch moves little in each; the number of steps."""
+    """Frequencies with steps between any two, in each of which a branch moves little; the number of steps."""
     between = max(1, int(np.ceil(_FEWEST_STEPS / max(1, omega.size - 1))))
     index = np.arange((omega.size - 1) * between + 1) / between
     return np.interp(index, np.arange(omega.size), omega), between

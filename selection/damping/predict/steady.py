@@ -25,6 +25,8 @@ from damping.forces.contract import Force
 SMALL_STEP = 1e-8
 #: ... where the value, a logarithm, is as near zero as this: beside a kink a short step may lead nowhere.
 SMALL_VALUE = 1e-6
+#: A Newton step that is no smaller than this share of the step before goes nowhere soon; bisection does.
+SHRINKING = 0.9
 #: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
 #: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
@@ -50,16 +52,18 @@ def bracketed_newton(
     side = function(high)[0] >= 0.0
     u = high if start is None else start
     with np.errstate(all="ignore"):
+        moved = high - low
         for _ in range(MOST_STEPS):
             value, derivative = function(u)
             of_high = (value >= 0.0) == side
             low, high = np.where(of_high, low, u), np.where(of_high, u, high)
             step = value / derivative
-            newton = u - step
-            there = (np.abs(step) <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
-            # strictly inside, so that no two points lead to each other across a kink
-            inside = ((newton > low) & (newton < high) & (np.abs(step) > SMALL_STEP)) | there
-            u = np.where(inside, newton, 0.5 * (low + high))
+            newton, size = u - step, np.abs(step)
+            there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
+            # strictly inside, so that no two points lead to each other across a kink, and shrinking
+            inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
+            previous, u = u, np.where(inside, newton, 0.5 * (low + high))
+            moved = np.abs(u - previous)
             if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
                 break
     return u

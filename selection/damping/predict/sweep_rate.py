@@ -33,7 +33,7 @@ SLOW = 0.05
 #: Rows of smaller amplitude, as a share of the largest of the sweep, are noise and tails: neither corrected nor fitted.
 NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
-#: A rate is believed where it is so many standard errors, and looked for where a first look says so many octaves/min.
+#: Standard errors from which on a rate is believed, and octaves/min in a first look from which on it is looked for.
 _KNOWN = 5.0
 #: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
 _BETTER = 0.6

@@ -66,7 +66,7 @@ class SharedShape:
 
 
 def tabulate_rows(data: Observations) -> pd.DataFrame:
-    """What a joint fit needs of a record, a row an observation; :func:`read_rows` is the way back."""
+    """What a joint fit needs of a record, one row for each observation; :func:`read_rows` is the way back."""
     return pd.DataFrame(
         {
             "sweep": [data.sweeps[s] for s in data.sweep],

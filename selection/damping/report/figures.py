@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.plots import Drawn
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
-from damping.report import (
-    NOTHING,
-    choose_length,
-    format_between,
-    format_force_text,
-    format_joined,
-    format_parameter_label,
-    format_quantity,
-    format_share,
-    format_signed,
-    forms,
-    number,
-    tables,
-)
+from damping.report import forms, tables
 from damping.report.page import Block, FigureBlock
 from damping.report.results import (
     LawPosterior,
     RecordResult,
-    StudyResult,
     Svgs,
     describe_file_stem,
-    name_record,
     posterior_draws,
     prior_draws,
-    weighted,
 )
 
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
@@ -72,19 +58,19 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
     if curve is None or not np.isfinite(curve.damping_ratio.median).any():
         return None
     table, data = curve.table, result.data
-    factor, unit = choose_length(result.mode.units.length, table["amplitude"].max())
+    factor, unit = words.choose_length(result.mode.units.length, table["amplitude"].max())
     table["amplitude"] *= factor
     tested = None
     if result.backbone is not None:
         mass = result.backbone.mass_at(data.tested_amplitude)
         ratio = data.tested_force / (2.0 * mass * data.tested_omega**2 * data.tested_amplitude)
         tested = pd.DataFrame({"amplitude": factor * data.tested_amplitude, "damping_ratio": ratio})
-    rows = table[np.isfinite(table["damping_ratio"])]
-    ends = format_joined(
-        f"{number(100.0 * z)} per cent at {format_quantity(A, unit)} ({number(100.0 * low)} to {number(100.0 * high)})"
-        for A, z, low, high in rows.iloc[[0, -1]][
-            ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
-        ].itertuples(index=False)
+    columns = ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
+    rows = table.loc[np.isfinite(table["damping_ratio"]), columns]
+    ends = words.format_joined(
+        f"{words.number(100.0 * z)} per cent at {words.format_quantity(A, unit)} "
+        f"({words.number(100.0 * low)} to {words.number(100.0 * high)})"
+        for A, z, low, high in rows.iloc[[0, -1]].itertuples(index=False)
     )
     description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent band: {ends}."
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
@@ -92,12 +78,12 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
 
 def _draw_fitted(result: RecordResult) -> Drawn | None:
     """Measured rows beside the leading law: sweeps over frequency, or resonances as amplitude over force."""
-    best, data, units = weighted(result)[0], result.data, result.mode.units
+    best, data, units = result.ranking.weighted()[0], result.data, result.mode.units
     if best.fit is None:
         return None
     force = best.fit.force
     record, frame = result.record, result.record.table
-    factor, length = choose_length(units.length, data.tested_amplitude.max())
+    factor, length = words.choose_length(units.length, data.tested_amplitude.max())
     swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
     if swept:
         measured = frame.assign(sweep=frame["sweep"].astype(str), x=frame["frequency"], y=factor * frame["amplitude"])
@@ -120,7 +106,7 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
         line = pd.DataFrame({"sweep": "", "x": F, "y": y})
         figure = fitted_sweeps(measured, line, best.name, length, force_unit=units.force)
         what = f"Resonant amplitude against force of {len(data.sweeps)} sweeps"
-    error = number(best.average_absolute_percent)
+    error = words.number(best.average_absolute_percent)
     return Drawn(
         figure,
         f"{result.title}: measured and fitted",
@@ -131,9 +117,8 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
 def _draw_ranking(result: RecordResult) -> Drawn:
     table = forms.tabulate_candidates(result.ranking).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
-    weights = format_joined(
-        f"{law} {format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
-    )
+    laws = zip(best["law"], best["weight"], strict=True)
+    weights = words.format_joined(f"{law} {words.format_share(weight)}" for law, weight in laws)
     description = (
         f"Bars of the weight of the first {len(table)} candidate laws, beside their error at the tested resonances, "
         f"fitted and with the level held out. Largest weights: {weights}."
@@ -146,11 +131,12 @@ def _draw_corner(result: RecordResult) -> Drawn | None:
     if best is None:
         return None
     draws, prior_of = posterior_draws(best), prior_draws(best.posterior.coordinates)
-    posterior = {format_parameter_label(name, result.mode.units): values for name, values in draws.items()}
+    posterior = {words.format_parameter_label(name, result.mode.units): values for name, values in draws.items()}
     prior = dict(zip(posterior, (prior_of[name] for name in draws), strict=True))
     quantiles = {name: np.percentile(values, (5.0, 50.0, 95.0)) for name, values in posterior.items()}
-    intervals = format_joined(
-        f"{name} {number(median)} ({number(low)} to {number(high)})" for name, (low, median, high) in quantiles.items()
+    intervals = words.format_joined(
+        f"{name} {words.number(median)} ({words.number(low)} to {words.number(high)})"
+        for name, (low, median, high) in quantiles.items()
     )
     description = f"Posterior of {best.law.name}; median and 90 per cent interval: {intervals}."
     return Drawn(corner(posterior, prior), f"{result.title}: posterior of {best.law.name}", description)
@@ -176,20 +162,20 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
         return None
     data, units = result.data, result.mode.units
     design, bands = forms.tabulate_loads(result.design), forms.tabulate_loads(result.bands)
-    factor, length = choose_length(units.length, bands["median"].max())
+    factor, length = words.choose_length(units.length, bands["median"].max())
     tested = forms.tabulate_tested(data)
     tested["amplitude"] *= factor
     for table in (design, bands):
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)
-    predictions = format_joined(
-        f"at {format_force_text(force, units.force)} median {number(median)} {length} "
-        f"({number(low)} to {number(high)}), linear {number(linear)}"
+    predictions = words.format_joined(
+        f"at {words.format_force_text(force, units.force)} median {words.number(median)} {length} "
+        f"({words.number(low)} to {words.number(high)}), linear {words.number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
     )
     low, high = data.tested_force.min(), data.tested_force.max()
     description = (
-        f"Tested from {number(low)} to {number(high)} {units.force}; beyond that extrapolated. "
+        f"Tested from {words.number(low)} to {words.number(high)} {units.force}; beyond that extrapolated. "
         f"Resonant amplitude with its {100 * result.bands.level:g} per cent predictive interval: {predictions}."
     )
     return Drawn(figure, f"{result.title}: resonant amplitude against force", description)
@@ -199,99 +185,54 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A value that follows the slider: ``name`` in ``texts``, what it is, and its text at the start."""
-
-    name: str
-    what: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Explorer(FigureBlock):
     """A figure of design loads: the force moves, and the band with it, from predictions made beforehand.
 
     Attributes:
-        name: an id on the page. data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null
-            and a dash where no prediction is given. start: position of the slider. jumps: positions of the design
-            forces with their text. shown: what stands beside the slider.
+        name: an id on the page. level: content of the bands, such as ``90 %``.
+        data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
+            prediction is given. jumps: positions of the design forces with their text, ascending; the last is shown.
     """
 
     name: str
+    level: str
     data: dict[str, Any]
-    start: int
     jumps: tuple[tuple[int, str], ...]
-    shown: tuple[Shown, ...]
-
-    @property
-    def last(self) -> int:
-        """The last position of the slider."""
-        return len(self.data["force"]) - 1
 
 
-def build_loads_figure(result: RecordResult, study: StudyResult, svgs: Svgs, slider: bool) -> list[Block]:
-    """The figure of a record's design loads, with its slider where asked; nothing where there is no such figure."""
+def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
+    """The figure of a record's design loads with its slider, by its file; nothing where there is no such figure."""
     stem = describe_file_stem(result, "design_loads")
     if stem not in svgs or result.bands is None or result.design is None:
-        return []
-    caption = (
-        f"{name_record(result, study, '.')}Resonant amplitude against force, n = {len(result.data.A)} points: the "
-        f"{100 * result.bands.level:g} % band holds what the next test would read."
-    )
-    if not slider:
-        return [FigureBlock(svgs[stem], caption)]
+        return {}
     table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)
     # a design force keeps the numbers of the table of design loads, whatever the grid says there
     table = table.drop_duplicates("force", keep="last").sort_values("force", ignore_index=True)
-    factor, length = choose_length(result.mode.units.length, table["median"].max())
+    factor, length = words.choose_length(result.mode.units.length, table["median"].max())
     table[list(_DRAWN[1:])] *= factor
     force, unit = table["force"].to_numpy(float), result.mode.units.force
-    positions = [int(np.flatnonzero(force == f)[0]) for f in result.design.force]
-    texts = _write_texts(table, unit, length)
+    positions = {int(np.flatnonzero(force == f)[0]) for f in result.design.force}
+    jumps = tuple((i, words.format_force_text(force[i], unit)) for i in sorted(positions))
     numbers = {name: [float(f"{x:.5g}") if np.isfinite(x) else None for x in table[name]] for name in _DRAWN}
-    start = max(positions)
-    level = f"{100 * result.bands.level:g} %"
-    shown = tuple(Shown(name, what.format(level=level), texts[name][start]) for name, what in _WHAT.items())
-    return [
-        Explorer(
-            svgs[stem],
-            caption,
-            name=stem,
-            data={**numbers, "texts": texts},
-            start=start,
-            jumps=tuple((i, format_force_text(force[i], unit)) for i in sorted(set(positions))),
-            shown=shown,
-        )
-    ]
+    data = {**numbers, "texts": _write_texts(table, unit, length)}
+    return {stem: Explorer(svgs[stem], "", stem, f"{100 * result.bands.level:g} %", data, jumps)}
 
 
-_WHAT = {
-    "force": "design force",
-    "ratio": "times the largest tested force",
-    "median": "expected (median)",
-    "predictive": "{level} predictive: the next test",
-    "credible": "{level} credible: the law's own",
-    "linear": "linear prediction",
-    "over": "linear over median, and its {level} interval",
-}
-
-
-def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
+def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[Hashable, list[str]]:
     """What the page says at each force, written as in the tables; a dash where no prediction is given."""
-    texts: dict[str, list[str]] = {name: [] for name in _WHAT}
+    texts = []
     for row in table.to_dict("records"):
-        over, low, high = (format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
+        over, low, high = (words.format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
         said = {
-            "median": format_quantity(row["median"], length_unit),
-            "predictive": format_between(row["low"], row["high"], length_unit),
-            "credible": format_between(row["credible_low"], row["credible_high"], length_unit),
+            "median": words.format_quantity(row["median"], length_unit),
+            "predictive": words.format_between(row["low"], row["high"], length_unit),
+            "credible": words.format_between(row["credible_low"], row["credible_high"], length_unit),
             "over": f"{over} ({low} to {high})",
         }
         if not np.isfinite(row["median"]):
-            said = dict.fromkeys(said, NOTHING)
-        said["force"] = format_quantity(row["force"], force_unit, 4)
-        said["ratio"] = number(row["extrapolation_ratio"])
-        said["linear"] = format_quantity(row["linear"], length_unit)
-        for name, text in said.items():
-            texts[name].append(text)
-    return texts
+            said = dict.fromkeys(said, words.NOTHING)
+        said["force"] = words.format_quantity(row["force"], force_unit, 4)
+        said["ratio"] = words.number(row["extrapolation_ratio"])
+        said["linear"] = words.format_quantity(row["linear"], length_unit)
+        texts.append(said)
+    return pd.DataFrame(texts).to_dict("list")

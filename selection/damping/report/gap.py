@@ -24,7 +24,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
-from damping.report.page import Block, Facts, FigureBlock, Footer, List, Table, Text, render_page, write_sections
+from damping.report.page import Block, FigureBlock, Footer, List, Table, Text, render_page, write_sections
 
 if TYPE_CHECKING:
     from damping.plots import Drawn
@@ -87,6 +87,7 @@ def render_gap_page(
         "told": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
         "closed": _describe_percent(diagnosis.gap.shrinkage),
+        "shrunk": _describe_percent(diagnosis.held_out.shrinkage if diagnosis.held_out else None),
         "rows": rows,
         "sd_amplitude": np.median(rows.sd_amplitude),
         "sd_phase": np.median(rows.sd_phase),
@@ -94,17 +95,9 @@ def render_gap_page(
     }
     drawn = gap_figures(diagnosis).items()
     figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn}
-    parts = {"facts": _collect_facts(diagnosis), **figures, **_build_tables(diagnosis, posterior)}
+    parts = {**figures, **_build_tables(diagnosis, posterior)}
     sections = write_sections(Path(__file__).with_name("gap_page.txt"), values, parts)
     return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
-
-
-def _collect_facts(diagnosis: Diagnosis) -> Facts:
-    gap, held = diagnosis.gap, diagnosis.held_out
-    whats = ("gap as given (sigma; 1 is noise)", "refitted within tolerance", "with the explanation")
-    sizes = [words.number(size) for size in (gap.nominal, gap.before, gap.after)]
-    shrunk = _describe_percent(held.shrinkage if held else None)
-    return Facts([*zip(sizes, whats, strict=True), (shrunk, "of the gap vanishes on held-out levels")])
 
 
 def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:
@@ -159,38 +152,34 @@ def _describe_percent(value: float | None) -> str:
 
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
-    from damping.plots import Drawn  # noqa: PLC0415 - matplotlib, which the sentences do not need
-    from damping.plots.gap import (  # noqa: PLC0415 - as above
-        DESCRIBED,
-        gap_local,
-        gap_map,
-        gap_overlay,
-        gap_probabilities,
-        gap_resonances,
-    )
+    from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
 
-    leading, length = diagnosis.leading.best, diagnosis.mode.units.length
+    leading, units = diagnosis.leading.best, diagnosis.mode.units
     rows = leading.model.problem.rows
+    measured = _tabulate_measured(leading)
     if rows.at_resonance:
-        predicted = _tabulate_resonance(leading)
-        drawn = gap_resonances(_tabulate_measured(leading), predicted, diagnosis.mode.units.force, length)
-        overlay = Drawn(drawn, *DESCRIBED["resonances"])
+        overlay = gap.gap_resonances(measured, _tabulate_resonance(leading), units.force, units.length)
     else:
-        drawn = gap_overlay(_tabulate_measured(leading), _tabulate_predicted(leading), length)
-        overlay = Drawn(drawn, *DESCRIBED["overlay"])
-    figures = {"residuals": gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)")}
+        overlay = gap.gap_overlay(measured, _tabulate_predicted(leading), units.length)
+    figures = {"overlay": overlay}
+    residuals = by_quantity(rows, nominal_residuals(leading))
+    figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
     if leading.model.parts:
-        figures["footprint"] = gap_map(_map(rows, footprint(leading)), "change (sigma)")
+        figures["footprint"] = gap.gap_map(_map(rows, footprint(leading)), "change (sigma)")
     if len(diagnosis.hypotheses) > 1:
-        figures["probabilities"] = gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
+        figures["probabilities"] = gap.gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
     if diagnosis.local:
         estimates = pd.DataFrame([vars(estimate) for estimate in diagnosis.local])
-        figures["local"] = gap_local(estimates, _tabulate_local_curves(leading, rows), length)
-    return {"overlay": overlay} | {name: Drawn(figure, *DESCRIBED[name]) for name, figure in figures.items()}
+        figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows), units.length)
+    sections = write_sections(Path(__file__).with_name("gap_figures.txt"), {})
+    described = {section.id: (section.title, *_list_sentences(section.blocks[0])) for section in sections}
+    if rows.at_resonance:
+        described["overlay"] = described["resonances"]
+    return {name: Drawn(figure, *described[name]) for name, figure in figures.items()}
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
-    """A row an explanation that was fitted, most probable first: ``explanation, probability, log_evidence, listed``.
+    """One row for each fitted explanation, most probable first: ``explanation, probability, log_evidence, listed``.
 
     Listed are those that together reach 0.95.
     """
@@ -230,7 +219,6 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
 
 
 def _locate(rows: Rows) -> dict[str, Any]:
-    """Sweep and frequency of each row."""
     return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
 
 

@@ -1,7 +1,7 @@
 """Texts, blocks and sections in, one self-contained HTML page out.
 
-Every text is escaped by the template; the figures, which :func:`damping.plots.to_svg` makes, are the only
-markup that passes as it is. The page loads nothing, not even from its own folder.
+Every text is escaped by the template; the figures of :func:`damping.plots.to_svg` are the only markup that passes as it
+is. The page loads nothing, not even from its own folder, and runs the one script beside this file alone.
 
 A text may stand in a file beside the module that fills it with numbers, a jinja2 template. After filling, an empty line
 ends a block. A block is a paragraph unless its first line begins with one of
@@ -11,7 +11,9 @@ ends a block. A block is a paragraph unless its first line begins with one of
 - ``*``: a list, an item from each ``*`` to the next,
 - ``[lead]``: a paragraph that stands out,
 - ``[callout] title`` with a list below: what is not to be missed,
+- ``[facts]`` with a list of ``* number | what it is`` below: the few numbers to remember,
 - ``[fold] summary``: what follows as far as ``[end]``, behind a line,
+- ``[row]``: the figures that follow as far as ``[end]``, beside one another,
 - ``[table NAME] caption`` or any other word in such brackets: what the module gives for it.
 """
 
@@ -83,7 +85,7 @@ class Callout(Block):
 class Facts(Block):
     """The few numbers to remember: (number, what it is)."""
 
-    items: Sequence[tuple[str, str]]
+    items: Sequence[Sequence[str]]
 
 
 @dataclass(frozen=True)
@@ -184,21 +186,13 @@ class Footer:
     inputs: Mapping[str, str]
 
 
+_STRICT: Any = {"undefined": StrictUndefined, "trim_blocks": True}
 #: Templates beside this file, with every expression escaped.
-_PAGES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
+_PAGES = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True, lstrip_blocks=True, **_STRICT)
 
 
 def render_page(title: str, sections: Sequence[Section], footer: Footer) -> str:
-    """The page as HTML. Equal arguments give equal text.
-
-    Its policy lets the reader's browser run the one script beside this file and nothing else.
-    """
+    """The page as HTML. Equal arguments give equal text."""
     script = Path(__file__).with_name("page.js").read_text("utf-8")
     digest = b64encode(sha256(script.encode()).digest()).decode()
     template = _PAGES.get_template("template.html.jinja")
@@ -226,17 +220,19 @@ def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind
     return _cut_blocks(_template(text).render(**values), take)
 
 
-def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Block] | None = None) -> list[Section]:
-    """The sections of a text filled with values.
-
-    Its directives name ``parts`` and give them their captions; one that is not there leaves nothing.
-    """
+def take_parts(parts: Mapping[str, Block]) -> Take:
+    """The blocks of directives that name ``parts`` and give them captions; one that is not there leaves nothing."""
 
     def take(kind: str, name: str, rest: str) -> list[Block]:
-        part: Any = (parts or {}).get(name)
+        part: Any = parts.get(name)
         return [] if part is None else [replace(part, caption=join_lines(rest)) if rest else part]
 
-    sections = []
+    return take
+
+
+def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Block] | None = None) -> list[Section]:
+    """The sections of a text filled with values; its directives name ``parts`` (:func:`take_parts`)."""
+    take, sections = take_parts(parts or {}), []
     for section in re.split(r"^# ", _template(text).render(**values), flags=re.MULTILINE)[1:]:
         head, _, body = section.partition("\n")
         key, _, title = head.partition(": ")
@@ -251,8 +247,7 @@ def fill_text(text: Path, values: Mapping[str, Any]) -> str:
 
 @cache
 def _template(text: Path) -> Template:
-    # the page escapes what it shows
-    environment = Environment(undefined=StrictUndefined, trim_blocks=True, finalize=_join_value)
+    environment = Environment(finalize=_join_value, **_STRICT)  # the page escapes what it shows
     return environment.from_string(text.read_text("utf-8"), globals=words.WORDS)
 
 
@@ -277,6 +272,11 @@ def _build_blocks(parts: Iterator[str], take: Take) -> Iterator[Block]:
                     yield Fold(join_lines(rest), list(_build_blocks(parts, take)))
                 case "lead":
                     yield Text(join_lines(rest), lead=True)
+                case "row":
+                    figures = list(_build_blocks(parts, take))
+                    yield from [Row(figures)] if figures else []
+                case "facts" if not name:
+                    yield Facts([item.split(" | ", 1) for item in _list_items(rest)])
                 case "callout":
                     yield Callout(join_lines(rest.partition("\n* ")[0]), _list_items(rest))
                 case _:

@@ -21,13 +21,13 @@ from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.ranking import Candidate, Ranking
+from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 from damping.regression.fit import PowerLaw
 from damping.report import count
-from damping.report.page import Block, FigureBlock, Section, write_blocks
+from damping.report.page import Block, Section, write_blocks
 
 
 @dataclass(frozen=True)
@@ -113,11 +113,6 @@ class StudyResult:
     exhibits: tuple[Exhibit, ...] = ()
 
 
-def name_record(result: RecordResult, study: StudyResult, mark: str) -> str:
-    """The record's title with a ``mark`` after it where the study has several; nothing where it has this one only."""
-    return f"{result.title}{mark} " if len(study.records) > 1 else ""
-
-
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
 PRIOR_DRAWS = 40_000
 
@@ -138,20 +133,9 @@ def posterior_draws(sampled: LawPosterior) -> dict[str, FloatArray]:
 Svgs = Mapping[str, str]
 
 
-def build_figure(svgs: Svgs, name: str, caption: str) -> list[Block]:
-    """The figure with its caption; nothing where the results could not fill it."""
-    return [FigureBlock(svgs[name], caption)] if name in svgs else []
-
-
 def describe_file_stem(result: RecordResult, name: str) -> str:
     """Name of the file of a record's table or figure, without its ending."""
     return f"{result.name}-{name.replace('_', '-')}"
-
-
-def weighted(result: RecordResult) -> list[Candidate]:
-    """Candidates with a weight, the largest first."""
-    carrying = [candidate for candidate in result.ranking.candidates if candidate.weight > 0.0]
-    return sorted(carrying, key=lambda candidate: -candidate.weight)
 
 
 def describe_failed_chains(result: RecordResult) -> list[str]:
@@ -184,9 +168,8 @@ def build_cautions(study: StudyResult) -> list[Block]:
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
     """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
     yield from map(str, result.findings)
-    for candidate in weighted(result):
-        if candidate.weight > LEAST_WEIGHT:
-            yield from candidate.cautions
+    for candidate in result.ranking.weighted(LEAST_WEIGHT):
+        yield from candidate.cautions
     rough = [s for s in result.posteriors if s.leave_one_out.caution]
     if rough:
         yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"

@@ -1,44 +1,27 @@
-"""The first screens of the page of a study: the answer, damping, measured beside fitted, which law.
+"""The screens of the page of a study: the answer, damping, measured beside fitted, which law, and the design load.
 
-The design load and what a screen rests on follow in :mod:`damping.report.study`.
+Their sentences are in ``screens.txt``; here the numbers and the tables that fill it. What they rest on is folded below
+(:mod:`damping.report.study`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.prediction import PARTS, Loads
 from damping.ranking import Candidate
 from damping.records.resonance import number_levels
-from damping.report import (
-    NOTHING,
-    count,
-    format_between,
-    format_force_text,
-    format_length,
-    format_length_band,
-    format_parameter_unit,
-    format_percent,
-    format_percent_ratio,
-    format_quantity,
-    format_share,
-    format_signed,
-    number,
-)
-from damping.report.page import Block, Callout, Facts, Heading, List, Row, Section, Table, Text
-from damping.report.results import (
-    RecordResult,
-    StudyResult,
-    Svgs,
-    build_figure,
-    describe_file_stem,
-    find_largest,
-    name_record,
-    weighted,
-)
+from damping.report import tables
+from damping.report.figures import build_loads_explorer
+from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
+from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, find_largest
 
 #: Laws with less weight are folded away.
 LEAST_SHOWN = 0.02
@@ -49,50 +32,74 @@ MOST_CAUTIONS = 3
 
 
 def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The screens; those that the results cannot fill have no blocks."""
-    return [
-        Section("answer", "The answer", _build_answer(study)),
-        Section("damping", "Damping against amplitude", _build_curves(study, svgs)),
-        Section("sweeps", "Measured beside fitted", _build_fits(study, svgs)),
-        Section("laws", "Which law", _build_laws(study)),
-    ]
+    """The screens that the results can fill; ``svgs``: figures by file."""
+    records = [_describe_record(result, svgs) for result in study.records]
+    asked = [result for result in study.records if result.design is not None]
+    parts: dict[str, Block] = {name: FigureBlock(svg, "") for name, svg in svgs.items()}
+    parts["answers"] = _tabulate_answers(study)
+    for result in study.records:
+        parts[f"{result.name}-laws"] = _tabulate_laws(result)
+        if result.design is not None:
+            parts |= _tabulate_loads(result, result.design)
+    if asked:  # the figure of the first has a slider
+        parts |= build_loads_explorer(asked[0], svgs)
+    values = {
+        "records": records,
+        "several": len(records) > 1,
+        "lead": next((record for record in records if record["load"]), records[0]),
+        "asked": [record for record in records if "content" in record],
+        "gravest": _collect_gravest(study),
+    }
+    sections = write_sections(Path(__file__).with_name("screens.txt"), values, parts)
+    return [section for section in sections if section.blocks]
 
 
-def find_lead(study: StudyResult) -> RecordResult:
-    """The record that the page opens with: the first with a predicted design load, else the first."""
-    return next((r for r in study.records if find_largest(r.design) is not None), study.records[0])
-
-
-def count_levels(result: RecordResult) -> int:
-    """Force levels of a record."""
+def _count_levels(result: RecordResult) -> int:
     return int(number_levels(result.data.tested_force).max()) + 1
 
 
-def _build_answer(study: StudyResult) -> list[Block]:
-    lead = find_lead(study)
-    others = [result for result in study.records if result is not lead]
-    blocks: list[Block] = [
-        Text(_describe_lead(lead), lead=True),
-        Facts(_collect_facts(lead)),
-        Text(_describe_conditions(lead, study)),
-        Callout("Before this is used", _collect_gravest(study)),
-    ]
-    if others:
-        blocks += [_tabulate_answers(study), List([_describe_conditions(result, study) for result in others])]
-    return blocks
+def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
+    """What the sentences say of a record, by name."""
+    i, design, ranking = find_largest(result.design), result.design, result.ranking
+    rest = len(ranking.candidates) - len(_list_shown_laws(result))
+    described = {
+        "title": result.title,
+        "stem": result.name,
+        "points": len(result.data.A),
+        "levels": _count_levels(result),
+        "ratio": design.ratio[i] if design is not None and i is not None else 0.0,
+        "fitting": len(ranking.weighted(LEAST_SHOWN)),
+        "note": result.note,
+        "best": ranking.weighted()[0],
+        "load": _describe_load(result),
+        "top": _describe_top(result),
+        "drawn": describe_file_stem(result, "damping_curve") in svgs,
+        "measured": "sweeps" if result.data.has_repeats else "resonances",
+        "verdict": ranking.fit.sentence or "The leading law fits to the noise",
+        "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
+        "next_level": result.next_level,
+        "force_unit": result.mode.units.force,
+    }
+    if design is not None:
+        described["content"] = f"{100 * design.level:g}"
+        described["refusals"] = dict.fromkeys(caution[0] for caution in design.cautions if caution)
+    return described
 
 
 def _describe_load(result: RecordResult) -> dict[str, str]:
     """The prediction at the largest design force that has one, in words; empty where none has."""
-    i, design, units = find_largest(result.design), result.design, result.mode.units
+    i, design, curve, units = find_largest(result.design), result.design, result.design_curve, result.mode.units
     if i is None or design is None:
         return {}
     return {
-        "force": format_force_text(design.force[i], units.force),
-        "median": format_length(design.average.median[i], units.length),
-        "band": format_length_band(design.average.low[i], design.average.high[i], units.length),
-        "linear": format_length(design.linear[i], units.length),
-        "over": format_signed(design.overprediction[i]),
+        "force": words.format_force_text(design.force[i], units.force),
+        "median": words.format_length(design.average.median[i], units.length),
+        "band": words.format_length_band(design.average.low[i], design.average.high[i], units.length),
+        "level": f"{100 * design.level:g}",
+        "linear": words.format_length(design.linear[i], units.length),
+        "over": words.format_signed(design.overprediction[i]),
+        "ratio": words.format_percent_ratio(curve.damping_ratio.median[i]) if curve else "",
+        "low": words.format_percent_ratio(curve.damping_ratio.low[i]) if curve else "",
     }
 
 
@@ -104,76 +111,36 @@ def _describe_top(result: RecordResult) -> dict[str, str]:
     rows = np.flatnonzero(curve.tested & np.isfinite(curve.damping_ratio.median))
     row, ratio = int(rows[np.argmax(curve.amplitude.median[rows])]), curve.damping_ratio
     return {
-        "ratio": format_percent_ratio(ratio.median[row]),
-        "band": format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%"),
-        "amplitude": format_length(curve.amplitude.median[row], result.mode.units.length),
-        "frequency": f"{number(curve.frequency.median[row], 4)} Hz",
-        "q": number(0.5 / ratio.median[row]),
+        "ratio": words.format_percent_ratio(ratio.median[row]),
+        "band": words.format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%"),
+        "amplitude": words.format_length(curve.amplitude.median[row], result.mode.units.length),
+        "frequency": f"{words.number(curve.frequency.median[row], 4)} Hz",
+        "q": words.number(0.5 / ratio.median[row]),
     }
 
 
-def _describe_lead(result: RecordResult) -> str:
-    """The one answer, with its band and what it is conditional on."""
-    load, top, curve, design = _describe_load(result), _describe_top(result), result.design_curve, result.design
-    if not load or design is None:
-        tested = "{ratio} of critical damping ({band}) at {amplitude}, {frequency}, the top of the test"
-        return f"{result.title}: {tested.format(**top) if top else 'no damping ratio could be told'}."
-    expected = "at {force} expect {median} ({band}, ".format(**load)
-    sentence = f"{result.title}: {expected}{100 * design.level:g} % band)"
-    i = find_largest(design)
-    if curve is None or i is None:
-        return sentence + "."
-    median, low = (format_percent_ratio(end[i]) for end in (curve.damping_ratio.median, curve.damping_ratio.low))
-    return f"{sentence}, with {median} of critical damping; size loads with {low}, the low end of its band."
-
-
-def _collect_facts(result: RecordResult) -> list[tuple[str, str]]:
-    best, load, top = weighted(result)[0], _describe_load(result), _describe_top(result)
-    facts = []
-    if load:
-        facts.append((load["median"], f"amplitude at {load['force']}, median"))
-        facts.append((load["over"], f"linear scaling against that ({load['linear']})"))
-    if top:
-        facts.append((top["ratio"], f"of critical at the top of the test ({top['band']}); Q {top['q']}"))
-    return [*facts, (best.name, f"leading law, weight {format_share(best.weight)} of 1")]
-
-
 def _tabulate_answers(study: StudyResult) -> Table:
-    """A row a record: what was tested, damping there, the law, the amplitude at the largest design force."""
+    """A row for each record: what was tested, damping there, the law, the amplitude at the largest design force."""
     rows = []
     for result in study.records:
-        best, load, top, data = weighted(result)[0], _describe_load(result), _describe_top(result), result.data
-        tested = format_quantity(data.tested_force.max(), result.mode.units.force)
+        best, load, top, data = result.ranking.weighted()[0], _describe_load(result), _describe_top(result), result.data
+        tested = words.format_quantity(data.tested_force.max(), result.mode.units.force)
+        frequency = words.number(data.tested_omega[data.top] / RAD_S_PER_HZ, 4)
+        law = f"{best.name} {words.format_share(best.weight)}" if _count_levels(result) > 1 else "open"
         rows.append(
             {
                 "record": result.title,
-                "tested to": f"{tested}, {number(data.tested_omega[data.top] / RAD_S_PER_HZ, 4)} Hz",
-                "damping ratio there": f"{top['ratio']} ({top['band']})" if top else NOTHING,
-                "law and weight": f"{best.name} {format_share(best.weight)}" if count_levels(result) > 1 else "open",
+                "tested to": f"{tested}, {frequency} Hz",
+                "damping ratio there": f"{top['ratio']} ({top['band']})" if top else words.NOTHING,
+                "law and weight": law,
                 "at the design load": f"{load['median']} ({load['band']}) at {load['force']}" if load else "none asked",
             }
         )
-    return Table(pd.DataFrame(rows), "Every record of the study; bands in parentheses.")
+    return Table(pd.DataFrame(rows), "")
 
 
-def _describe_conditions(result: RecordResult, study: StudyResult) -> str:
-    """Points, levels, how far beyond the test, and what else the answer rests on."""
-    data, levels = result.data, count_levels(result)
-    sentence = f"{name_record(result, study, ':')}{count(len(data.A), 'point')} at {count(levels, 'force level')}"
-    i, design = find_largest(result.design), result.design
-    if i is not None and design is not None and design.ratio[i] > 1.0:
-        sentence += f"; the design load is {number(design.ratio[i])} times the largest tested force"
-    if levels == 1:
-        fitting = sum(1 for c in result.ranking.candidates if c.weight > LEAST_SHOWN)
-        sentence += (
-            f"; one sweep does not determine the law ({fitting} laws fit it), and nothing here says how damping "
-            "changes with level"
-        )
-    return sentence + (f". {result.note}" if result.note else ".")
-
-
-def _collect_gravest(study: StudyResult) -> list[str]:
-    """The gravest cautions, each once with the records it holds for, and what no band holds."""
+def _collect_gravest(study: StudyResult) -> list[tuple[str, list[str]]]:
+    """The gravest cautions, each once with the records it holds for."""
     holders: dict[str, list[str]] = {}
     for result in study.records:
         cautions = [str(finding) for finding in result.findings]
@@ -185,95 +152,53 @@ def _collect_gravest(study: StudyResult) -> list[str]:
         for caution in list(dict.fromkeys(cautions))[:MOST_CAUTIONS]:
             if not caution.startswith("beyond the test"):  # the conditions say it
                 holders.setdefault(caution, []).append(result.title)
-    several = len(study.records) > 1
-    named = [
-        text[:1].upper() + text[1:] + (f" ({'; '.join(titles)})." if several else ".")
-        for text, titles in holders.items()
-    ]
-    standing = (
-        "Every number is conditional on the sources of damping staying the same, in the same proportion: a joint that "
-        "begins to slip, or a crack, is in no band."
-    )
-    return [*named, standing]
+    return list(holders.items())
 
 
-def _build_curves(study: StudyResult, svgs: Svgs) -> list[Block]:
-    drawn: list[Block] = []
-    for result in study.records:
-        drawn += build_figure(
-            svgs,
-            describe_file_stem(result, "damping_curve"),
-            name_record(result, study, ".")
-            + f"Damping ratio and Q against resonant amplitude, n = {len(result.data.A)} points.",
-        )
-    if not drawn:
-        return []
-    reading = (
-        "One damping ratio holds at one amplitude. Solid: tested; dashed on hatched ground: beyond the test. The red "
-        "line is the low end of the band, the one to size a load with."
-    )
-    return [Text(reading), Row(drawn)]
-
-
-def _build_fits(study: StudyResult, svgs: Svgs) -> list[Block]:
-    drawn: list[Block] = []
-    for result in study.records:
-        best = weighted(result)[0]
-        measured = "sweeps" if result.data.has_repeats else "resonances"
-        caption = f"{name_record(result, study, '.')}Measured {measured} and {best.name}, which misses the resonant "
-        caption += f"amplitudes by {format_percent(best.average_absolute_percent)} % on average."
-        drawn += build_figure(svgs, describe_file_stem(result, "fitted"), caption)
-    return [Row(drawn)] if drawn else []
-
-
-def _build_laws(study: StudyResult) -> list[Block]:
-    blocks: list[Block] = [
-        Text(
-            "A weight is the probability of a law among those tried, given the test; weights of a record add to 1. "
-            "Laws that predict the same on a record share one line. A coefficient is a posterior median."
-        )
-    ]
-    for result in study.records:
-        levels = count_levels(result)
-        if len(study.records) > 1:
-            blocks.append(Heading(result.title))
-        if levels == 1:
-            blocks.append(
-                Text(
-                    "One sweep does not determine the law: amplitude and frequency change together along it. "
-                    "The weights below order what was tried and decide nothing."
-                )
-            )
-        blocks.append(_tabulate_laws(result))
-    return blocks
+def _list_shown_laws(result: RecordResult) -> list[Candidate]:
+    """The laws of the table of a screen: those that carry weight, and the viscous ones."""
+    weighted = result.ranking.weighted()
+    shown = [law for law in weighted if law.weight >= LEAST_SHOWN][:MOST_SHOWN] or list(weighted[:1])
+    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in shown]
+    return shown + viscous
 
 
 def _tabulate_laws(result: RecordResult) -> Table:
-    shown = [law for law in weighted(result) if law.weight >= LEAST_SHOWN][:MOST_SHOWN] or weighted(result)[:1]
-    viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in shown]
     rows = [
         {
             "law": law.name,
-            "weight": format_share(law.weight),
+            "weight": words.format_share(law.weight),
             "coefficients": _describe_coefficients(result, law),
-            "error of amplitude": f"{format_percent(law.average_absolute_percent)} %",
-            "level held out": f"{format_percent(law.held_out_error)} %".replace(f"{NOTHING} %", NOTHING),
+            "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
+            "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
+                f"{words.NOTHING} %", words.NOTHING
+            ),
             "predicts the same": _describe_equivalents(law.equivalents),
         }
-        for law in (*shown, *viscous)
+        for law in _list_shown_laws(result)
     ]
-    rest = len(result.ranking.candidates) - len(rows)
-    caption = f"{result.ranking.fit.sentence or 'The leading law fits to the noise'}. "
-    caption += f"{count(rest, 'further law')} in the folded table." if rest > 0 else ""
-    return Table(pd.DataFrame(rows), caption, key=describe_file_stem(result, "ranking"))
+    return Table(pd.DataFrame(rows), "", key=describe_file_stem(result, "ranking"))
 
 
 def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
-    units = result.mode.units
     named = [(f"{c.force} {c.shape}".strip(), c.value) for c in law.coefficients]
-    return "; ".join(f"{name} {format_quantity(value, format_parameter_unit(name, units))}" for name, value in named)
+    units = {name: words.format_parameter_unit(name, result.mode.units) for name, _ in named}
+    return "; ".join(f"{name} {words.format_quantity(value, units[name])}" for name, value in named)
 
 
 def _describe_equivalents(names: Sequence[str]) -> str:
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return names[0] + more if names else NOTHING
+    return names[0] + more if names else words.NOTHING
+
+
+def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
+    """Amplitude and damping at the design forces, and what their band is made of."""
+    headings, key = {"band": f"{100 * design.level:g} % band"}, describe_file_stem(result, "design_loads")
+    of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
+    of_parts |= {"discrepancy": "the law changing beyond the test, %"}
+    formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
+    predicted = tables.tabulate_design(result, design)
+    return {
+        f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),
+        f"{result.name}-parts": Table(tables.tabulate_parts(result, design), "", formats, of_parts),
+    }

@@ -1,49 +1,37 @@
 """A study rendered: the page, every table and every figure, of its records and of the exhibits that join it.
 
-Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`, and here the design load); here
-too what it rests on, folded.
+Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`); here what it rests on, folded.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
+from damping import report as words
 from damping.extrapolation.draws import AVERAGE_DRAWS
-from damping.extrapolation.prediction import PARTS, Loads
 from damping.forces import CATALOGUE, component
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
-from damping.report import (
-    format_decimals,
-    format_force_text,
-    format_joined,
-    format_percent,
-    format_quantity,
-    format_share,
-    forms,
-    number,
-    tables,
-)
-from damping.report.figures import build_loads_figure, leading, record_figures
+from damping.report import forms, tables
+from damping.report.figures import leading, record_figures
 from damping.report.page import (
     Block,
-    Callout,
+    FigureBlock,
     Fold,
     Footer,
     Format,
-    Heading,
     List,
-    Row,
     Section,
     Table,
     Text,
-    join_lines,
     render_page,
+    take_parts,
     write_blocks,
 )
 from damping.report.results import (
@@ -51,10 +39,8 @@ from damping.report.results import (
     StudyResult,
     Svgs,
     build_cautions,
-    build_figure,
     describe_failed_chains,
     describe_file_stem,
-    find_largest,
 )
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
@@ -80,9 +66,7 @@ def render(study: StudyResult) -> Rendered:
             figures[stem] = drawn.to_svg(stem)
         tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
     further = [section for exhibit in study.exhibits for section in exhibit.sections]
-    loads = Section("loads", "At the design load, and what to test next", _build_loads(study, figures))
-    screens = [screen for screen in (*build_screens(study, figures), loads) if screen.blocks]
-    sections = [*screens, *further, _build_details(study, figures)]
+    sections = [*build_screens(study, figures), *further, _build_details(study, figures)]
     for exhibit in study.exhibits:
         figures |= exhibit.figures
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
@@ -90,53 +74,6 @@ def render(study: StudyResult) -> Rendered:
     further_pages = [page for exhibit in study.exhibits for page in exhibit.pages]
     pages = {page.file: render_page(page.title, page.sections, footer) for page in further_pages}
     return Rendered(render_page(study.title, sections, footer), tables, figures, pages)
-
-
-def _build_loads(study: StudyResult, svgs: Svgs) -> list[Block]:
-    """The screen of the prediction by parts and of what to test next; nothing where no design load is asked for."""
-    asked = [result for result in study.records if result.design is not None]
-    if not asked:
-        return []
-    blocks: list[Block] = [
-        Text("Amplitude at resonance under each design force; linear scales the largest tested level in proportion.")
-    ]
-    for result in asked:
-        assert result.design is not None  # chosen so above
-        heading = [Heading(result.title)] if len(study.records) > 1 else []
-        blocks += [*heading, *_describe_refusals(result.design), *_tabulate_loads(result, result.design)]
-        further = result.next_level
-        if further is not None:
-            unit = result.mode.units.force
-            blocks.append(
-                Text(
-                    f"To test next: one more level at {format_quantity(further.force, unit)}. It would shrink the band "
-                    f"at {format_force_text(further.design, unit)} from a factor of {further.width:.2f} between its "
-                    f"ends to {further.expected:.2f}."
-                )
-            )
-    drawn = [
-        block for number, result in enumerate(asked) for block in build_loads_figure(result, study, svgs, number == 0)
-    ]
-    return [*blocks, Row(drawn)] if drawn else blocks
-
-
-def _describe_refusals(design: Loads) -> list[Block]:
-    """Why no prediction is given, where none is."""
-    if find_largest(design) is not None:
-        return []
-    why = format_joined(dict.fromkeys(caution[0] for caution in design.cautions if caution))
-    return [Text(f"No amplitude is predicted: {why}.")]
-
-
-def _tabulate_loads(result: RecordResult, design: Loads) -> list[Block]:
-    caption = "Amplitude and damping at the design forces; the low end of the damping ratio is the one to size with."
-    headings, key = {"band": f"{100 * design.level:g} % band"}, describe_file_stem(result, "design_loads")
-    predicted = Table(tables.tabulate_design(result, design), caption, {"times tested": number}, headings, key=key)
-    caption = "What the band is made of: standard deviations in per cent of amplitude, whose squares add."
-    headings = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
-    headings |= {"discrepancy": "the law changing beyond the test, %"}
-    formats: dict[str, Format] = dict.fromkeys(PARTS, format_percent)
-    return [predicted, Table(tables.tabulate_parts(result, design), caption, formats, headings)]
 
 
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
@@ -152,7 +89,7 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
 
 #: Points that the page shows of a longer record, the first.
 MOST_POINTS = 60
-#: A table of deviations has a column for each of so many points, not of more.
+#: Most points for each of which a table of deviations has a column.
 MOST_COLUMNS = 24
 
 
@@ -167,25 +104,18 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     if design:
         shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force), "")
 
-    def take(kind: str, name: str, rest: str) -> list[Block]:
-        caption = join_lines(rest)
-        match kind:
-            case "table":
-                key = "" if name == "levels" else describe_file_stem(result, name)
-                return [replace(shown[name], caption=caption, key=key)]
-            case "figure":
-                return build_figure(svgs, describe_file_stem(result, name), caption)
-            case "failed":
-                return [Callout(caption, failed)]
-            case "notes":
-                return [List(notes, numbered=True)]
-        return []
-
+    parts: dict[str, Block] = {
+        name: replace(table, key="" if name == "levels" else describe_file_stem(result, name))
+        for name, table in shown.items()
+    }
+    stems = {f"{name}-figure": describe_file_stem(result, name) for name in ("ranking", "corner", "predictive_check")}
+    parts |= {name: FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
+    parts["notes"] = List(notes, numbered=True)
     units = result.mode.units
     mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
     values = {
         "mode": result.mode,
-        "mass": format_quantity(result.mode.mass, mass_unit, 4),
+        "mass": words.format_quantity(result.mode.mass, mass_unit, 4),
         "file": Path(result.record.source).name,
         "points": len(result.record),
         "sweeps": len(result.record.sweeps),
@@ -204,7 +134,7 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
         "left_out": list(dict.fromkeys(checks["unit_left_out"])) if result.posteriors else [],
         "level": 100 * design.level if design else None,
     }
-    return write_blocks(Path(__file__).with_name("details.txt"), values, take)
+    return write_blocks(Path(__file__).with_name("details.txt"), values, take_parts(parts))
 
 
 def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str, Table]:
@@ -218,22 +148,22 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     """Every law with its cautions by number, coefficients and deviations."""
     ranking = forms.tabulate_candidates(result.ranking).drop(columns="score_standard_error")
     cautions = [law.cautions for law in result.ranking.candidates]
-    ranking["cautions"] = [format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
+    ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats = {"weight": format_share, "score": lambda value: format_decimals(value, 1)}
-    formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), format_percent)
+    formats: dict[str, Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
+    formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
     deviations = _tabulate_deviations(result)
     return {
         "ranking": Table(ranking, "", formats, names),
-        "coefficients": Table(tables.tabulate_coefficients(result), "", dict.fromkeys(numbers, number), ends),
-        "deviations": Table(deviations, "", dict.fromkeys(map(str, deviations.columns[1:]), format_percent)),
+        "coefficients": Table(tables.tabulate_coefficients(result), "", dict.fromkeys(numbers, words.number), ends),
+        "deviations": Table(deviations, "", dict.fromkeys(map(str, deviations.columns[1:]), words.format_percent)),
     }
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
-    """A row a law, a column a point; for many points the mean and the largest only."""
+    """One row for each law, one column for each point; for many points the mean and the largest only."""
     deviations = tables.tabulate_deviations(result)
     by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
     table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})
@@ -249,9 +179,9 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
     columns = ["law", "weight", "chain", "steps", "elpd_loo", "elpd_standard_error", "p_loo", "largest_pareto_k"]
     columns += ["predictive_p_value", "caution"]
     names = {"elpd_loo": "PSIS-LOO", "elpd_standard_error": "its error", "largest_pareto_k": "largest k"}
-    formats = {"weight": format_share} | dict.fromkeys(columns[4:9], lambda value: format_decimals(value, 2))
+    formats = {"weight": words.format_share} | dict.fromkeys(columns[4:9], partial(words.format_decimals, digits=2))
     intervals = tables.tabulate_posteriors(result)
-    numbers = dict.fromkeys(intervals.select_dtypes("float").columns, number) | {"weight": format_share}
+    numbers = dict.fromkeys(intervals.select_dtypes("float").columns, words.number) | {"weight": words.format_share}
     convergence = tables.tabulate_convergence(result)
     lengths = {"r_hat": "{:.4f}".format, "effective_size": "{:.0f}".format, "lengths": "{:.0f}".format}
     symbols = {"r_hat": "R-hat", "lengths": "length / τ", "autocorrelation": "τ (steps)"}
@@ -277,11 +207,10 @@ def _build_method(study: StudyResult) -> list[Block]:
         "content": 100 * INTERVAL,
         "level": 100 * study.level,
     }
-    text = Path(__file__).with_name("method.txt")
-    return write_blocks(text, values, lambda kind, name, caption: [_tabulate_forces(study, join_lines(caption))])
+    return write_blocks(Path(__file__).with_name("method.txt"), values, take_parts({"laws": _tabulate_forces(study)}))
 
 
-def _tabulate_forces(study: StudyResult, caption: str) -> Table:
+def _tabulate_forces(study: StudyResult) -> Table:
     """Every force that takes part in a candidate, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
     parts = [component(name) for name in dict.fromkeys(names)]
@@ -293,4 +222,4 @@ def _tabulate_forces(study: StudyResult, caption: str) -> Table:
             "free beside the coefficient": [", ".join(shape.name for shape in part.free_shapes) for part in parts],
         }
     )
-    return Table(table, caption)
+    return Table(table, "")

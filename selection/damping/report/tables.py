@@ -9,25 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from damping import report as words
 from damping.arrays import FloatArray
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
-from damping.report import (
-    NOTHING,
-    format_between,
-    format_force_text,
-    format_gravity,
-    format_length,
-    format_length_band,
-    format_parameter_unit,
-    format_percent_ratio,
-    format_quantity,
-    format_signed,
-    forms,
-    number,
-)
+from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
 #: Attributes that are columns of the same name: of a posterior, of the convergence of a quantity, of a power law.
@@ -61,7 +49,7 @@ def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
         {
             "law": candidate.name,
             "parameter": f"{c.force} {c.shape}".strip(),
-            "unit": format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
+            "unit": words.format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
             "value": c.value,
             "std_error": c.std_error,
             "t_ratio": c.t_ratio,
@@ -88,7 +76,7 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
-                    "unit": format_parameter_unit(name, result.mode.units),
+                    "unit": words.format_parameter_unit(name, result.mode.units),
                     "prior_low": prior_low,
                     "prior_median": prior_median,
                     "prior_high": prior_high,
@@ -102,7 +90,7 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:
-    """A row a sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
+    """One row for each sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
     rows = [
         {
             "law": sampled.law.name,
@@ -123,7 +111,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
-    """A row a sampled law and reported quantity."""
+    """One row for each sampled law and reported quantity."""
     rows = [
         {"law": sampled.law.name, "quantity": d.name, **{name: getattr(d, name) for name in _CONVERGENCE}}
         for sampled in result.posteriors
@@ -141,7 +129,7 @@ _FILE_NAMES = {
 
 
 def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
-    """A row a force, as the files of a study name the columns; empty without loads."""
+    """One row for each force, as the files of a study name the columns; empty without loads."""
     if loads is None:
         return pd.DataFrame()
     table = forms.tabulate_loads(loads)
@@ -149,17 +137,18 @@ def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
 
 
 def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
-    """A row a model, a column a force: median and predictive interval."""
+    """One row for each model, one column for each force: median and predictive interval."""
     columns = {"model": [band.name for band in design.by_model]}
     for i, force in enumerate(design.force):
-        columns[f"at {format_force_text(force, unit)}"] = [
-            f"{number(band.median[i])} ({format_between(band.low[i], band.high[i])})" for band in design.by_model
+        columns[f"at {words.format_force_text(force, unit)}"] = [
+            f"{words.number(band.median[i])} ({words.format_between(band.low[i], band.high[i])})"
+            for band in design.by_model
         ]
     return pd.DataFrame(columns)
 
 
 def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
-    """A row a form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
+    """One row for each form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
     rows = []
     for law in result.power_laws:
         low, median, high = _posterior_exponent(result, law.form)
@@ -244,19 +233,19 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
 
 
 def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """Amplitude and damping at the design forces as the page says them: a row a force, texts but ``times tested``."""
+    """Amplitude and damping at each design force as the page says them, one row each; texts but ``times tested``."""
     units, curve = result.mode.units, result.design_curve
     table = pd.DataFrame(
         {
-            "force": [format_force_text(force, units.force) for force in design.force],
+            "force": [words.format_force_text(force, units.force) for force in design.force],
             "times tested": design.ratio,
-            "median": [format_length(value, units.length) for value in design.average.median],
+            "median": [words.format_length(value, units.length) for value in design.average.median],
             "band": [
-                format_length_band(a, b, units.length)
+                words.format_length_band(a, b, units.length)
                 for a, b in zip(design.average.low, design.average.high, strict=True)
             ],
             "linear": [
-                f"{format_length(value, units.length)} ({format_signed(over)})"
+                f"{words.format_length(value, units.length)} ({words.format_signed(over)})"
                 for value, over in zip(design.linear, design.overprediction, strict=True)
             ],
         }
@@ -264,16 +253,17 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     if curve is None:
         return table
     ratio, frequency = curve.damping_ratio, curve.frequency.median
-    table["damping ratio"] = [format_percent_ratio(value) for value in ratio.median]
-    table["low end"] = [format_percent_ratio(value) for value in ratio.low]
-    table["frequency"] = [format_quantity(value, "Hz", 4) for value in frequency]
-    gravities = [format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)]
-    if any(text != NOTHING for text in gravities):
+    table["damping ratio"] = [words.format_percent_ratio(value) for value in ratio.median]
+    table["low end"] = [words.format_percent_ratio(value) for value in ratio.low]
+    table["frequency"] = [words.format_quantity(value, "Hz", 4) for value in frequency]
+    motions = zip(design.average.median, frequency, strict=True)
+    gravities = [words.format_gravity(amplitude, hertz, units.length) for amplitude, hertz in motions]
+    if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table
 
 
 def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """What the band is made of: a row a force, a column a part, standard deviations in per cent of amplitude."""
-    force = [format_force_text(force, result.mode.units.force) for force in design.force]
+    """What the band is made of: one row for each force, one column for each part (sd, per cent of amplitude)."""
+    force = [words.format_force_text(force, result.mode.units.force) for force in design.force]
     return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
