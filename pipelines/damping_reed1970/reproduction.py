@@ -53,7 +53,9 @@ def reproduce() -> pd.DataFrame:
         agreement(printed, value) if np.isfinite(value) else None
         for printed, value in zip(table["printed"], values, strict=True)
     ]
-    table = table.assign(computed=values, computed_after_correction=after, agreement=pd.Series(agreements, index=table.index))
+    table = table.assign(
+        computed=values, computed_after_correction=after, agreement=pd.Series(agreements, index=table.index)
+    )
     columns = ["id", "where", "printed", "computed", "computed_after_correction", "erratum", "recipe", "reason"]
     return table[[*columns, "agreement"]]
 
