@@ -110,13 +110,13 @@ def draw_spread(
     """Draws of one law's parts; NaN where a draw has no resonance."""
     tested, asked = np.log(data.tested_force), np.log(force)
     z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
-    of_law = np.log(amplitude_draws(member, np.exp(z), data))
+    damping = member.coordinates.force(member.draws)
+    of_law = np.log(resonant_amplitude(damping, np.exp(z)[None, :], data.tested_omega[data.top]))
     row, level = member.coordinates.scatter(member.draws)
     if member.coordinates.with_level_scatter:
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    damping = member.coordinates.force(member.draws)
     left, errors, known = _levels(damping, row, level, data)
     mean, drawn = stray(member.coordinates.doubt(member.draws, damping), left, errors, tested, z, rng)
     beyond = z >= tested.max()

@@ -232,15 +232,15 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
     scale = np.where(met, scale, 1.0)
     columns = np.where(met[:, None, :], columns / scale[:, None, :], 1.0)  # so that equations can be solved
     slopes = slopes / scale[:, None, :]
-    g = np.abs(rows.D)
+    variance = rows.find_variance(np.abs(rows.D))
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     for _ in range(REWEIGHTINGS):
-        weight = 1.0 / np.sqrt(rows.find_variance(g))
+        weight = 1.0 / np.sqrt(variance)
         carried = solve_nonnegative(columns * weight[:, :, None], rows.D * weight)
         carried[carried < NOTHING * carried.max(axis=1, keepdims=True)] = 0.0
-        g = np.einsum("kij,kj->ki", slopes, carried)
-        left = rows.D - np.einsum("kij,kj->ki", columns, carried)
-        previous, squares = squares, np.sum(left**2 / rows.find_variance(g), axis=1)
+        variance = rows.find_variance((slopes @ carried[..., None])[..., 0])
+        left = rows.D - (columns @ carried[..., None])[..., 0]
+        previous, squares = squares, np.sum(left**2 / variance, axis=1)
         if np.all((np.abs(squares - previous) <= steady * squares) | ~np.isfinite(squares)):
             break
     squares = np.where(np.isfinite(squares), squares, np.inf)

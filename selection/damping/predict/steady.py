@@ -196,18 +196,12 @@ def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArr
     return np.where((ratio > 0.0) & np.isfinite(ratio) & (power > 0.0), ratio ** (1.0 / power), np.nan)
 
 
-def _excess(force: Force, u: FloatArray, omega: Floats, target: FloatArray) -> FloatArray:
-    """ln C - ln F at A = exp(u); minus infinity where C <= 0."""
-    C = np.broadcast_to(force.quadrature(np.exp(u), omega), target.shape)
-    return np.asarray(np.log(np.maximum(C, 0.0)) - target)
-
-
 def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
     """ln A below and above the first rise of C through F between points of a grid; NaN where there is none."""
     low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
     below = np.zeros(target.shape, dtype=bool)
     for before, u in zip(np.roll(grid, 1), grid, strict=True):
-        excess = _excess(force, np.full(target.shape, u), omega, target)
+        excess = np.log(np.maximum(force.quadrature(np.exp(u), omega), 0.0)) - target
         rises = below & (excess >= 0.0) & np.isnan(low)
         low[rises], high[rises] = before, u
         below = excess < 0.0
