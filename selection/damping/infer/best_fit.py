@@ -238,8 +238,8 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
         weight = 1.0 / np.sqrt(variance)
         carried = solve_nonnegative(columns * weight[:, :, None], rows.D * weight)
         carried[carried < NOTHING * carried.max(axis=1, keepdims=True)] = 0.0
-        variance = rows.find_variance((slopes @ carried[..., None])[..., 0])
-        left = rows.D - (columns @ carried[..., None])[..., 0]
+        variance = rows.find_variance(np.einsum("kij,kj->ki", slopes, carried))
+        left = rows.D - np.einsum("kij,kj->ki", columns, carried)
         previous, squares = squares, np.sum(left**2 / variance, axis=1)
         if np.all((np.abs(squares - previous) <= steady * squares) | ~np.isfinite(squares)):
             break
