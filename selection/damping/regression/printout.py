@@ -95,6 +95,8 @@ def _list_models(result: Regression) -> list[tuple[Any, ...]]:
         return []
     score = models.scores(result.choice.criterion) * (-1.0 if result.choice.criterion == "adjusted-r2" else 1.0)
     labels = [" + ".join(models.label(i)) for i in range(len(models))]
+    if max(map(len, labels)) > WIDTH // 2:  # names beside which no number fits: numbered, as in the equation above
+        labels = [" + ".join(f"a{i + 1}" for i in np.flatnonzero(members)) for members in models.members]
     return list(zip(labels, models.sizes, score, models.rms_errors, strict=True))
 
 
