@@ -119,7 +119,7 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
     by_walker = values.T
     # in order of steps, so that the halves of split R-hat are early and late
     by_ensemble = by_walker.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
-    from arviz_stats.base import array_stats  # noqa: PLC0415 - only chains are diagnosed
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - only chains are diagnosed
 
     with np.errstate(invalid="ignore", divide="ignore"):  # of a quantity that stays where it is
         sizes = {method: float(array_stats.ess(by_walker, method=method)) for method in ("mean", "bulk")}

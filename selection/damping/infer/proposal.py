@@ -110,7 +110,7 @@ class Proposal:
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
         """(k, d, d) @ x + (k, d, 1): x (d, n) as each part sees it."""
-        inverse = np.linalg.inv(self.roots)
+        inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
         return inverse, -inverse @ self.means[..., None]
 
     @cached_property
