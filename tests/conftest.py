@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import re
@@ -26,6 +27,7 @@ import pandas as pd
 import pytest
 import typer.main
 
+from damping import effects
 from damping.forces.contract import Force
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -67,7 +69,12 @@ TOGETHER = {
     ),
 }
 #: What takes longest starts first, so that no worker is left alone with it.
-FIRST = ("chapters", "gap", "forks", "docs/test_docs")
+FIRST = (
+    *("chapters", "forks", "gap", "docs/test_docs", "validation/test_cases", "campaign/test_campaign"),
+    *("ranking/test_ranking", "predict/test_integrate", "examples/test_examples", "records/test_audit"),
+    *("statistical/test_calibration", "gap/test_null", "statistical/test_samplers", "ranking/test_sharing"),
+    *("pipelines/test_memory", "validation/test_blind", "gap/test_further_effects", "validation/test_steady"),
+)
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
 
@@ -85,6 +92,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item not in slow]
         config.hook.pytest_deselected(items=slow)
     items.sort(key=lambda item: FIRST.index(group) if (group := group_of(item.nodeid)) in FIRST else len(FIRST))
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: looking through it for garbage took a 25th of the time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 20)
 
 
 @pytest.hookimpl(optionalhook=True)  # pytest-xdist need not be installed
@@ -126,7 +140,7 @@ def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Ob
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def peaks() -> Callable[..., Observations]:
     return resonances_of
 
@@ -263,21 +277,29 @@ def opened(open_page: Callable[[bool], Page]) -> Callable[..., AbstractContextMa
 
 @pytest.fixture
 def check_page(opened: Callable[..., AbstractContextManager[Opened]]) -> Callable[..., None]:
-    """``check_page(path, width, scheme)``: a report is quiet, self-contained, no wider than the window, readable."""
+    """``check_page(path, *looks)``: a page is quiet, asks for nothing, fits and can be read at each look.
+
+    It is loaded once, at the first look, with its folds opened. ``least`` texts are there; ``alone``: it is one file.
+    """
     contrast = (Path(__file__).parent / "contrast.js").read_text()
 
-    def check(path: Path, width: int = 1280, scheme: str = "light") -> None:
-        with opened(path, width=width, scheme=scheme) as one:
+    def check(path: Path, *looks: tuple[int, str], least: int = 50, alone: bool = True) -> None:
+        with opened(path, width=looks[0][0], scheme=looks[0][1]) as one:
             one.page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
+            for width, scheme in looks:
+                one.page.set_viewport_size({"width": width, "height": 900})
+                one.page.emulate_media(color_scheme=scheme)
+                assert one.page.evaluate("document.documentElement.scrollWidth") <= width, path.name
+                assert one.page.evaluate(
+                    "[...document.querySelectorAll('figure .scroll')].every((f) => f.scrollWidth <= f.clientWidth + 1)"
+                )
+                found = one.page.evaluate(contrast)
+                assert found["checked"] > least
+                assert found["found"] == [], path.name
             assert one.complaints == []
-            assert one.requests == [path.as_uri()]
-            assert one.page.evaluate("document.documentElement.scrollWidth") <= width
-            assert one.page.evaluate(
-                "[...document.querySelectorAll('figure .scroll')].every((f) => f.scrollWidth <= f.clientWidth + 1)"
-            )
-            found = one.page.evaluate(contrast)
-            assert found["checked"] > 50
-            assert found["found"] == []
+            if alone:
+                assert one.requests == [path.as_uri()]
+            assert all(request.startswith(("file:", "data:")) for request in one.requests)
 
     return check
 
@@ -373,6 +395,7 @@ for line in sys.stdin:
     sys.path[:0] = order["paths"]
     sys.argv[1:], code = order["words"], 0
     try:
+        # code that a test wrote, as for ``python -c``; it comes by the pipe from the test alone
         exec(order["code"], {"__name__": "__main__"})
     except SystemExit as stopped:
         code = stopped.code or 0
@@ -549,15 +572,25 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 #: What stands for all candidates of a ranking, and of a prediction.
 RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
 PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+#: And for all effects of a diagnosis: of damping, frequency, a second plane, and of either quantity that is measured.
+EXPLAINING = (
+    "viscous-coefficient",
+    "velocity-squared",
+    "natural-frequency",
+    "planar-coupling",
+    "amplitude-scale",
+    "phase-lag",
+)
 
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank and two to predict with, whatever the command: where it is not the laws that are tested."""
+    """Three laws to rank, two to predict with and six effects: where it is not those that are tested."""
     for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
         monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
     for module in ("damping.extrapolation", "damping_pipelines.study"):
         monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
+    monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", {name: effects.CATALOGUE[name] for name in EXPLAINING})
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from damping.campaign import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
+from damping.campaign.answer import Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
@@ -19,7 +19,7 @@ from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.page import Block, FigureBlock, Footer, Section, Table, render_page, write_sections
+from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
@@ -42,7 +42,6 @@ def campaign(
     InputError: bad usage, or files that are not understood. AnalysisError: no mode that can be followed over the
     levels.
     """
-
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
     named = [os.path.realpath(file) for file in sources]
     if len(set(named)) < len(named):
@@ -55,7 +54,8 @@ def campaign(
     title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
-    written["study.toml"] = _describe_study(title, answer, seed).encode()
+    settings = {"title": title.replace("\\", "/").replace('"', "'"), "seed": seed, "modes": answer.modes}
+    written["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings).encode()
     written["campaign.json"] = to_json(answer.to_json()).encode()
     written["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs)).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
@@ -110,17 +110,6 @@ def _frequencies(text: str | None) -> list[float]:
     if not all(0.0 < f < math.inf for f in frequencies) or len(set(frequencies)) < len(frequencies):
         raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
     return frequencies
-
-
-def _describe_study(title: str, answer: Campaign, seed: int) -> str:
-    """Settings of a study of all modes."""
-    quoted = title.replace("\\", "/").replace('"', "'")
-    lines = [f'title = "{quoted}"', f"seed = {seed}", "level = 0.9", ""]
-    for mode in answer.modes:
-        lines += ["[[records]]", f'name = "{mode.name}"', f'title = "{mode.name}, {mode.frequency:.4g} Hz"']
-        lines += [f'record = "modes/{mode.name}/record.csv"', f'mode = "modes/{mode.name}/mode.toml"']
-        lines += [f"design_forces = [{', '.join(f'{force!r}' for force in mode.design_forces)}]", ""]
-    return "\n".join(lines)
 
 
 def _write_page(answer: Campaign) -> list[Section]:
@@ -201,7 +190,11 @@ def _show(answer: Campaign, out: Path) -> None:
     table = PlainTable("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
-            table.add_row(*_list_row(mode.name, at))
+            ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
+            largest = max(at.response, key=lambda response: response.band[0], default=None)
+            peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
+            sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
+            table.add_row(mode.name, sensor, number(at.frequency), number(at.level), *ratio, *peak)
     to.print(table)
     for mode in answer.modes:
         for name, why in mode.left_out.items():
@@ -213,12 +206,3 @@ def _show(answer: Campaign, out: Path) -> None:
     for outcome in answer.outcomes:
         to.print(f"- {outcome}")
     to.print(f"written to {out}")
-
-
-def _list_row(mode: str, at: At) -> list[str]:
-    """A row of the table on the terminal."""
-    ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
-    largest = max(at.response, key=lambda response: response.band[0], default=None)
-    peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
-    sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-    return [mode, sensor, number(at.frequency), number(at.level), *ratio, *peak]

@@ -58,14 +58,12 @@ def _list_names(folders: Sequence[Path]) -> list[str]:
     resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
     if len(set(resolved)) < len(resolved):
         raise InputError("a folder is given twice", expected="different folders")
-    return [_describe_shortest(path, resolved) for path in resolved]
-
-
-def _describe_shortest(path: Path, among: Sequence[Path]) -> str:
-    """The least end of a path that no other one has."""
-    ends = [path.parts[-n:] for n in range(1, len(path.parts) + 1)]
-    alone = next((end for end in ends if sum(other.parts[-len(end) :] == end for other in among) == 1), path.parts)
-    return describe_shortened("/".join(alone), 60)
+    names = []
+    for path in resolved:
+        ends = [path.parts[-n:] for n in range(1, len(path.parts) + 1)]
+        alone = (end for end in ends if sum(other.parts[-len(end) :] == end for other in resolved) == 1)
+        names.append(describe_shortened("/".join(next(alone, path.parts)), 60))
+    return names
 
 
 def _open_study(folder: Folder, name: str) -> StudySummary:

@@ -48,13 +48,13 @@ class RecordSummary:
 
     @property
     def ranking(self) -> pd.DataFrame:
-        """``law, weight, held_out_error``, a row a candidate."""
+        """``law, weight, held_out_error``, one row for each candidate."""
         rows = [(model.name, model.weight, model.held_out_error) for model in self.form.rank.models]
         return pd.DataFrame(rows, columns=["law", "weight", "held_out_error"]).astype(dict.fromkeys(_NUMBERS, float))
 
     @property
     def loads(self) -> pd.DataFrame:
-        """``force, median, low, high, linear, linear_overprediction_percent``, a row a design force; may be empty."""
+        """``force, median, low, high, linear, linear_overprediction_percent``, by design force; may be empty."""
         columns = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
         rows = [vars(prediction) for prediction in self.form.loads.predictions] if self.form.loads else []
         return pd.DataFrame(rows, columns=columns).astype(float)
@@ -97,7 +97,8 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     values = {
         "studies": studies,
         "shared": shared,
-        "lines": [*_list_leading(studies, shared), *_list_differences(studies)] if several else [],
+        "leaders": {name: {s.name: _describe_best(s.records[name].ranking) for s in studies} for name in shared},
+        "differences": _list_differences(studies),
         "records": records,
         **sharing,
     }
@@ -188,19 +189,6 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
         for law, shape in shapes.items()
     ]
     return Table(pd.DataFrame(rows), "")
-
-
-def _list_leading(studies: Sequence[StudySummary], shared: Sequence[str]) -> list[str]:
-    """Which law leads where."""
-    lines = []
-    for name in shared:
-        best = {study.name: _describe_best(study.records[name].ranking) for study in studies}
-        if len(set(best.values())) == 1:
-            lines.append(f"{name}: {best[studies[0].name]} leads in every study.")
-        else:
-            leading = report.format_joined(f"{law} leads in {study}" for study, law in best.items())
-            lines.append(f"{name}: {leading}.")
-    return lines
 
 
 def _describe_best(ranking: pd.DataFrame) -> str:

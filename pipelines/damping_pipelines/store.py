@@ -67,7 +67,9 @@ def _replace(path: Path, chunks: Iterable[bytes]) -> None:
             stream.writelines(chunks)
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
+        mask = os.umask(0)  # there is no call that reads it without setting it
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
@@ -98,7 +100,7 @@ def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
     """InputError before any work: an output, by option, is an input or another output, or ``--plot`` is no picture."""
     for option, target in targets.items():
-        refuse_inputs(option, target, *inputs)
+        refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     refuse_twice(targets)
     plot = targets.get("--plot")
     if plot is not None and Path(plot).suffix.lower() not in PICTURES:
@@ -116,13 +118,6 @@ def make_folder(path: Path) -> None:
 def _unwritable(path: Path, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or error
     return InputError(f"cannot be written ({reason})", file=path, expected="a writable place with free space")
-
-
-def _umask() -> int:
-    """The process's file mode mask (there is no call that reads it without setting it)."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def write_text(path: Path, text: str) -> None:

@@ -82,10 +82,10 @@ def run_study(
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
     inputs = read_inputs(settings, path.parent, despite)
-    read = [path, *(path.parent / name for record in settings.records for name in (record.record, record.mode))]
+    digests = hashes(path, settings)
     with sole_writer(out, ("report.html", "summary.json")):
-        result = compute(settings, inputs, hashes(path, settings))
-        files.write_study(result, out, read, png=png, pdf=pdf)
+        result = compute(settings, inputs, digests)
+        files.write_study(result, out, [path.parent / name for name in digests], png=png, pdf=pdf)
     print(f"{out / 'report.html'} written")
 
 

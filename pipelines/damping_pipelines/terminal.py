@@ -1,8 +1,6 @@
-"""Progress of long work: a bar on a terminal, plain lines elsewhere, nothing on standard output.
+"""What people see of a command: progress on standard error, tables of text, findings of the audit.
 
-Tables on the terminal: numbers in columns, cautions as numbered notes below.
-
-What the audit of a record finds, said before any work on it. Processes that end with their parent, work with an end.
+Also processes that end with their parent, and work with an end.
 """
 
 from __future__ import annotations
@@ -29,11 +27,7 @@ from damping_pipelines import QUIET
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Advance]:
-    """Show that ``parts`` of ``total`` are done, on standard error.
-
-    On a terminal a rich bar; elsewhere (a log, a pipe) a plain line whenever another part is done; with ``--quiet``
-    nothing.
-    """
+    """Show that ``parts`` of ``total`` are done, on standard error: a bar on a terminal, else lines."""
     if QUIET.get():
         yield lambda what, parts=1: None
     elif sys.stderr.isatty():
@@ -100,11 +94,7 @@ class PlainTable:
 
     Where the width does not hold all, headings break at their spaces, then names are shortened, and last the columns of
     numbers go on below under the names again. A number is whole or not there. A table without columns of numbers is
-    prose: its cells are wrapped.
-
-    Attributes:
-        title: above the table. names, numbers: headings to the left, of text, and to the right. rows: cells; one of a
-            name may hold several lines.
+    prose: its cells are wrapped. ``names, numbers``: headings to the left, of text, and to the right.
     """
 
     def __init__(self, title: str, numbers: Iterable[str], names: Iterable[str] = ()) -> None:

@@ -98,7 +98,7 @@ def _read(path: str) -> pd.DataFrame:
 def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
     """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
     table = table.copy()
-    for name in table.columns.difference(text):
+    for name in table.columns.difference(list(text)):
         filled = table[name].where(table[name] != "")
         numbers = pd.to_numeric(filled, errors="coerce")
         if filled.notna().any() and numbers.notna().equals(filled.notna()):

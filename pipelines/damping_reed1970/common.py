@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -125,27 +125,18 @@ def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
 MOST_ROWS = 24
 
 
-@dataclass(frozen=True)
-class KnownTable:
-    """A table that is known by name: its title, what it says, and the columns that the page shows (all if empty)."""
-
-    title: str
-    text: str
-    columns: Sequence[str] = ()
-
-
-_KNOWN = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
-KNOWN = {name: KnownTable(**known) for name, known in _KNOWN.items()}
+#: Tables that are known by name: ``title``, ``text``, what it says, and ``columns`` that the page shows (all if none).
+KNOWN: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
 
 
 def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     """A table that is known by name with what it says, folded where it is long."""
-    known = KNOWN[name]
-    shown = frame[[column for column in known.columns if column in frame]] if known.columns else frame
+    title, text = KNOWN[name]["title"], KNOWN[name]["text"]
+    shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
     if len(shown) <= MOST_ROWS:
-        return [Table(shown, known.text or known.title, key=name)]
-    words = [Text(known.text)] if known.text else []
-    return [*words, Fold(f"{known.title}: all {len(shown)} rows", [Table(shown, known.title, key=name)])]
+        return [Table(shown, text or title, key=name)]
+    words = [Text(text)] if text else []
+    return [*words, Fold(f"{title}: all {len(shown)} rows", [Table(shown, title, key=name)])]
 
 
 def write_chapter(

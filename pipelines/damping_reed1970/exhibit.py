@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +154,7 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
             that have them.
     """
     return {
-        "reproduction": pd.DataFrame([{**asdict(r), "agreement": r.agreement} for r in reproduce()]),
+        "reproduction": reproduce(),
         "errata": load_errata().sort_values("severity", kind="stable", ignore_index=True),
         "regressions": tabulate_regressions(),
         "regression_deviations": tabulate_regression_deviations(),
@@ -179,10 +179,7 @@ SUMMARISED = (
 
 
 def summarise(results: ReportResults) -> dict[str, Any]:
-    """The report as plain data: printed numbers, section 6.1, errata, and the key tables of the chapters.
-
-    ``chapters`` begins with how many printed numbers agree how well.
-    """
+    """The report as plain data: printed numbers, how well they agree, section 6.1, errata, tables of the chapters."""
     printed, levels = results.tables["reproduction"], results.studies.levels
     tables = {**results.chapter_3.tables, **results.studies.tables(), **results.tables}
     agreements = printed["agreement"].groupby(printed["id"].map(chapter_of))
@@ -208,13 +205,11 @@ def _convert_rows(table: pd.DataFrame) -> list[Any]:
 
 
 def describe_draws(data: str, variant: str, posterior: PlanarPosterior) -> Any:
-    """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles.
-
-    Single precision: seven digits are far more than the Monte Carlo error leaves.
-    """
+    """Draws of a planar oscillator that was sampled, as ArviZ groups; chains are the independent ensembles."""
     chains = posterior.chains
     assert chains is not None  # asked of sampled posteriors only
     ensembles, kept = chains.x.shape[:2]
+    # single precision: seven digits are far more than the Monte Carlo error leaves
     draws = {name: np.asarray(values, dtype=np.float32) for name, values in posterior.parameters.items()}
     return load_arviz().from_dict(
         posterior={name: values.reshape(ensembles, kept) for name, values in draws.items()},

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import Any, Literal
@@ -24,31 +23,6 @@ from damping_reed1970.common import CLOSE, KNOWN, LABELS, ReportPart, chapter_of
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 
 
-@dataclass(frozen=True)
-class Reproduction:
-    """One printed result of the report.
-
-    ``printed``: text as printed. ``computed``: from the printed inputs (or the inputs that ``recipe`` names).
-    ``computed_after_correction``: with the cells of ``corrections.csv`` corrected, chapter V with the inputs that its
-    own computation used; ``None`` where that changes nothing. ``erratum``: id in ``errata.csv``, or empty.
-    ``reason``: why a result without an erratum agrees to no better than 2 per cent, else empty.
-    """
-
-    id: str
-    where: str
-    printed: str
-    computed: float | None
-    computed_after_correction: float | None
-    erratum: str
-    recipe: str
-    reason: str
-
-    @property
-    def agreement(self) -> Agreement | None:
-        """How well the printed inputs give the printed value; ``None`` if nothing was computed."""
-        return None if self.computed is None else agreement(self.printed, self.computed)
-
-
 def agreement(printed: str, computed: float) -> Agreement:
     """The first that holds: within half a unit or one unit of the last printed digit, 0.5 or 2 per cent, none."""
     value, unit = float(printed), 10.0 ** int(Decimal(printed).as_tuple().exponent)
@@ -62,16 +36,28 @@ def agreement(printed: str, computed: float) -> Agreement:
     return next((name for name, width in bands.items() if difference <= width), "no")
 
 
-def reproduce() -> list[Reproduction]:
-    """Every result of ``printed_results.csv``, in its order."""
+def reproduce() -> pd.DataFrame:
+    """Every result of ``printed_results.csv``, in its order, beside its recomputation.
+
+    ``printed``: text as printed. ``computed``: from the printed inputs (or the inputs that ``recipe`` names).
+    ``computed_after_correction``: with the cells of ``corrections.csv`` corrected, chapter V with the inputs that its
+    own computation used; NaN where that changes nothing. ``erratum``: id in ``errata.csv``, or empty. ``reason``: why a
+    result without an erratum agrees to no better than 2 per cent, else empty. ``agreement``: of ``computed``.
+    """
     computed = {**chapter_2.table_2_ii(), **chapter_3.computed(), **chapter_4.computed(), **chapter_5.computed()}
     corrected = {**chapter_3.after_correction(), **chapter_4.after_correction(), **chapter_5.after_correction()}
     changed = {key: value for key, value in corrected.items() if value != computed.get(key)}
-    rows = load_printed_results().to_dict("index").values()
-    return [
-        Reproduction(**row, computed=computed.get(row["id"]), computed_after_correction=changed.get(row["id"]))
-        for row in ({str(name): cell for name, cell in row.items()} for row in rows)
+    table = load_printed_results()
+    values, after = table["id"].map(computed), table["id"].map(changed)
+    agreements = [
+        agreement(printed, value) if np.isfinite(value) else None
+        for printed, value in zip(table["printed"], values, strict=True)
     ]
+    table = table.assign(
+        computed=values, computed_after_correction=after, agreement=pd.Series(agreements, index=table.index)
+    )
+    columns = ["id", "where", "printed", "computed", "computed_after_correction", "erratum", "recipe", "reason"]
+    return table[[*columns, "agreement"]]
 
 
 def reproduction_part(rows: pd.DataFrame) -> ReportPart:
@@ -98,9 +84,9 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
             return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
         if kind == "counts":
             return [Table(count_agreements(rows), rest)]
-        return [Table(rows[list(known.columns)], known.text, key="reproduction")]
+        return [Table(rows[known["columns"]], known["text"], key="reproduction")]
 
-    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known.title}, take)
+    blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known["title"]}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
 
 
@@ -124,12 +110,7 @@ _LINEAR = 1.0
 
 @styled
 def draw_reproduction(table: pd.DataFrame) -> Figure:
-    """Draw 100 (computed/printed - 1) by group of ids.
-
-    Args:
-        table: ``id, printed`` (text), ``computed, computed_after_correction`` (numbers or missing), ``erratum``
-            (empty where there is none). Rows whose printed value is no number other than zero are not drawn.
-    """
+    """Draw 100 (computed/printed - 1) of the reproduction by group of ids (:func:`tabulate_percent_differences`)."""
     rows = tabulate_percent_differences(table)
     groups = list(rows["group"].unique())
     figure, axes = build_panel(1.1 + 0.2 * len(groups))
@@ -151,7 +132,8 @@ def draw_reproduction(table: pd.DataFrame) -> Figure:
 
 
 def tabulate_percent_differences(table: pd.DataFrame) -> pd.DataFrame:
-    """Comparable rows with ``group``, ``percent`` and ``percent_corrected`` = 100 (computed/printed - 1)."""
+    """Rows whose printed value is a number but zero, with ``group``, ``percent`` = 100 (computed/printed - 1) and
+    ``percent_corrected``."""
     printed = pd.to_numeric(table["printed"], errors="coerce")
     rows = table.assign(
         group=table["id"].map(describe_group_of),

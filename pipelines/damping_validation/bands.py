@@ -112,44 +112,18 @@ def render_page(results: list[BandResult], seed: int) -> str:
     given = checks[~checks["refused"]]
     values = {
         "seed": seed,
-        "goals": [row for band in results for row in _list_goals(band)],
+        "goals": {RATIOS.index(ratio): most for ratio, most in GOALS.items()},
         "checks": checks,
         "given": given,
         "errors": (100.0 * (given["median"] / given["measured"] - 1.0)).groupby(given["levels"]),
         "bands": [
-            (
-                band,
-                _name_structure(band),
-                tabulate_loads(band.at).to_dict("records"),
-                dict.fromkeys(chain.from_iterable(band.at.cautions)),
-            )
+            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain.from_iterable(band.at.cautions)))
             for band in results
         ],
-        "citations": {name: known["source"] for name, known in CITATIONS.items()},
+        "citations": CITATIONS,
         "parts": PARTS,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values)
-
-
-def _list_goals(band: BandResult) -> list[tuple[str, str, bool]]:
-    """Goal, what was measured, met or not: widths; a warning where one is wanted."""
-    title = _name_structure(band)
-    if band.name in CITATIONS and CITATIONS[band.name]["warned"]:
-        caution, refused = band.at.cautions[-1][0], bool(np.isnan(band.at.average.median).all())
-        measured = caution if refused else f"a band, and before it: {caution}"
-        return [(f"{title}: a warning rather than a confident band", measured, refused)]
-    rows = []
-    for ratio, most in GOALS.items():
-        i = RATIOS.index(ratio)
-        width = band.at.average.high[i] / band.at.average.low[i]
-        measured = f"{width:.2f}" if np.isfinite(width) else f"refused: {band.at.cautions[i][0]}"
-        goal = f"{title}: high/low at {ratio:g} times the tested force at most {most:g}"
-        rows.append((goal, measured, bool(width <= most)))
-    return rows
-
-
-def _name_structure(band: BandResult) -> str:
-    return CITATIONS[band.name]["title"] if band.name in CITATIONS else band.mode.name
 
 
 _PARTS = {

@@ -165,11 +165,13 @@ def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, see
     values = {
         "trials": trials,
         "command": f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else ""),
-        "goals": tables.tabulate_goals(predictions, ranks),
+        "ways": tables.collect_ways(predictions),
+        "goal": tables,
+        "ranks": ranks,
+        "most_outside": tables.most_outside(ranks),
         "structures": [(truth, fast[fast["truth"] == truth].sort_values("ratio")) for truth in worst_first],
         "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
         "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
-        "sure": 100 * tables.SURE,
         "predictions": predictions,
         "levels": LEVELS,
         "spans": SPANS,
@@ -181,7 +183,7 @@ def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, see
 
 @styled
 def draw_coverage(table: pd.DataFrame) -> Figure:
-    """Draw the share of next tests inside the band and above it, a row a structure, a mark a ratio, 95 % intervals."""
+    """Draw the share of next tests inside the band and above it, by structure and ratio, with 95 % intervals."""
     names = list(dict.fromkeys(table["truth"]))[::-1]
     figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
     left, right = figure.subplots(1, 2, sharey=True)

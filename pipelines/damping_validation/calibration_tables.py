@@ -106,39 +106,20 @@ def rank_summary(ranks: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def tabulate_goals(predictions: pd.DataFrame, ranks: pd.DataFrame) -> pd.DataFrame:
-    """Each goal beside its measured figure: ``goal, measured, met``."""
-    rows: list[tuple[str, str, bool]] = []
+def collect_ways(predictions: pd.DataFrame) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
+    """By way of sampling: shares over all structures at each ratio with their interval ``low`` to ``high``, and
+    those of each structure at the largest ratio, worst first."""
+    ways = []
     for way in predictions["way"].unique():
         prediction = predictions[predictions["way"] == way]
         every, by_truth = tabulate_coverage(prediction, ("way",)), tabulate_coverage(prediction)
-        columns = [every.sort_values("ratio")[name].tolist() for name in ("ratio", "given", "held", "share_above")]
-        for ratio, given, held, above in zip(*columns, strict=True):
-            low, high = binomtest(int(held), int(given)).proportion_ci(SURE, "wilson")
-            goal = f"{way}: holds {100 * HELD[0]:g} to {100 * HELD[1]:g} % of next tests at {ratio:g} times"
-            text = f"{100 * held / given:.1f} % of {given} ({100 * low:.0f} to {100 * high:.0f})"
-            rows.append((goal, text, bool(high >= HELD[0] and low <= HELD[1])))
-            goal = f"{way}: at most {100 * ABOVE:g} % above the band at {ratio:g} times"
-            rows.append((goal, f"{100 * above:.1f} %", above <= ABOVE))
-        if way != "chains":  # one trial a truth says nothing of it
-            rows += _list_farthest(way, by_truth[by_truth["ratio"] == RATIOS[-1]])
-    outside = int((~ranks["uniform"]).sum())
-    most_outside = int(binom.ppf(SURE, len(ranks), 1.0 - SURE))
-    goal = f"ranks of {len(ranks)} quantities inside their simultaneous {100 * SURE:g} % band, but for {most_outside}"
-    rows.append((goal, f"{outside} outside", outside <= most_outside))
-    return pd.DataFrame(rows, columns=["goal", "measured", "met"])
+        counts = every[["held", "given"]].to_numpy(int).tolist()
+        limits = [binomtest(held, given).proportion_ci(SURE, "wilson") for held, given in counts]
+        every = every.join(pd.DataFrame(limits, columns=["low", "high"])).sort_values("ratio")
+        ways.append((str(way), every, by_truth[by_truth["ratio"] == RATIOS[-1]]))
+    return ways
 
 
-def _list_farthest(way: str, far: pd.DataFrame) -> list[tuple[str, str, bool]]:
-    """Goals at the largest ratio: of each structure, and of widths where a law of the library holds."""
-    ratio, over = RATIOS[-1], float(far["over_oracle"].median())
-    worst, least = far["truth"].iloc[0], float(far["share_held"].iloc[0])
-    highest, most = far["truth"].iloc[int(far["share_above"].argmax())], float(far["share_above"].max())
-    above = f"{way}: no structure above the band in more than {100 * WORST_ABOVE:g} % at {ratio:g} times"
-    width = f"{way}: ln width at {ratio:g} times at most {OVER_ORACLE:g} of the oracle's, laws of the library"
-    under = f"{way}: no structure under {100 * WORST:g} % at {ratio:g} times"
-    return [
-        (under, f"{100 * least:.0f} % ({worst})", least >= WORST),
-        (above, f"{100 * most:.0f} % ({highest})", most <= WORST_ABOVE),
-        (width, f"median {over:.2f}", over <= OVER_ORACLE),
-    ]
+def most_outside(ranks: pd.DataFrame) -> int:
+    """How many of the quantities may lie outside their band by chance, with the probability ``SURE``."""
+    return int(binom.ppf(SURE, len(ranks), 1.0 - SURE))

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, describe_nearest
 from damping.extrapolation import Extrapolation, sample_candidate
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve, trace_loads
@@ -21,7 +21,6 @@ from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records import Audit
-from damping.records.keys import describe_nearest
 from damping.records.mode import Mode
 from damping.report import forms
 from damping.result import MOST_SHOWN, Result, complete_form

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 
 
 def escape_control(text: str) -> str:
     """Text of a file for a terminal: control characters and line ends are shown, not sent."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
+    """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
+    return next(iter(get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
+
+
+def list_nearest(name: str, known: Iterable[str]) -> str:
+    """The known name most like ``name``, and all that are known."""
+    names = list(known)
+    return f"{describe_nearest(name, names)} (nearest of {', '.join(names)})" if names else "no key"
 
 
 class DampingError(Exception):

@@ -96,7 +96,7 @@ class DiagnosisResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row an explanation, most probable first: ``effects, probability``."""
+        """One row for each explanation, most probable first: ``effects, probability``."""
         return forms.tabulate_explanations(self.diagnosis)
 
     def to_json(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class RegressionResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a term of the selected model: ``name, coefficient, std_error, t_ratio, p_value``."""
+        """One row for each term of the selected model: ``name, coefficient, std_error, t_ratio, p_value``."""
         from damping.regression.program import tabulate_terms  # noqa: PLC0415 - other results need no regression
 
         return tabulate_terms(self.regression.selected.fit)

@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ import pytest
 import typer
 
 from damping.forces import CATALOGUE
-from damping_pipelines.cli import app, main
+from damping_pipelines.cli import app
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -61,15 +62,18 @@ def folder(tmp_path, monkeypatch, few_laws, one_process, no_layout) -> Path:
     return tmp_path
 
 
-def damping(line: str) -> int:
-    words = shlex.split(line.replace("--workers 1", "--workers 0"))
-    words += ["--no-posterior"] if words[1] == "gap" else []
-    with pytest.raises(SystemExit) as stopped:
-        main(words[1:])
-    return int(stopped.value.code or 0)
+@pytest.fixture
+def exit_code(damping) -> Callable[[str], int]:
+    """Runs a line of a page, shortened, and gives its exit code."""
+
+    def run(line: str) -> int:
+        words = shlex.split(line.replace("--workers 1", "--workers 0"))
+        return damping(*words[1:], *(["--no-posterior"] if words[1] == "gap" else [])).code
+
+    return run
 
 
-def run(block: Block, names: dict[str, Any]) -> None:
+def run(block: Block, names: dict[str, Any], exit_code: Callable[[str], int]) -> None:
     """Run the lines of a block, or write the file that it is."""
     if block.language == "python":
         exec(compile(block.text, "page", "exec"), names)  # a page of our own: its blocks are what is tested
@@ -77,7 +81,7 @@ def run(block: Block, names: dict[str, Any]) -> None:
         wanted = int(block.caption.removeprefix("exit code ")) if block.caption.startswith("exit code") else 0
         for line in block.text.splitlines():
             if line.startswith("damping "):
-                assert damping(line) == wanted, line
+                assert exit_code(line) == wanted, line
             else:
                 assert line.split()[0] in ("mkdir", "cp"), line
                 subprocess.run(shlex.split(line), check=True)
@@ -87,11 +91,10 @@ def run(block: Block, names: dict[str, Any]) -> None:
 
 @pytest.mark.sampling
 @pytest.mark.parametrize("page", [page for page in PAGES if EXECUTED[page]], ids=lambda p: str(p.relative_to(DOCS)))
-def test_every_block_of_a_page_runs(page, folder, capsys):
+def test_every_block_of_a_page_runs(page, folder, exit_code):
     names: dict[str, Any] = {}
     for block in blocks(page):
-        run(block, names)
-    capsys.readouterr()
+        run(block, names, exit_code)
     if page.name == "forms.md":
         forms_have_their_keys(page, folder)
 
@@ -197,17 +200,7 @@ def test_pages_link_to_what_is_there(built):
                 assert f'id="{anchor}"' in file.read_text(), f"{page.name}: {target}"
 
 
-def test_pages_are_quiet_load_nothing_fit_and_can_be_read(opened, built):
-    contrast = (ROOT / "tests" / "contrast.js").read_text()
+def test_pages_are_quiet_load_nothing_fit_and_can_be_read(check_page, built):
     for page in PAGES:
         path = (built / page.relative_to(DOCS)).with_suffix(".html")
-        with opened(path, width=390) as one:
-            for width, scheme in ((390, "light"), (1280, "dark")):
-                one.page.set_viewport_size({"width": width, "height": 900})
-                one.page.emulate_media(color_scheme=scheme)
-                assert one.page.evaluate("document.documentElement.scrollWidth") <= width, page.name
-                found = one.page.evaluate(contrast)
-                assert found["checked"] > 20
-                assert found["found"] == [], page.name
-            assert one.complaints == []
-            assert all(request.startswith(("file:", "data:")) for request in one.requests)
+        check_page(path, (390, "light"), (1280, "dark"), least=20, alone=False)

@@ -21,7 +21,7 @@ from damping.ranking import rank_laws
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines import study
-from damping_pipelines.cli import app, main
+from damping_pipelines.cli import app
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -30,12 +30,6 @@ GENERATE = runpy.run_path(str(EXAMPLES / "generate.py"))
 COMMANDS = [
     line for name in NAMES for line in re.findall(r"^damping (.+)$", (EXAMPLES / name / "README.md").read_text(), re.M)
 ]
-
-
-def damping(*words: object) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main([str(word) for word in words])
-    assert not stopped.value.code, words
 
 
 def test_each_example_is_complete():
@@ -98,35 +92,33 @@ def test_numbers_of_the_pages():
 
 
 @pytest.mark.sampling
-def test_a_study_runs_shortened(tmp_path, monkeypatch, capsys, check_page, one_process):
+def test_a_study_runs_shortened(tmp_path, monkeypatch, damping, check_page, one_process):
     """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""
     laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
     monkeypatch.setattr(study, "candidate_laws", lambda *_: laws)
     monkeypatch.setattr(study, "load_candidates", lambda data: laws)
     shutil.copytree(EXAMPLES / "tank", tmp_path / "tank")
-    damping("study", tmp_path / "tank" / "STUDY.toml", "--out", tmp_path / "out")
+    assert damping("study", tmp_path / "tank" / "STUDY.toml", "--out", tmp_path / "out").code == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert "viscous + quadratic-displacement" in page
     loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
     assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
-    check_page(tmp_path / "out" / "report.html", 390, "dark")
-    check_page(tmp_path / "out" / "report.html", 1280, "light")
+    check_page(tmp_path / "out" / "report.html", (390, "dark"), (1280, "light"))
 
 
-def test_the_second_plane_is_found(tmp_path, capsys, check_page):
+def test_the_second_plane_is_found(tmp_path, damping, check_page):
     """On every third row: the effect, its angle and its frequency, and no force; and the page that says so."""
     folder = EXAMPLES / "two-plane-mode"
     pd.read_csv(folder / "record.csv").iloc[::3].to_csv(tmp_path / "record.csv", index=False)
-    capsys.readouterr()
     page = tmp_path / "gap.html"
     words = ("--no-posterior", "--report", page, "--json", "-")
-    damping("gap", folder / "model.toml", tmp_path / "record.csv", *words)
-    found = json.loads(capsys.readouterr().out)
+    run = damping("gap", folder / "model.toml", tmp_path / "record.csv", *words)
+    assert run.code == 0
+    found = json.loads(run.out)
     assert found["effects"] == ["planar-coupling"]
     plane = found["parameters"]["planar-coupling"]
     # 25 degrees and 1.025, to a tenth of each as the page says "near"
     np.testing.assert_allclose(plane["angle"], np.radians(25.0), rtol=0.1, atol=0.0)
     np.testing.assert_allclose(plane["frequency_ratio"] - 1.0, 0.025, rtol=0.1, atol=0.0)
     assert found["gap"]["held_out"]["shrinkage"] > 0.9
-    check_page(page, 390, "light")
-    check_page(page, 1280, "dark")
+    check_page(page, (390, "light"), (1280, "dark"))

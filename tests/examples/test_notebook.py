@@ -46,7 +46,8 @@ def run_cell(source: str, names: dict[str, object]) -> list[str]:
     body, printed, value = ast.parse(source).body, io.StringIO(), None
     last = body.pop() if isinstance(body[-1], ast.Expr) else None
     with redirect_stdout(printed):
-        exec(compile(ast.Module(body, []), "cell", "exec"), names)  # cells of our own: that they run is what is tested
+        # cells of our own notebook, as a kernel runs them and shows the last expression: no input gets here
+        exec(compile(ast.Module(body, []), "cell", "exec"), names)
         if last:
             value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
     return [text for text in (printed.getvalue(), "" if value is None else repr(value)) if text]

@@ -12,7 +12,6 @@ from damping.extrapolation.near import near_resonance
 from damping.forces import CubicStiffness, Sum
 from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
-from damping_pipelines.cli import main
 from damping_reed1970 import data_folder
 from damping_validation.generator.balance import plain_rows
 from damping_validation.generator.laws import Structure, TrueJoint
@@ -56,26 +55,20 @@ def test_bands_from_whole_sweeps_with_faults(swept):
     np.testing.assert_allclose(band.median, true, rtol=0.1)  # what is asked of a structure that no candidate is
 
 
-def run(words, capsys) -> tuple[int, str]:
-    with pytest.raises(SystemExit) as stopped:
-        main([str(word) for word in words])
-    return int(stopped.value.code or 0), capsys.readouterr().out
-
-
 @pytest.fixture
 def mode() -> Path:
     return data_folder() / "saturn-v" / "modes" / "config-2-mode-1.toml"
 
 
 @pytest.mark.sampling
-def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys, few_laws):
+def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, damping, few_laws):
     """Two levels say nothing of twice the force."""
     path, out = tmp_path / "onset.csv", tmp_path / "loads.json"
     rows = [(3.0, 0.2997), (4.0, 0.33)]
     lines = [f"L{i},{F},1.666,{A}" for i, (F, A) in enumerate(rows)]
     path.write_text("\n".join(["sweep,force,frequency,amplitude", *lines]) + "\n")
-    code, _ = run(["extrapolate", path, "--mode", mode, "--force", 4.4, "--force", 8, "--json", out], capsys)
-    assert code == 0
+    run = damping("extrapolate", path, "--mode", mode, "--force", 4.4, "--force", 8, "--json", out)
+    assert run.code == 0
     form = json.loads(out.read_text())
     near, far = form["predictions"]
     assert near["low"] < near["median"] < near["high"]
@@ -88,11 +81,11 @@ def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, capsys, few_law
 
 
 @pytest.mark.sampling
-def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, capsys):
+def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, damping):
     record = data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv"
-    code, text = run(["extrapolate", record, "--mode", mode, "--force", 90, "--json", "-"], capsys)
-    assert code == 0
-    form = json.loads(text)
+    run = damping("extrapolate", record, "--mode", mode, "--force", 90, "--json", "-")
+    assert run.code == 0
+    form = json.loads(run.out)
     (prediction,) = form["predictions"]
     assert set(prediction["parts_percent"]) == {"measurement_noise", "parameters", "between_model", "discrepancy"}
     assert len(form["sensitivity"]) == 6
@@ -105,15 +98,15 @@ def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, capsys)
 
 
 @pytest.mark.sampling
-def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, capsys, swept):
+def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, damping, swept):
     path, mode = tmp_path / "sweeps.csv", tmp_path / "mode.toml"
     mode.write_text('[mode]\nname = "swept"\nfrequency = 1.5915494\nmass = 0.5\n')  # those of ``swept``
     pair = STRUCTURES["viscous + velocity-squared"]
     record = swept(pair.force, np.array([0.5, 1.0, 2.0]), noise=0.005, offset=0.05)
     path.write_text(record_to_csv(record.table))
-    code, text = run(["extrapolate", path, "--mode", mode, "--force", 3, "--json", "-"], capsys)
-    assert code == 0
-    (prediction,) = json.loads(text)["predictions"]
+    run = damping("extrapolate", path, "--mode", mode, "--force", 3, "--json", "-")
+    assert run.code == 0
+    (prediction,) = json.loads(run.out)["predictions"]
     true = float(pair.amplitude(np.array([3.0]))[0])
     assert prediction["low"] < true < prediction["high"]
     # tested forces are found to a per cent: the noise of 0.5 % and the offset both enter

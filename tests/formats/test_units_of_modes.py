@@ -52,7 +52,7 @@ EFFECTS = {
     "force-dropout": {"depth": 0.3, "width": 0.01, "lorentzian": 1.0},
 }
 F = 5.0
-OMEGA = 2.0 * np.pi * np.linspace(1.95, 2.05, 9)
+OMEGA = 2.0 * np.pi * np.linspace(1.95, 2.05, 3)
 MODES = {f"force {name}": replace(MODE, damping=MODE.damping | {name: table}) for name, table in FORCES.items()} | {
     f"effect {name}": replace(MODE, effects={name: table}) for name, table in EFFECTS.items()
 }

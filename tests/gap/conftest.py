@@ -103,7 +103,7 @@ class Lab:
         return RecordCells(amplitude, phase, NOISE * amplitude, np.full(amplitude.size, NOISE))
 
     def linear(self, rows: TrueRows, **true: float | np.ndarray) -> RecordCells:
-        """Viscous damping in closed form; ``omega``, ``viscous`` and ``gain`` as given, numbers or one a row."""
+        """Viscous damping in closed form; ``omega``, ``viscous`` and ``gain`` as given, numbers or one for each row."""
         Y = MASS * (true.get("omega", OMEGA) ** 2 - rows.omega**2) + 1j * true.get("viscous", VISCOUS) * rows.omega
         return self.cells(true.get("gain", 1.0) * rows.force / np.abs(Y), np.angle(Y))
 

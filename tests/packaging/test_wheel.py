@@ -128,6 +128,25 @@ def test_the_command_runs_outside_the_clone(unpacked, run_forked):
     assert "A_in^2*omega_rad_s" in run_forked(f"from damping_pipelines.cli import main; main({words!r})")
 
 
+@pytest.mark.parametrize(
+    ("without", "extra", "words"),
+    [
+        ("distributed", "fleet", ("fleet", ".", "--out", "out")),
+        ("pyarrow", "formats", ("export", "RECORD", "--out", "out.parquet")),
+    ],
+)
+def test_a_bare_install_says_which_extra_to_install(without, extra, words, unpacked, tmp_path, forking):
+    record = unpacked / DATA / "saturn-v" / "records" / "config-2-mode-1.csv"
+    code = f"import sys; sys.modules[{without!r}] = None\nfrom damping_pipelines.cli import main; main()"
+    given = [record if word == "RECORD" else word for word in words]
+    done = forking.run(code, *given, folder=tmp_path, paths=[unpacked])
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("damping: ")
+    assert done.stderr.count("\n") == 1
+    assert f"damping-selection[{extra}]" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_every_house_answers_from_the_wheel(unpacked, tmp_path):
     """In one process: the first lines of help of each."""
     commands = ("study", "blind", "calibrate", "fleet", "gap", "import")

@@ -48,27 +48,6 @@ def test_quiet_shows_no_progress_and_changes_nothing_else(damping, saturn_data, 
     assert "5/5" in damping(*words, "--out", tmp_path / "again.csv").err
 
 
-@pytest.mark.parametrize(
-    ("without", "extra", "words"),
-    [
-        ("distributed", "fleet", ("fleet", ".", "--out", "out")),
-        ("pyarrow", "formats", ("export", "RECORD", "--out", "out.parquet")),
-    ],
-)
-def test_a_bare_install_says_which_extra_to_install(without, extra, words, saturn_data, tmp_path):
-    record = str(files(saturn_data)[0])
-    script = (
-        f"import sys; sys.modules[{without!r}] = None\n"
-        f"from damping_pipelines.cli import main; main({[record if w == 'RECORD' else w for w in words]!r})"
-    )
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith("damping: ")
-    assert done.stderr.count("\n") == 1
-    assert f"damping-selection[{extra}]" in done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 def odd_mode(saturn_data, tmp_path):
     """A mode whose name would be instructions to what draws tables, and whose frequency is 2 pi times too high."""
     text = (saturn_data / "modes" / "config-2-mode-1.toml").read_text()

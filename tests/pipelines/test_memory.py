@@ -50,7 +50,7 @@ CASES = {
 #: The cases that end well; the others are refused.
 TAKEN = ("table",)
 #: Cases by the process that meets them, one after the other: its peak is the largest of theirs.
-PROCESSES = (("rows", "commas", "quotes", "wide"), ("packed",), ("table",))
+PROCESSES = (("packed", "rows", "commas", "quotes", "wide"), ("table",))
 COMMANDS = """
 import sys
 from damping_pipelines.cli import main

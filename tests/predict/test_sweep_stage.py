@@ -15,7 +15,6 @@ from damping.predict.branches import sweep as averaged_sweep
 from damping.predict.steady import steady_state
 from damping.records.mode import Mode, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.cli import main
 from damping_pipelines.tables import sweep
 
 MODEL = """
@@ -70,12 +69,10 @@ def test_methods_agree(model: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(averaged["phase"], integrated["phase"], rtol=0, atol=1e-3)
 
 
-def test_command_line(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line(model: Path, tmp_path: Path, damping) -> None:
     out = tmp_path / "record.csv"
-    with pytest.raises(SystemExit) as ended:
-        main(["sweep", str(model), "--force", "5", "--force", "20", "--frequency", "1.6:1.7:11", "--out", str(out)])
-    assert ended.value.code == 0
-    assert capsys.readouterr().out == ""  # progress goes to standard error
+    run = damping("sweep", model, "--force", 5, "--force", 20, "--frequency", "1.6:1.7:11", "--out", out)
+    assert (run.code, run.out) == (0, "")  # progress goes to standard error
     assert len(read_record(out).table) == 22
 
 

@@ -61,7 +61,7 @@ EXPONENT = "velocity-power exponent"
 SPAN = 3.0
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def power_law(peaks) -> Callable[..., Observations]:
     """Twelve resonances of C A^p with 2 % scatter, in units of their own."""
 
@@ -73,8 +73,13 @@ def power_law(peaks) -> Callable[..., Observations]:
     return tested
 
 
-def test_one_exponent_is_told_from_two(power_law):
-    same = fit_jointly(POWER, EXPONENT, [power_law(1.6, 1), power_law(1.6, 2, 1e-3)])
+@pytest.fixture(scope="module")
+def same(power_law) -> SharedShape:
+    """Two records of one exponent, fitted jointly."""
+    return fit_jointly(POWER, EXPONENT, [power_law(1.6, 1), power_law(1.6, 2, 1e-3)])
+
+
+def test_one_exponent_is_told_from_two(power_law, same):
     apart = fit_jointly(POWER, EXPONENT, [power_law(1.2, 1), power_law(2.2, 2, 1e-3)])
     assert same.log_odds > 1.0
     assert apart.log_odds < -3.0
@@ -85,14 +90,13 @@ def test_one_exponent_is_told_from_two(power_law):
         assert low < p < high
 
 
-def test_odds_of_normal_posteriors(power_law):
+def test_odds_of_normal_posteriors(same):
     """Normal posteriors N(m_i, s_i) under a flat prior of width R: ln odds = ln(R N(m_1 - m_2; 0, s_1^2 + s_2^2))."""
-    shared = fit_jointly(POWER, EXPONENT, [power_law(1.5, 3), power_law(1.6, 4)])
-    (m_1, low_1, high_1), (m_2, low_2, high_2) = shared.each
+    (m_1, low_1, high_1), (m_2, low_2, high_2) = same.each
     spread = np.hypot(high_1 - low_1, high_2 - low_2) / (2.0 * 1.645)
     expected = np.log(SPAN * norm.pdf(m_1 - m_2, scale=spread))
     # the posteriors are skew and have tails, since exponents may stray: a factor of 1.5
-    np.testing.assert_allclose(shared.log_odds, expected, rtol=0.0, atol=0.4)
+    np.testing.assert_allclose(same.log_odds, expected, rtol=0.0, atol=0.4)
 
 
 def test_a_record_alone_has_the_evidence_of_its_law(power_law):

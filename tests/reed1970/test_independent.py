@@ -23,7 +23,7 @@ from damping_reed1970.reproduction import reproduce
 
 FOLDER = data_folder() / "saturn-v"
 REFERENCE = pd.read_csv(Path(__file__).parents[1] / "reference" / "report_results.csv").set_index("id")
-COMPUTED = {result.id: result.computed for result in reproduce()}
+COMPUTED = {result.id: result.computed for result in reproduce().itertuples()}
 
 
 def rows(name: str) -> list[dict[str, str]]:

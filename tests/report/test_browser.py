@@ -31,14 +31,13 @@ def html(rendered: Rendered, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", WIDTHS)
 def test_page_is_quiet_fits_and_can_be_read(check_page, html, width, scheme):
-    check_page(html, width, scheme)
+    check_page(html, (width, scheme))
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
 @pytest.mark.parametrize("path", COMMITTED, ids=lambda path: str(path.relative_to(ROOT)))
-def test_committed_pages(check_page, path, width, scheme):
+def test_committed_pages(check_page, path):
     assert path.stat().st_size < MOST_BYTES
-    check_page(path, width, scheme)
+    check_page(path, (390, "light"), (1280, "dark"))
 
 
 def test_hostile_text_stays_text(opened, rendered_hostile, tmp_path):

@@ -37,7 +37,9 @@ def results(
 
 @pytest.fixture(scope="module")
 def parts(results: ReportResults) -> list[ReportPart]:
-    return report_parts(results)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # see ``no_layout``
+        return report_parts(results)
 
 
 @pytest.fixture(scope="module")

@@ -18,19 +18,19 @@ FORCES = (1.0, 4.0)
 A_TOP = FORCES[-1] / (VISCOUS * OMEGA)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def mode() -> Structure:
     return Structure(MASS, OMEGA, VISCOUS)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def rows() -> TrueRows:
     offsets = np.linspace(-6 * XI, 6 * XI, 13)
     sweep = np.repeat(np.arange(len(FORCES)), offsets.size)
     return plain_rows(sweep, np.repeat(FORCES, offsets.size), np.tile(OMEGA * (1 + offsets), len(FORCES)))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def bench(mode: Structure, rows: TrueRows) -> Bench:
     """A test of the mode without scatter, its simulation right but for what an effect adds."""
     return Bench(mode, (0.001, 0.02, 0.05), (0.0,) * 3, (), rows, (0.0, 0.0), False, A_TOP, XI)

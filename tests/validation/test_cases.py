@@ -30,10 +30,17 @@ WRONG = {"viscous-coefficient", "natural-frequency"}
 MODERATE = {"coulomb-friction": 0.1, "stribeck": 0.1, "dithered-friction": 0.1, "planar-coupling": 0.2}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def few(bench):
     """Every third row of the bench: what the physics of a kind needs."""
     return replace(bench, rows=chosen_rows(bench.rows, np.arange(bench.rows.omega.size) % 3 == 0))
+
+
+@pytest.fixture(scope="module")
+def plain(few):
+    """What its simulation does: amplitude and phase, integrated and by averages."""
+    simulation = applied((), few)
+    return true_record(*simulation), predicted(*simulation)
 
 
 def effect_on(name, bench, size):
@@ -41,11 +48,10 @@ def effect_on(name, bench, size):
 
 
 @pytest.mark.parametrize("name", sorted(set(KINDS) - WRONG))
-def test_at_no_strength_every_kind_is_the_simulation(name, few):
-    plain = true_record(*applied((), few))
+def test_at_no_strength_every_kind_is_the_simulation(name, few, plain):
     tiny = true_record(*applied((effect_on(name, few, 1e-9),), few))
     # Newton stops at 1e-6 of the amplitude; a moving frequency leaves what one row's dwell left, e^-(0.7/rate) = 0
-    np.testing.assert_allclose(tiny, plain, rtol=3e-6, atol=3e-6)
+    np.testing.assert_allclose(tiny, plain[0], rtol=3e-6, atol=3e-6)
 
 
 #: Largest distance of the averages from the motion, of the amplitude: the third harmonic of friction far from resonance
@@ -54,15 +60,15 @@ NEAR = 7e-3
 
 
 @pytest.mark.parametrize("name", sorted(set(KINDS) - {"sweep-rate"}))
-def test_averages_start_the_integration_near_its_end(name, few):
+def test_averages_start_the_integration_near_its_end(name, few, plain):
     """An independent method: the first-harmonic balance against the motion that was integrated, at a moderate size."""
     effect = effect_on(name, few, MODERATE.get(name, 0.3 * min(KINDS[name].largest(few), 2.0)))
     structure, rows = applied((effect,), few)
     (amplitude, phase), (near, lag) = true_record(structure, rows), predicted(structure, rows)
     apart = np.abs(near * np.exp(-1j * lag) - amplitude * np.exp(-1j * phase)) / amplitude
     assert np.max(apart) < NEAR
-    plain, at = predicted(*applied((), few))
-    assert np.max(np.abs(plain * np.exp(-1j * at) - amplitude * np.exp(-1j * phase)) / amplitude) > 2 * NEAR
+    without, at = plain[1]
+    assert np.max(np.abs(without * np.exp(-1j * at) - amplitude * np.exp(-1j * phase)) / amplitude) > 2 * NEAR
 
 
 @pytest.mark.parametrize("name", ["coulomb-friction", "slip:smooth", "stop", "sloshing-tank", "heated-spring", "rub"])

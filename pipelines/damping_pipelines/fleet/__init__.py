@@ -210,32 +210,24 @@ def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
     kept.keep(wanted)
 
 
-def _seal(out: Path, kept: dataset.FleetDataSet, page: bytes, settings: dataset.FleetSettings) -> None:
-    """The page and the manifest, which names every file of the run."""
-    rows = kept.read(["report", "record_sha256", "model_sha256"])
-    stems = [f"reports/{Path(report).stem}" for report in rows["report"]]
-    pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
-    parts = [path.relative_to(out).as_posix() for path in kept.files()]
-    inputs = {
-        name: digest((a + b).encode()) for name, a, b in rows[["name", "record_sha256", "model_sha256"]].to_numpy()
-    }
-    publish(
-        out,
-        {"fleet.html": page},
-        seed=settings.seed,
-        versions=settings.versions,
-        inputs=inputs,
-        kept=[*parts, *(name for name in pages if (out / name).is_file())],
-    )
-
-
 def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettings) -> None:
-    """The page of the fleet, and what to say at the end."""
-    table = kept.read(COLUMNS)
+    """The page of the fleet, the manifest, which names every file of the run, and what to say at the end."""
+    table = kept.read((*COLUMNS, "record_sha256", "model_sha256"))
     multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
     asked = "the largest design force" if settings.forces else multiple
     page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
-    _seal(out, kept, page.encode(), settings)
+    stems = [f"reports/{Path(report).stem}" for report in table["report"]]
+    pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
+    parts = [path.relative_to(out).as_posix() for path in kept.files()]
+    sources = table[["name", "record_sha256", "model_sha256"]].to_numpy()
+    publish(
+        out,
+        {"fleet.html": page.encode()},
+        seed=settings.seed,
+        versions=settings.versions,
+        inputs={name: digest((record + model).encode()) for name, record, model in sources},
+        kept=[*parts, *(name for name in pages if (out / name).is_file())],
+    )
     counts = table["status"].value_counts()
     outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
     console().print(

@@ -48,6 +48,10 @@ _LOADS = (
 )
 
 
+#: Parts of the gap that a row holds.
+_GAP = ("nominal", "before", "after", "shrinkage")
+
+
 @dataclass(frozen=True)
 class FleetLoads:
     """What extrapolation gave; ``curve``: damping there; ``bands`` over a grid of forces, None with ``--fast``."""
@@ -149,7 +153,18 @@ def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
 
 def _columns(record: FleetRecord) -> dict[str, Any]:
     """The columns of a record that was read; those of a stage that was not done stay empty."""
-    done = [part for part in (record.ranking, record.loads, record.diagnosis) if part is not None]
+    ranking, loads, diagnosis = record.ranking, record.loads, record.diagnosis
+    done = [part for part in (ranking, loads, diagnosis) if part is not None]
+    columns: dict[str, Any] = _loads_columns(loads) if loads else {}
+    if ranking:
+        best = max(ranking.candidates, key=lambda candidate: candidate.weight)
+        columns |= {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
+        columns |= {"law": best.name, "rank_form": to_json(forms.rank_form(ranking))}
+    if diagnosis:
+        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in _GAP}
+        columns["effects"], columns["unexplained"] = list(diagnosis.leading.effects), diagnosis.unexplained
+        columns["effects_probability"] = diagnosis.hypotheses[0].probability
+        columns["gap_form"] = to_json(forms.gap_form(diagnosis))
     return {
         "mode": record.mode.name,
         "units_force": record.mode.units.force,
@@ -158,19 +173,10 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
         "levels": len(record.data.sweeps),
         "largest_tested_force": record.data.tested_force.max(),
         "audit": "; ".join(escape_control(str(finding)) for finding in record.audit.findings),
-        **(_ranking_columns(record.ranking) if record.ranking else {}),
-        **(_loads_columns(record.loads) if record.loads else {}),
-        **(_gap_columns(record.diagnosis) if record.diagnosis else {}),
+        **columns,
         "status": "failed" if not done else "partial" if record.reasons else "done",
         "reason": "; ".join(record.reasons),
     }
-
-
-def _ranking_columns(ranking: Ranking) -> dict[str, Any]:
-    """The law of largest weight, and the form."""
-    best = max(ranking.candidates, key=lambda candidate: candidate.weight)
-    numbers = {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
-    return {"law": best.name, **numbers, "rank_form": to_json(forms.rank_form(ranking))}
 
 
 def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
@@ -185,17 +191,6 @@ def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
         **row[list(_LOADS)],
         "cautions": list(loads.cautions[i]),
         "loads_form": to_json(forms.loads_form(loads, predicted.plan, predicted.curve)),
-    }
-
-
-def _gap_columns(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The leading explanation, and the form."""
-    return {
-        "effects": list(diagnosis.leading.effects),
-        "effects_probability": diagnosis.hypotheses[0].probability,
-        "unexplained": diagnosis.unexplained,
-        **{f"gap_{name}": getattr(diagnosis.gap, name) for name in ("nominal", "before", "after", "shrinkage")},
-        "gap_form": to_json(forms.gap_form(diagnosis)),
     }
 
 

@@ -51,7 +51,7 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
     """Overprediction of linear damping, largest first, with the interval of each record.
 
     Args:
-        table: ``percent, low, high``, a row a record, all finite.
+        table: ``percent, low, high``, one row for each record, all finite.
     """
     ordered = table.sort_values("percent", ascending=False, ignore_index=True)
     chosen = np.unique(np.linspace(0, len(ordered) - 1, MOST_POINTS).round().astype(int))
@@ -91,7 +91,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
     """The page as HTML. Equal arguments give equal text.
 
     Args:
-        table: ``COLUMNS``, a row a record. method: how posteriors were had. asked: the force that loads are for.
+        table: ``COLUMNS``, by record. method: how posteriors were had. asked: the force that loads are for.
     """
     good = table[table["status"] != "failed"]
     over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)

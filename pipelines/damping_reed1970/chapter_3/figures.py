@@ -227,11 +227,9 @@ def draw_planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, F
 
 @styled
 def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float]) -> Figure:
-    """Draw all roots of Eq. 3.2.15 against frequency with the printed xi.
+    """Draw all roots of Eq. 3.2.15 (:func:`tabulate_branch`) against frequency with the printed xi.
 
-    Args:
-        branches: ``point, omega, xi_low, xi_high, xi_printed, xi_of_largest, roots``.
-        fitted: low end, median and high end of the planar oscillator's one damping factor.
+    ``fitted``: low end, median and high end of the planar oscillator's one damping factor.
     """
     largest = LARGEST_XI
     figure, axes = build_panel(3.9, OMEGA, "damping factor ξ")

@@ -40,11 +40,7 @@ def root_mean_square(values: FloatArray | pd.Series[float]) -> float:
 
 
 def change_by_conditioning(effect: pd.DataFrame) -> tuple[float, float]:
-    """Per cent by which all steps together change the amplitude: largest, and at the largest amplitude.
-
-    Args:
-        effect: ``step, amplitude`` after each step, rows of a step together and in one order.
-    """
+    """Per cent by which all steps together change the amplitude after each (``effect``): largest, and at the peak."""
     first, last = (effect.loc[effect["step"] == s, "amplitude"].to_numpy() for s in effect["step"].iloc[[0, -1]])
     change = 100.0 * np.abs(last / first - 1.0)
     return float(change.max()), float(change[first.argmax()])

@@ -63,18 +63,24 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
         "branch_means": chapter_3.tabulate_mean(),
         "implications": tabulate_implications(fits, posteriors),
     }
+    # rows 6+ and 9+: no measurement stands behind them (E3IV-9)
+    rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
     bands = {name: planar_posterior.fit_band(phasors(name), posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
         measured=tabulate_measured(steps),
-        corrected=tabulate_corrected_rows(),
+        corrected=rows.rename(columns=MARKED)[["point", *MARKED.values()]],
         effect=tabulate_effect(steps),
         curves=tabulate_fitted_curves(fits),
         fits=fits,
         posteriors=posteriors,
         bands=bands,
     )
+
+
+#: Columns of Table 3.IV as figures know them.
+MARKED = {"omega_rad_s": "omega", "energy_input_in_lb": "energy", "A2p_in": "pitch", "A2y_in": "yaw"}
 
 
 def saturn_steps() -> tuple[ConditioningStep, ...]:
@@ -149,13 +155,6 @@ def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
             "yaw": planes.A_y,
         }
     )
-
-
-def tabulate_corrected_rows() -> pd.DataFrame:
-    """Rows that Table 3.IV marks as corrected for experimental error: no measurement stands behind them (E3IV-9)."""
-    rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
-    omega, energy, pitch, yaw = columns(rows, "omega_rad_s", "energy_input_in_lb", "A2p_in", "A2y_in")
-    return pd.DataFrame({"point": rows["point"], "omega": omega, "energy": energy, "pitch": pitch, "yaw": yaw})
 
 
 def tabulate_effect(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:

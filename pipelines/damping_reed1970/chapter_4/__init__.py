@@ -38,11 +38,6 @@ A_LINEAR_PRINTED = 4.84
 A_POWER_PRINTED = 2.90
 
 
-def equation_4_1_5(F_e: FloatArray, M: FloatArray, omega_n: FloatArray, xi_1: FloatArray) -> FloatArray:
-    """A_m = F_e/(2 M omega_n^2 xi_1)."""
-    return F_e / (2.0 * M * omega_n**2 * xi_1)
-
-
 def tabulate_sweeps(version: Version = "printed") -> pd.DataFrame:
     """Tables 4.I and 4.II side by side; ``label`` is mode and sweep (1A), ``omega_n`` in rad/s.
 
@@ -65,7 +60,7 @@ def table_4_i_ii(table: pd.DataFrame) -> dict[str, float]:
     results = {
         "tab4I.Fe": phi_r * F,
         "tab4II.C1": 2.0 * M * omega_n * xi,
-        "tab4II.Am": equation_4_1_5(F_e, M, omega_n, xi),
+        "tab4II.Am": F_e / (2.0 * M * omega_n**2 * xi),
         "tab4II.E": pi * A_m**2 * omega_n * C_1,
     }
     keyed = ((f"{name}[{k}]", v) for name, r in results.items() for k, v in zip(table["label"], r, strict=True))

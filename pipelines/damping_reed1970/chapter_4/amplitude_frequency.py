@@ -79,11 +79,10 @@ PRINTED = {"A": 1.01, "delta": 0.001209, "distance": 0.005404, "percent_at_half"
 
 @dataclass(frozen=True)
 class CaseCurve:
-    """The response of one case; arrays (points,) over ``amplitude``, two of them below and above resonance.
+    """The response of one case, (points,) over ``amplitude``.
 
-    ``eta_squared`` and ``phase`` (rad) are (2, points), below resonance first (NaN under the static amplitude).
-    ``delta``, ``epsilon``, ``percent``: horizontal and vertical difference from the undamped curve and its error, below
-    resonance.
+    ``eta_squared`` and ``phase`` (rad) are (2, points), below resonance first (NaN under the static amplitude). Below
+    resonance ``delta``, ``epsilon``, ``percent``: distances from the undamped curve and its error.
     """
 
     name: str

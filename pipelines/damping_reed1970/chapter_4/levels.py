@@ -38,6 +38,11 @@ ONE_TERM = {
     "IV": "displacement-velocity",
     "V, second term": "quadratic-displacement",
 }
+#: What a reader should know, by the number of sweeps.
+CAUTIONS = {
+    2: "two sweeps: a free alpha keeps any value exactly, and says nothing",
+    3: "three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",
+}
 QUADRATIC = ONE_TERM["V, second term"]
 #: Range in which a free alpha is looked for, in units of the one that makes both terms equal at the reference.
 _ALPHAS = np.geomspace(1e-3, 1e3, 121)
@@ -69,23 +74,16 @@ class LevelCase:
 class LevelMethods:
     """What the two methods say; percentages are of the measured or base value.
 
-    ``held``: ``xi`` or ``coefficient``, kept from level to level. ``coefficients``: Table 4.V. ``variations``:
-    ``largest_percent`` by base (signed, as the report), ``spread_percent`` (:func:`spread`). ``predictions``: Table
-    4.IV; base ``others`` takes coefficient and free alpha from all other sweeps. ``picked``: case of least spread.
-    ``cautions``: what a reader should know, in words.
+    ``coefficients``: Table 4.V. ``variations``: ``largest_percent`` by base (signed, as the report), ``spread_percent``
+    (:func:`spread`). ``predictions``: Table 4.IV; base ``others`` takes coefficient and free alpha from all other
+    sweeps. ``picked``: case of least spread. ``cautions``: what a reader should know, in words.
     """
 
-    held: str
-    cases: tuple[LevelCase, ...]
     coefficients: pd.DataFrame
     variations: pd.DataFrame
     predictions: pd.DataFrame
     picked: str
     cautions: tuple[str, ...]
-
-    def case(self, name: str) -> LevelCase:
-        """The case called ``name``."""
-        return next(case for case in self.cases if case.name == name)
 
 
 def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Sequence[float] = (1.0,)) -> LevelMethods:
@@ -107,13 +105,11 @@ def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Se
     variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
     spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
     return LevelMethods(
-        held="coefficient" if mass is None else "xi",
-        cases=cases,
         coefficients=pd.concat(map(pd.DataFrame, coefficients), ignore_index=True),
         variations=variations,
         predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
         picked=str(spread.idxmin()),
-        cautions=_collect_cautions(data),
+        cautions=tuple(text for sweeps, text in CAUTIONS.items() if sweeps == len(data.sweeps)),
     )
 
 
@@ -206,14 +202,6 @@ def _predict(case: LevelCase, coefficient: FloatArray, data: Observations, sweep
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
 
 
-def _collect_cautions(data: Observations) -> tuple[str, ...]:
-    if len(data.sweeps) == 2:
-        return ("two sweeps: a free alpha keeps any value exactly, and says nothing",)
-    if len(data.sweeps) == 3:
-        return ("three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",)
-    return ()
-
-
 def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
     """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
 
@@ -241,8 +229,9 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
     """
     order = variations.drop_duplicates("case").sort_values("spread_percent", na_position="last")
     figure, axes = build_panel(1.5 + 0.24 * len(order))
-    draw_plain_rows(axes, [_describe_alpha_label(case, alpha, free) for case, alpha, free in
-                      order[["case", "alpha", "free"]].itertuples(index=False)])  # fmt: skip
+    labels = order["case"].str.replace("alpha free", "α = ") + order["alpha"].map("{:.3g} (free)".format)
+    labels = labels.str.replace("inf", "∞").where(order["free"], order["case"].str.replace("alpha", "α"))
+    draw_plain_rows(axes, list(labels))
     markers = "osD^vPX"
     for number, (base, rows) in enumerate(variations.groupby("base", sort=False)):
         largest = rows.set_index("case")["largest_percent"].abs()
@@ -255,10 +244,3 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
     axes.set_xlabel(f"variation of the {HELD[held]}\nfrom level to level (per cent)")
     figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure
-
-
-def _describe_alpha_label(case: str, alpha: float, free: bool) -> str:
-    if not free:
-        return case.replace("alpha", "α")
-    value = "∞" if np.isinf(alpha) else f"{alpha:.3g}"
-    return f"{case.replace('alpha free', 'α')} = {value} (free)"

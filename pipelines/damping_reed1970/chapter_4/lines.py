@@ -49,14 +49,15 @@ def fit_mode(mode: int, form: Form, version: Version) -> PowerLaw:
 
 
 def tabulate_power_laws() -> pd.DataFrame:
-    """One row per mode, form and inputs: exponent and coefficient, printed beside ours.
+    """One row per mode, form and inputs: exponent with t interval and coefficient, printed beside ours.
 
-    ``p_low``, ``p_high``: t interval from 1 degree of freedom. ``alpha_A`` to ``alpha_C`` of each sweep with our p,
-    ``alpha_at_printed_p`` their mean with the printed p. alpha in lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
+    ``alpha_A`` to ``alpha_C``: of each sweep with our p, ``alpha_at_printed_p`` their mean with the printed p (Eqs.
+    4.3.9, 4.3.19); lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
     """
     rows = []
     for ((form, mode), (p, alpha, equation, erratum)), version in product(PRINTED_EXPONENTS.items(), VERSIONS):
         law, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
+        coefficient = equation_4_3_9 if form == "velocity-power" else equation_4_3_19
         rows.append(
             {
                 "mode": mode,
@@ -68,7 +69,7 @@ def tabulate_power_laws() -> pd.DataFrame:
                 "p_std_error": law.std_error,
                 **{name: getattr(law, name) for name in ("degrees_of_freedom", "level", "p_low", "p_high", "factor")},
                 "alpha_printed": alpha,
-                "alpha_at_printed_p": float(np.mean(alphas(form, p, F, A, float(omega.mean())))),
+                "alpha_at_printed_p": float(np.mean(coefficient(F, A, float(omega.mean()), p))),
                 "alpha": law.alpha,
                 "alpha_std_error": law.std_error_alpha,
                 **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", law.alphas, strict=True)},
@@ -77,11 +78,6 @@ def tabulate_power_laws() -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def alphas(form: Form, p: float, F: np.ndarray, A: np.ndarray, omega: float) -> np.ndarray:
-    """Coefficient of each sweep for a given exponent (Eqs. 4.3.9, 4.3.19)."""
-    return np.asarray((equation_4_3_9 if form == "velocity-power" else equation_4_3_19)(F, A, omega, p))
 
 
 def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.DataFrame:
@@ -103,7 +99,10 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
     average = predicted if predicted and F_EXAMPLE in predicted.force else average_laws(ranking)
     at, band = int(np.flatnonzero(average.force == F_EXAMPLE)[0]), average.average
     excess = [100.0 * (linear[2] / value - 1.0) for value in (from_c, power, high, low)]
-    nan, over = np.nan, (average.overprediction, average.overprediction_low, average.overprediction_high)
+    nan = np.nan
+    whole = [float(values[at]) for values in (band.median, band.low, band.high)]
+    over = (average.overprediction, average.overprediction_low, average.overprediction_high)
+    excess_over_all = [float(values[at]) for values in over]
     rows = [
         ("force over largest tested", "ratio", 3.0, F_EXAMPLE / F[2], nan, nan, "sweep C: 28.98 lb", ""),
         ("linear amplitude, from sweep A", "in", nan, linear[0], nan, nan, "A_m 90/F_e", ""),
@@ -111,10 +110,10 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
         ("linear amplitude, from sweep C", "in", A_LINEAR_PRINTED, linear[2], nan, nan, "A_m 90/F_e", "E43-5"),
         ("power law amplitude, p = 1.859", "in", A_POWER_PRINTED, from_c, nan, nan, "through sweep C", "E43-1, E43-5"),
         ("power law amplitude, p refitted", "in", nan, power, low, high, f"p = {line.p:.3f}, least squares", "E43-5"),
-        ("amplitude over all laws", "in", nan, *_at(at, band.median, band.low, band.high), "laws by weight", ""),
+        ("amplitude over all laws", "in", nan, *whole, "laws by weight", ""),
         ("error of linear, p = 1.859", "per cent", 67.0, excess[0], nan, nan, "both through sweep C", "E43-5"),
         ("error of linear, p refitted", "per cent", nan, excess[1], excess[2], excess[3], "from sweep C", "E43-5"),
-        ("error of linear, over all laws", "per cent", nan, *_at(at, *over), "laws by weight", ""),
+        ("error of linear, over all laws", "per cent", nan, *excess_over_all, "laws by weight", ""),
     ]
     names = ["quantity", "unit", "printed", "recomputed", "low", "high", "how", "erratum"]
     return pd.DataFrame(rows, columns=names)
@@ -128,10 +127,6 @@ def average_laws(ranking: Ranking) -> Loads:
         if c.coordinates is not None and c.evidence is not None
     ]
     return predict(members, np.array([F_EXAMPLE]), ranking.data, LEVEL, seed=0)
-
-
-def _at(index: int, *values: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(value[index]) for value in values)
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,8 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     """Spread of each case by mode and what is kept, one row per case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
-    modes, kept = (wide.columns.get_level_values(level) for level in ("mode", "kept"))
-    wide.columns = pd.Index([f"mode {mode}, {KEPT[held]}" for mode, held in zip(modes, kept, strict=True)])
+    keys = wide.columns.to_frame(index=False)
+    wide.columns = "mode " + keys["mode"].astype(str) + ", " + keys["kept"].map(KEPT)
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import radians
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ from damping.predict.steady import steady_state
 from damping.signals import PrincipalPlanes, damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, PlanarOscillator, pitch_response
-from damping_reed1970.chapter_5.false_terms import ManyFits, fits_in_blocks
+from damping_reed1970.chapter_5.false_terms import fits_in_blocks
 
 #: Force of each energy term that selection may choose (Table 5.I).
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
@@ -74,7 +75,9 @@ def circularity(noise: Sequence[float] = NOISE, replicates: int = 500, seed: int
     for i, (truth, phasor) in enumerate(true_motions().items()):
         for j, percent in enumerate(noise):
             rng = np.random.default_rng([seed, i, j])
-            motion = with_noise(phasor - _corrections(), 0.01 * percent, replicates if percent else 1, rng)
+            shape = (replicates if percent else 1, phasor.size)
+            noise_of = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+            motion = (phasor - _corrections()) * np.exp(0.01 * percent * noise_of)
             for route, (A, E, solved) in routes(motion).items():
                 law_rows, claim = _judge(A, E)
                 head = {"truth": truth, "noise_percent": percent, "route": route}
@@ -112,12 +115,6 @@ def velocity_squared_motion(coefficient: float, planes: PrincipalPlanes = PLANES
     return total
 
 
-def with_noise(phasor: np.ndarray, sigma: float, replicates: int, rng: np.random.Generator) -> np.ndarray:
-    """Phasors (replicates, points) with relative noise of amplitude and noise of phase of ``sigma``."""
-    shape = (replicates, phasor.size)
-    return phasor * np.exp(sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)))
-
-
 def routes(tail: np.ndarray) -> dict[str, tuple[FloatArray, FloatArray, np.ndarray]]:
     """A, E (r, points) by each route and where a root was found, from the tail's phasors over the mode factor.
 
@@ -128,9 +125,7 @@ def routes(tail: np.ndarray) -> dict[str, tuple[FloatArray, FloatArray, np.ndarr
     return _take_routes(E, np.abs(tail + _corrections()), np.abs(tail))
 
 
-def _take_routes(
-    E: FloatArray, modal: FloatArray, tail: FloatArray
-) -> dict[str, tuple[FloatArray, FloatArray, np.ndarray]]:
+def _take_routes(E: FloatArray, modal: FloatArray, tail: FloatArray) -> dict[str, tuple[FloatArray, FloatArray, Any]]:
     """A, E and where a root was found by each route, from the energy put in and both amplitudes."""
     xi, solved = xi_as_the_report(E)
     motion = plane_motion(PLANES, *_test(), xi)
@@ -195,24 +190,19 @@ def _judge(A: FloatArray, E: FloatArray) -> tuple[pd.DataFrame, dict[str, float]
     chosen = np.concatenate([block.best(nonnegative=True) for block in blocks])
     shares = pd.Series([names[i] for i in chosen]).value_counts(normalize=True)
     viscous, three, both = (names.index(n) for n in ("viscous", "velocity-squared", "viscous + velocity-squared"))
-    ratios = np.abs(_joined(blocks, both, "t_ratios"))
-    medians = np.median(_joined(blocks, both, "coefficients"), axis=0)
+    ratios = np.concatenate([block.t_ratios[both] for block in blocks])
+    medians = np.median(np.concatenate([block.coefficients[both] for block in blocks]), axis=0)
     sse = np.concatenate([block.sse for block in blocks], axis=1)
     nonlinear = blocks[0].members[chosen][:, 2:].any(axis=1)
     claim = {
         "nonlinear_share": float(nonlinear.mean()),
         "cubed_share": float((sse[three] < sse[viscous]).mean()),
-        "ratio_share": float((ratios[:, 2] > ratios[:, 0]).mean()),
-        "significant_share": float((_joined(blocks, both, "t_ratios")[:, 2] > 2.0).mean()),
+        "ratio_share": float((np.abs(ratios[:, 2]) > np.abs(ratios[:, 0])).mean()),
+        "significant_share": float((ratios[:, 2] > 2.0).mean()),
         "C_1": float(medians[0] / np.pi),
         "C_3": float(0.375 * medians[2]),
     }
     return pd.DataFrame({"law": shares.index, "share": shares.to_numpy()}), claim
-
-
-def _joined(blocks: list[ManyFits], model: int, what: str) -> FloatArray:
-    """An array of one model over all responses (r, k)."""
-    return np.concatenate([getattr(block, what)[model] for block in blocks])
 
 
 @lru_cache

@@ -170,16 +170,11 @@ def _select(X: FloatArray, observed: FloatArray) -> dict[str, tuple[np.ndarray, 
     for fits in fits_in_blocks(X, observed):
         models = (fits.backward(2.0), fits.best(), fits.best(nonnegative=True))
         for method, model in zip(METHODS, models, strict=True):
-            chosen[method].append(_chosen(fits, model))
-    return {
-        method: (np.concatenate([m for m, _ in parts]), np.concatenate([c for _, c in parts]))
-        for method, parts in chosen.items()
-    }
-
-
-def _chosen(fits: ManyFits, model: IntArray) -> tuple[np.ndarray, FloatArray]:
-    members = fits.members[model] & (model >= 0)[:, None]
-    return members, np.where(members, fits.coefficients[model, np.arange(len(model))], 0.0)
+            members = fits.members[model] & (model >= 0)[:, None]
+            coefficients = np.where(members, fits.coefficients[model, np.arange(len(model))], 0.0)
+            chosen[method].append((members, coefficients))
+    parts = {method: list(zip(*blocks, strict=True)) for method, blocks in chosen.items()}
+    return {method: (np.concatenate(members), np.concatenate(values)) for method, (members, values) in parts.items()}
 
 
 def _measure_selection(members: np.ndarray, coefficients: FloatArray, farther: FloatArray) -> dict[str, float]:

@@ -85,7 +85,8 @@ def printed_laws() -> list[PrintedLaw]:
 
 def recompute(law: PrintedLaw) -> PrintedLaw:
     """The law by the report's own method from the corrected tables."""
-    return replace(law, parameters=dict(zip(law.parameters, map(float, _recompute_parameters(law)), strict=True)))
+    parameters = [float(value) for value in _recompute_parameters(law)]
+    return replace(law, parameters=dict(zip(law.parameters, parameters, strict=True)))
 
 
 def build_median_force(candidate: Candidate) -> Sum:

@@ -23,7 +23,7 @@ from damping_validation.generator.laws import Array, Complex, Structure, TrueJoi
 
 @dataclass(frozen=True)
 class TrueRows:
-    """What the test recorded and what it truly was, one entry a row, in the order tested.
+    """What the test recorded and what it truly was, one entry for each row, in the order tested.
 
     ``sweep`` numbers the sweeps, ``force`` is the recorded force, ``omega`` the drive in rad/s, ``up`` the direction of
     all sweeps. ``drive`` is true force over recorded force, ``tuning`` the true natural frequency over the structure's,
@@ -75,7 +75,7 @@ def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
 
 
 def _list_columns(rows: TrueRows) -> dict[str, Any]:
-    """What rows hold one entry a row of."""
+    """The columns of rows: what holds one entry for each row."""
     every = {part.name: getattr(rows, part.name) for part in fields(rows)}
     return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
 

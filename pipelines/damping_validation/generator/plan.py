@@ -181,7 +181,7 @@ _WILD = (5.0, 15.0)  # standard deviations
 
 @dataclass(frozen=True)
 class Noise:
-    """True standard deviations a row: ``share`` of the amplitude, ``phase`` in rad. What the record shows of them.
+    """True standard deviations of each row, ``share`` of the amplitude, ``phase`` in rad; what the record shows.
 
     ``wild`` is the chance that a row is a wild point.
     """

@@ -144,7 +144,7 @@ def _draw_line_shape(rng: Generator, bench: Bench) -> Shape:
 
 
 def _add_line(e: AppliedEffect) -> Changes:
-    """A foreign sine leaks into rows near it as through a rectangular window, at one phase a sweep."""
+    """A foreign sine leaks into rows near it as through a rectangular window, with one phase in each sweep."""
     phase = np.random.default_rng(int(e.shape[2])).uniform(0, 2 * np.pi, 64)[e.rows.sweep % 64]
     near = np.sinc((e.rows.omega / e.bench.nominal.omega - 1 - e.shape[0]) / e.shape[1])
     return {"leak": e.rows.leak + e.size * e.bench.A * near * np.exp(1j * phase)}

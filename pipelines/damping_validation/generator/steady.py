@@ -174,7 +174,7 @@ def _remember_loop(motion: TrueMotion, state: TrueState) -> TrueState:
 def _correct(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Array]:
     """The state after one correction, the spectral radius of the map of a cycle, and the size of the correction.
 
-    Its derivative is of all displacements and velocities over their amplitudes, from two probes a coordinate at once;
+    Its derivative is of all displacements and velocities over their amplitudes, from two probes of each coordinate;
     the joints' stretches are carried from the end of the cycle.
     """
     omega, n = motion.rows.omega, state.q.shape[0]

@@ -158,8 +158,7 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
                 band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
                 predicted = (band[0], band[1], band[2])
                 measured = response.band[0]
-                outcome = Outcome(mode.name, response.sensor, response.unit, at.driven, measured, predicted)
-                predictions.append(outcome)
+                predictions.append(Outcome(mode.name, response.sensor, response.unit, at.driven, measured, predicted))
     return tuple(predictions)
 
 
@@ -227,9 +226,7 @@ class Campaign:
                 for mode in self.modes
                 for finding in mode.findings
             ],
-            "outcomes": [
-                asdict(outcome) | {"above_db": outcome.above_db, "held": outcome.held} for outcome in self.outcomes
-            ],
+            "outcomes": [asdict(row) | {"above_db": row.above_db, "held": row.held} for row in self.outcomes],
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }

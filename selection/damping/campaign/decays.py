@@ -24,7 +24,7 @@ from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.signals.histories import flat_window
-from damping.signals.ringdown import Decay, ring_down
+from damping.signals.ringdown import ring_down
 
 PARTS = 8  #: parts of a record whose spectra are averaged
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
@@ -180,9 +180,8 @@ def _mode(
     tops, cautions = [], []
     for run, (t, x) in zip(runs, motions, strict=True):
         try:
-            decay: Decay = ring_down(
-                t, filter_ @ x, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS
-            )
+            q = filter_ @ x
+            decay = ring_down(t, q, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS)
         except AnalysisError as error:
             cautions.append(f"{run.label}: {error}")
             continue

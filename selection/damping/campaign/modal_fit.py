@@ -25,10 +25,10 @@ from damping.arrays import ComplexArray, FloatArray, IntArray
 CLUSTER = 0.15  #: modes closer than this share of their frequency are fitted together
 BAND = 0.12  #: rows this far away from a cluster belong to its band
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
-LEAST_T = 8.0  #: a mode stays where its residue is so many standard errors at one sensor at least
+LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
 SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
 LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
-_FLOOR = 8.0  #: motions below so many times the noise are no peaks
+_FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
 _NEWTON_STEPS = 3
@@ -190,9 +190,8 @@ def _fit_cluster(f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster]])
     low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9], count)
     high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97], count)
-    optimum = least_squares(
-        misfit, np.clip(x0, low + 1e-9, high - 1e-9), bounds=(low, high), x_scale="jac", max_nfev=40
-    )
+    start = np.clip(x0, low + 1e-9, high - 1e-9)
+    optimum = least_squares(misfit, start, bounds=(low, high), x_scale="jac", max_nfev=40)
     return poles.moved(cluster, *np.split(optimum.x, 3))
 
 
@@ -205,9 +204,8 @@ def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> t
         stacked = np.concatenate([scaled.real, scaled.imag])
         size = _measure_size(stacked)
         target = row / sd[s]
-        coefficients[s] = (
-            np.linalg.lstsq(stacked / size, np.concatenate([target.real, target.imag]), rcond=None)[0] / size
-        )
+        parts = np.concatenate([target.real, target.imag])
+        coefficients[s] = np.linalg.lstsq(stacked / size, parts, rcond=None)[0] / size
         left[s] = target - scaled @ coefficients[s]
     return coefficients, left
 

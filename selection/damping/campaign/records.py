@@ -173,12 +173,12 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
             left_out[name] = "it does not peak at this resonance"
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
-    cautions = []
+    cautions: tuple[str, ...] = ()
     for level, row in zip(levels[1:], r[1:, kept], strict=True):
         lowest = r[0, kept]
         mac = float((row @ lowest) ** 2 / ((row @ row) * (lowest @ lowest)))
         if mac < ALIKE:
-            cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
+            cautions += (f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})",)
     residues = np.where(kept, mean, np.nan)
     frequency, ratio, ratio_sd = (
         np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
@@ -192,9 +192,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         units=Units("N", "m", "s"),
     )
     record, error = _record(levels, k, residues, reference), error / np.abs(mean)
-    return DrivenMode(
-        k, reference, residues, error, frequency, ratio, ratio_sd, left_out, tuple(cautions), record, mode
-    )
+    return DrivenMode(k, reference, residues, error, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:

@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, describe_nearest
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
-from damping.records.keys import TomlTable, describe_nearest, read_toml
+from damping.records.keys import TomlTable, read_toml
 from damping.signals.histories import track_sine
 
 #: What a label says of a level: a number with a unit.
@@ -95,22 +95,20 @@ def read_corrections(path: str | Path) -> Corrections:
     """
     top = read_toml(path)
     top.only("drive", "runs", "channels")
-    drive, runs, channels = top.table("drive"), top.table("runs"), top.table("channels")
-    drive.only("control")
+    drive, runs, channels = top.table("drive", "control"), top.table("runs"), top.table("channels")
     control = drive.text("control", default="average")
     if control not in CONTROLS:
         raise drive.error("control", f"is {control!r}", " or ".join(CONTROLS))
     levels = {}
     for name in runs.values:
-        run = runs.table(name)
-        run.only("level", "out")
+        run = runs.table(name, "level", "out")
         levels[name] = None if run.truth("out") else run.number("level", above=0.0)
-    corrected = {name: _read_channel(channels.table(name)) for name in channels.values}
+    known = ("role", "unit", "scale", "reverse")
+    corrected = {name: _read_channel(channels.table(name, *known)) for name in channels.values}
     return Corrections(levels, corrected, control, str(path))
 
 
 def _read_channel(channel: TomlTable) -> ChannelCorrection:
-    channel.only("role", "unit", "scale", "reverse")
     role, text = channel.text("role", default=""), channel.text("unit", default="")
     if role and role not in ROLES:
         raise channel.error("role", f"is {role!r}", " or ".join(ROLES))
@@ -219,7 +217,7 @@ def make_decay(
 
 
 def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
-    """A row a run and a row a channel: what can be corrected, by the names that a correction uses."""
+    """One row for each run and for each channel: what can be corrected, by the names that a correction uses."""
     for run in runs:
         drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")

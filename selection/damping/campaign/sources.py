@@ -106,7 +106,6 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
 
 
 def _read_spectra(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
-    """The run of functions of frequency."""
     stated = source.stated
     drives = [f for f in group if not f.per and (f.quantity == "force" or stated.is_drive(_name_function(f)))]
     sensors = [function for function in group if not any(function is drive for drive in drives)]

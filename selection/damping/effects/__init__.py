@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from damping.effects import course, forces, rig, structure
 from damping.effects.contract import Effect, Terms
-from damping.errors import InputError
-from damping.forces.shapes import describe_nearest_of
+from damping.errors import InputError, list_nearest
 
 #: The library: what a gap may be called, in the order in which hypotheses are tried.
 CATALOGUE: dict[str, Effect] = {
@@ -33,9 +33,13 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
+#: How many causes each of ``FOREIGN`` stands for: contact is a clearance, a stop or a slap, a partner an absorber, a
+#: tank or a circuit, another power a rub, a film or a stream, a reading drifts in gain or in phase.
+_STANDS_FOR = 3.0
 #: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
-    effect.name: effect for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+    effect.name: replace(effect, prior=_STANDS_FOR)
+    for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
 }
 
 
@@ -46,7 +50,7 @@ def find_effect(name: str) -> Effect:
         InputError: no such effect; the nearest one is named.
     """
     if name not in CATALOGUE:
-        raise InputError(f"unknown effect {name!r}", expected=describe_nearest_of(name, CATALOGUE))
+        raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -193,10 +194,13 @@ class Contact(Spring):
     coefficient: Floats
     clearance: Floats
 
-    name = "contact"
-    label = "contact beyond a clearance"
-    formula = "k (|q| - q0) sgn q beyond q0"
-    shapes = (Shape("coefficient", FORCE / LENGTH, least=0.0), Shape("clearance", LENGTH, above=0.0))
+    name: ClassVar[str] = "contact"
+    label: ClassVar[str] = "contact beyond a clearance"
+    formula: ClassVar[str] = "k (|q| - q0) sgn q beyond q0"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE / LENGTH, least=0.0),
+        Shape("clearance", LENGTH, above=0.0),
+    )
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C = dC/d ln A = 0, S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""

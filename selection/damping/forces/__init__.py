@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import partial
 from math import pi
 
 from damping.arrays import Floats
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, describe_nearest
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
@@ -47,8 +46,8 @@ def force_class(name: str) -> type[Force]:
     """
     if name in CATALOGUE:
         return CATALOGUE[name]
-    near = get_close_matches(name, CATALOGUE, n=1)
-    expected = f"{near[0]!r}" if near else "one of " + ", ".join(CATALOGUE)
+    near = describe_nearest(name, CATALOGUE, likeness=0.6)
+    expected = f"{near!r}" if near else "one of " + ", ".join(CATALOGUE)
     raise InputError(f"unknown damping force {name!r}", expected=expected)
 
 

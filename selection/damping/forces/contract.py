@@ -104,11 +104,6 @@ class Force(ABC):
         return ()
 
     @property
-    def hysteretic(self) -> bool:
-        """Whether it has memory."""
-        return bool(self.joints)
-
-    @property
     def restores(self) -> bool:
         """Whether it has a part in phase with displacement."""
         return type(self).in_phase is not Force.in_phase
@@ -158,6 +153,13 @@ class Force(ABC):
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
         """dS/d ln A in closed form."""
         return zeros(A, omega)
+
+
+@dataclass(frozen=True)
+class CoefficientForce(Force):
+    """A force with one parameter, the coefficient that it is proportional to."""
+
+    coefficient: Floats
 
 
 class AveragedForce(Force):

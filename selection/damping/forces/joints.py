@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import Floats
-from damping.forces.contract import Force, Joint, absolute, ones, zeros
+from damping.forces.contract import CoefficientForce, Force, Joint, absolute, ones, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -17,15 +17,12 @@ from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient
 LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="slip limit")
 
 
-@dataclass(frozen=True)
-class Coulomb(Force):
+class Coulomb(CoefficientForce):
     """g = R sgn q'; energy per cycle 4 R A (Eq 4.3.6 with p = 0). R in force.
 
     The first harmonic is the constant 4 R/pi: friction alone has no resonant amplitude, below a force 4 R/pi there is
     none to speak of and above it none is finite.
     """
-
-    coefficient: Floats
 
     name: ClassVar[str] = "coulomb"
     label: ClassVar[str] = "Coulomb friction"
@@ -115,10 +112,8 @@ class Slip(Force):
         return (Joint(self.stiffness, self.limit),)
 
 
-class Spring(Force):
+class Spring(CoefficientForce):
     """A force of the displacement alone: it bends the resonance and dissipates nothing."""
-
-    coefficient: Floats
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 0."""
@@ -129,11 +124,8 @@ class Spring(Force):
         return zeros(self.coefficient, A, omega)
 
 
-@dataclass(frozen=True)
 class CubicStiffness(Spring):
     """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
-
-    coefficient: Floats
 
     name: ClassVar[str] = "cubic-stiffness"
     label: ClassVar[str] = "cubic stiffness"
@@ -157,7 +149,6 @@ class CubicStiffness(Spring):
 class PowerStiffness(Spring):
     """g = k |q|^p sgn q: S = k A^p B(p), B = 2 Gamma(p/2 + 1)/(sqrt(pi) Gamma((p + 3)/2)). k in force/length^p."""
 
-    coefficient: Floats
     exponent: Floats
 
     name: ClassVar[str] = "power-stiffness"

@@ -11,15 +11,12 @@ import numpy as np
 from scipy.special import gammaln
 
 from damping.arrays import Floats
-from damping.forces.contract import AveragedForce, Force, absolute, ones
+from damping.forces.contract import AveragedForce, CoefficientForce, Force, absolute, ones
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform, coefficient_in
 
 
-@dataclass(frozen=True)
-class Viscous(Force):
+class Viscous(CoefficientForce):
     """g = C1 q'; energy per cycle C1 pi A^2 omega (Table 2.II, case I). C1 in force time/length."""
-
-    coefficient: Floats
 
     viscous: ClassVar[bool] = True
     name: ClassVar[str] = "viscous"
@@ -37,11 +34,8 @@ class Viscous(Force):
         return sign * self.coefficient * speed
 
 
-@dataclass(frozen=True)
-class Displacement(Force):
+class Displacement(CoefficientForce):
     """g = C2 |q| sgn q'; energy per cycle 2 C2 A^2 (Table 2.II, case II). C2 in force/length."""
-
-    coefficient: Floats
 
     name: ClassVar[str] = "displacement"
     label: ClassVar[str] = "displacement (case II)"
@@ -58,11 +52,8 @@ class Displacement(Force):
         return sign * self.coefficient * absolute(q)
 
 
-@dataclass(frozen=True)
-class VelocitySquared(Force):
+class VelocitySquared(CoefficientForce):
     """g = C3 q'^2 sgn q'; energy per cycle (8/3) C3 A^3 omega^2 (Table 2.II, case III). C3 in force time^2/length^2."""
-
-    coefficient: Floats
 
     name: ClassVar[str] = "velocity-squared"
     label: ClassVar[str] = "velocity squared (case III)"
@@ -79,14 +70,11 @@ class VelocitySquared(Force):
         return sign * self.coefficient * speed * speed
 
 
-@dataclass(frozen=True)
-class DisplacementVelocity(Force):
+class DisplacementVelocity(CoefficientForce):
     """g = C4 |q| q'; energy per cycle (4/3) C4 A^3 omega (Table 2.II, case IV). C4 in force time/length^2.
 
     The printed psi of this case, 4 C4 A/(M omega), lost a factor 3 in the denominator (erratum E2II-1).
     """
-
-    coefficient: Floats
 
     name: ClassVar[str] = "displacement-velocity"
     label: ClassVar[str] = "displacement velocity (case IV)"
@@ -103,14 +91,11 @@ class DisplacementVelocity(Force):
         return sign * self.coefficient * absolute(q) * speed
 
 
-@dataclass(frozen=True)
-class QuadraticDisplacement(Force):
+class QuadraticDisplacement(CoefficientForce):
     """g = C5 q^2 q'; energy per cycle (pi/4) C5 A^4 omega (Table 5.I, case V). C5 in force time/length^3.
 
     With viscous damping beside it and C5 = C1 alpha this is case V, C1 (1 + alpha q^2) q' (Table 2.I, erratum E2II-2).
     """
-
-    coefficient: Floats
 
     name: ClassVar[str] = "quadratic-displacement"
     label: ClassVar[str] = "quadratic displacement (second term of case V)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from math import inf
 from typing import NamedTuple, Protocol
 
@@ -12,7 +11,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from damping.arrays import FloatArray
-from damping.errors import InputError
+from damping.errors import InputError, list_nearest
 
 
 @dataclass(frozen=True)
@@ -172,16 +171,9 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
     known = {shape.name: shape for shape in shapes}
     for key in table:
         if key not in known:
-            raise InputError(f"unknown key {key!r} in {owner}", expected=describe_nearest_of(key, known))
+            raise InputError(f"unknown key {key!r} in {owner}", expected=list_nearest(key, known))
     values = {shape.name: table.get(shape.name, shape.default) for shape in known.values()}
     for key, value in values.items():
         if value is None:
             raise InputError(f"no {key} in {owner}", expected=", ".join(known))
     return {key: value for key, value in values.items() if value is not None}
-
-
-def describe_nearest_of(name: str, known: Iterable[str]) -> str:
-    """The known name most like ``name``, and all that are known."""
-    names = list(known)
-    near = get_close_matches(name, names, n=1, cutoff=0.0)
-    return f"{near[0]} (nearest of {', '.join(names)})" if near else "no key"

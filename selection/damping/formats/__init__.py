@@ -22,8 +22,7 @@ from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import ABSCISSAS, OWN_NAMES, ROLES, FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
-from damping.records.keys import describe_nearest
-from damping.records.text import DEFAULT_MAX_SIZE, describe_shortened, read_bytes, read_start
+from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, read_bytes, read_start
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -76,7 +75,6 @@ def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
-    """Series of a table of text."""
     known = _LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
@@ -119,9 +117,8 @@ def check(stated: Stated) -> None:
     ]
     for option, value, known in given:
         if value is not None and value not in known:
-            nearest = describe_nearest(value, known, likeness=0.5)
-            hint = f" (is {nearest!r} meant?)" if nearest else ""
-            raise InputError(f"{option} {describe_shortened(value)!r} is unknown{hint}", expected=", ".join(known))
+            message = f"{option} {describe_shortened(value)!r} is unknown{describe_meant(value, known)}"
+            raise InputError(message, expected=", ".join(known))
     if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
         raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
     if stated.consistent and stated.units:

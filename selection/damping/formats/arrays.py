@@ -166,7 +166,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
 def _list_each(
     names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
-    """Series of arrays of which a role may have several, one a sweep; a role with one has it for all."""
+    """Series of arrays of which a role may have several, one for each sweep; a role with one has it for all."""
     count = max(len(arrays[name]) for name in names.values())
     odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
     if odd is not None:

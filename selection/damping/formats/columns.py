@@ -16,8 +16,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.series import ColumnHeader, parse_header, recognise
-from damping.records.keys import describe_nearest
-from damping.records.text import CsvRows, describe_shortened, unguarded
+from damping.records.text import CsvRows, describe_meant, describe_shortened, unguarded
 
 #: Numbers as they look with the other mark than the stated one.
 _OTHER_MARK = {
@@ -174,8 +173,7 @@ def read_columns(
     labels: list[str] | None = [] if "sweep" in places else None
     for line, row in rows:
         if len(row) != len(names):
-            expected = f"{len(names)} as in the header"
-            raise InputError(f"{len(row)} cells in the row", line=line, expected=expected)
+            raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
         for role, column in values.items():
             column.append(_number(row[places[role]], layout.decimal, line, names[places[role]]))
         if labels is not None:
@@ -268,9 +266,7 @@ def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
     if len(exact or matches) == 1:
         return (exact or matches)[0]
     names = [header.text for header in headers]
-    nearest = describe_nearest(name, names, likeness=0.5)
-    meant = f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
-    hint = "" if matches else _describe_other_delimiter(names) or meant
+    hint = "" if matches else _describe_other_delimiter(names) or describe_meant(name, names)
     message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
     raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
 

@@ -244,7 +244,7 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
             neither the file nor the user says.
     """
     if stated.labels and len(stated.labels) != len(series):
-        raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one a time history")
+        raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one for each time history")
     histories = []
     for k, row in enumerate(series):
         known = Statements(row.facts, stated, summary)

@@ -33,7 +33,7 @@ _MOST_SWEEPS = 1000
 #: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
 _TURN_IN_RADIANS = 1.5
 _RESTART = 0.5  #: another sweep begins where the frequency goes back by more than this share of its range so far ...
-_FEWEST_ROWS = 4  #: ... after so many rows at least
+_FEWEST_ROWS = 4  #: ... and the sweep so far has at least this many rows
 
 
 def to_series(
@@ -102,7 +102,6 @@ def to_series(
 
 
 def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
-    """Some rows of a series."""
     force = None if whole.force is None else whole.force[rows]
     extra = {key: column[rows] for key, column in whole.extra.items()}
     x, response = whole.abscissa[rows], whole.response[rows]
@@ -169,7 +168,7 @@ def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[
     role = cast(str, _choose_role(arrays, tuple(_TO_ABSCISSA), "abscissa", needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
-        raise InputError(f"array of {role} has the shape {values.shape}", expected="one real number a point")
+        raise InputError(f"array of {role} has the shape {values.shape}", expected="one real number for each point")
     text = units.get(role, "").lower()
     known = ABSCISSAS[role]
     if text and text not in known:

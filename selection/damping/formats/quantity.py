@@ -24,37 +24,22 @@ from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.text import describe_shortened
 
-#: Names of units: (powers of force, length, time), factor to N, m, s.
-_NAMES: dict[str, tuple[tuple[int, int, int], float]] = {
-    "1": ((0, 0, 0), 1.0),
-    "N": ((1, 0, 0), 1.0),
-    "mN": ((1, 0, 0), 1e-3),
-    "kN": ((1, 0, 0), 1e3),
-    "lb": ((1, 0, 0), POUND_FORCE_N),
-    "lbf": ((1, 0, 0), POUND_FORCE_N),
-    "kgf": ((1, 0, 0), STANDARD_GRAVITY_M_S2),
-    "m": ((0, 1, 0), 1.0),
-    "cm": ((0, 1, 0), 1e-2),
-    "mm": ((0, 1, 0), 1e-3),
-    "um": ((0, 1, 0), 1e-6),
-    "µm": ((0, 1, 0), 1e-6),  # micro sign
-    "μm": ((0, 1, 0), 1e-6),  # Greek mu
-    "nm": ((0, 1, 0), 1e-9),
-    "in": ((0, 1, 0), INCH_M),
-    "inch": ((0, 1, 0), INCH_M),
-    "mil": ((0, 1, 0), 1e-3 * INCH_M),
-    "ft": ((0, 1, 0), 12.0 * INCH_M),
-    "rad": ((0, 0, 0), 1.0),
-    "deg": ((0, 0, 0), pi / 180.0),
-    "s": ((0, 0, 1), 1.0),
-    "sec": ((0, 0, 1), 1.0),
-    "ms": ((0, 0, 1), 1e-3),
-    "us": ((0, 0, 1), 1e-6),
-    "g": ((0, 1, -2), STANDARD_GRAVITY_M_S2),
-    "gn": ((0, 1, -2), STANDARD_GRAVITY_M_S2),
-    "kg": ((1, -1, 2), 1.0),
-    "J": ((1, 1, 0), 1.0),
+#: Names of units by their powers of force, length and time, each with its factor to N, m, s.
+_SIZES: dict[tuple[int, int, int], dict[str, float]] = {
+    (0, 0, 0): {"1": 1.0, "rad": 1.0, "deg": pi / 180.0},
+    (1, 0, 0): {
+        **{"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2, "lb": POUND_FORCE_N, "lbf": POUND_FORCE_N}
+    },
+    (0, 1, 0): {
+        **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": INCH_M, "inch": INCH_M},
+        **{"mil": 1e-3 * INCH_M, "ft": 12.0 * INCH_M, "µm": 1e-6, "μm": 1e-6},  # micro sign, Greek mu
+    },
+    (0, 0, 1): {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6},
+    (0, 1, -2): {"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2},
+    (1, -1, 2): {"kg": 1.0},
+    (1, 1, 0): {"J": 1.0},
 }
+_NAMES = {name: (powers, size) for powers, sizes in _SIZES.items() for name, size in sizes.items()}
 #: A name and the power that may follow it: ^2, **2, 2, ², ^-1.
 _TERM = re.compile(r"([A-Za-zµμ]+|[0-9]+)(?:\s*(?:([²³])|(?:\^|\*\*)?\s*(-?)\s*([0-9])(?![0-9])))?")
 _LONGEST = 60  # characters of a unit; labels of UFF files have 20
@@ -64,23 +49,16 @@ _EXPECTED = "a unit such as N, lbf, m, mm, in, m/s, g, m/s^2, m/s^2/N or in/lbf"
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: its ``text``, its powers of ``force``, ``length`` and ``time``, and its size in N, m and s."""
+    """A unit: its ``text``, its ``powers`` of force, length and time, and its size in N, m and s."""
 
     text: str
-    force: int
-    length: int
-    time: int
+    powers: tuple[int, int, int]
     factor: float
-
-    @property
-    def powers(self) -> tuple[int, int, int]:
-        """Powers of force, length and time."""
-        return self.force, self.length, self.time
 
     def per(self, other: Unit) -> Unit:
         """The quotient of two units."""
         force, length, time = (a - b for a, b in zip(self.powers, other.powers, strict=True))
-        return Unit(f"({self.text})/{other.text}", force, length, time, self.factor / other.factor)
+        return Unit(f"({self.text})/{other.text}", (force, length, time), self.factor / other.factor)
 
 
 #: The two consistent systems records are written in: names of force and length; time is s, mass force s^2/length.
@@ -95,10 +73,9 @@ def unit(text: str, *, what: str = "unit") -> Unit:
             whose.
     """
     try:
-        powers, factor = _parsed(text)
+        return Unit(text.strip(), *_parsed(text))
     except (ValueError, OverflowError):
         raise InputError(f"{what} {describe_shortened(text)!r} is not understood", expected=_EXPECTED) from None
-    return Unit(text.strip(), *powers, factor)
 
 
 def _parsed(text: str) -> tuple[tuple[int, int, int], float]:

@@ -45,7 +45,6 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
 
 
 def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.DataFrame:
-    """The rows of all sweeps."""
     low, high = stated.band or (0.0, np.inf)
     count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
     if count > MOST_ROWS:
@@ -88,7 +87,7 @@ def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
     """Label of each sweep, all different."""
     if stated.labels:
         if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
-            expected = f"{len(series)} different ones, one a sweep"
+            expected = f"{len(series)} different ones, one for each sweep"
             raise InputError(f"{len(stated.labels)} labels", expected=expected)
         return list(stated.labels)
     labels: dict[str, None] = {}  # in order
@@ -106,7 +105,7 @@ def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | Non
     if not stated.forces:
         return [None] * len(series)
     if len(stated.forces) not in (1, len(series)):
-        raise InputError(f"{len(stated.forces)} forces", expected=f"1 or {len(series)}, one a sweep")
+        raise InputError(f"{len(stated.forces)} forces", expected=f"1 or {len(series)}, one for each sweep")
     if any(not (np.isfinite(force) and force > 0.0) for force in stated.forces):
         raise InputError("--force is no force amplitude", expected="numbers > 0")
     many: list[float | None] = list(stated.forces)
@@ -114,7 +113,6 @@ def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | Non
 
 
 def _tabulate_sweep(row: Series, label: str, level: float | None, known: Statements) -> pd.DataFrame:
-    """Rows of one sweep."""
     ask(known, force=level is not None or row.force is not None)
     to = conversion(known)
     frequency = np.asarray(row.abscissa, dtype=np.float64)

@@ -116,7 +116,6 @@ def _as_lines(data: bytes) -> bytes:
 
 
 def _summarise(sets: list[DataSet], others: list[int], summary: Summary) -> None:
-    """Put what the file holds into the summary."""
     for entry in sets[:_MOST_LISTED]:
         quantity = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(entry.function, f"function type {entry.function}")
@@ -179,8 +178,7 @@ def _require_one_point(responses: list[DataSet], datasets: tuple[int, ...]) -> N
     points = list(dict.fromkeys(response.place for response in responses))
     if len(points) > 1 and not datasets:
         expected = "--dataset numbers of the sweeps of one point, or damping campaign for all"
-        message = f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)"
-        raise InputError(message, expected=expected)
+        raise InputError(f"responses at {len(points)} points ({points[0]}; {points[1]}; ...)", expected=expected)
 
 
 def _series(entry: DataSet, data: bytes, summary: Summary) -> Series:

@@ -222,8 +222,7 @@ def _read_form(content: bytes, line: int) -> list[float]:
         if len(values) == 5 and len(whole) == 3 and all(whole):
             return values
     message = f"{describe_shortened(_describe_decoded(content.strip()))!r} does not describe the data"
-    expected = "ordinate data type, number of points, spacing, first abscissa, step"
-    raise InputError(message, line=line, expected=expected)
+    raise InputError(message, line=line, expected="ordinate data type, number of points, spacing, first abscissa, step")
 
 
 def _describe_text(field: bytes) -> str:

@@ -156,8 +156,7 @@ def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple
         sweep = record.of(label)
         f, F = sweep.column("frequency"), sweep.column("force")
         if not record.has_phase and len(sweep) > 1:
-            message = f"sweep {label!r} has no phases, and a frequency response is not complete without them"
-            raise AnalysisError(message)
+            raise AnalysisError(f"sweep {label!r} has no phases, and a frequency response is not complete without them")
         lag = sweep.column("phase") if record.has_phase else np.full(1, 0.5 * np.pi)
         receptance = sweep.column("amplitude") / F * np.exp(-1j * lag)
         title = " ".join(label.split())

@@ -49,7 +49,7 @@ class Contents:
         return slice(min(first, count), min(last, count))
 
     def refuse_beyond(self, shape: Any, item: int = 16) -> None:
-        """Refuse an array of that shape, of items of so many bytes, that is larger than the file warrants."""
+        """Refuse an array of that shape, its items of ``item`` bytes, that is larger than the file warrants."""
         if item * math.prod(max(int(n), 1) for n in shape) > self.most:
             raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
 
@@ -265,7 +265,6 @@ def _list(h5py: Any, group: Any, prefix: str, known: dict[str, list[int]], depth
 
 
 def _readable(h5py: Any, array: Any, name: str) -> None:
-    """Refuse what is no plain array of numbers inside the file."""
     if not isinstance(array, h5py.Dataset) or array.shape is None or "MATLAB_empty" in array.attrs:
         raise RefusedError(f"{name!r} is no array of numbers")
     if array.external or array.is_virtual:

@@ -144,7 +144,7 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    foreign = fit_foreign(known, leading, library)
+    foreign = fit_foreign(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, foreign)
     in_library = weighing.estimate_in_library(doubts, leading, known.dispersion)
     weighed = weighing.blend_probabilities(hypotheses, in_library)
@@ -227,17 +227,18 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     return known, search
 
 
-def fit_foreign(known: Setting, leading: Hypothesis, library: Mapping[str, Effect]) -> Hypothesis | None:
+def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
 
     Of several effects it may stand in the place of any.
     """
     if not leading.effects:
         return None
-    own = {name: library[name] for name in leading.effects} if len(leading.effects) > 1 else {}
-    search = Search(known.problem, {**FOREIGN, **own}, known.unknowns)
-    search.singles()
-    ranked = search.combine() if own else search.ranked()
+    own = {name: search.effects[name] for name in leading.effects} if len(leading.effects) > 1 else {}
+    fitted = {key: hypothesis for key, hypothesis in search.hypotheses.items() if key <= leading.key}
+    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted)
+    beside.singles()
+    ranked = beside.combine() if own else beside.ranked()
     return next((hypothesis for hypothesis in ranked if hypothesis.key & set(FOREIGN)), None)
 
 

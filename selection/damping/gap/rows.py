@@ -27,7 +27,7 @@ SAME_STIFFNESS = 1e-3
 
 @dataclass(frozen=True)
 class Rows:
-    """One entry a measured steady state, by sweep and within a sweep by frequency; shapes (n,) unless said.
+    """One entry for each measured steady state, by sweep and within a sweep by frequency; shapes (n,) unless said.
 
     Attributes:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
@@ -127,7 +127,7 @@ class Rows:
         return replace(self, **(chosen | changed))
 
 
-#: Fields of `Rows` with one entry a row, but for its sweep.
+#: Fields of `Rows` with one entry for each row, but for its sweep.
 BY_ROW = tuple(
     field.name for field in fields(Rows) if field.name not in ("sweep", "sweeps", "level", "has_phase", "channels")
 )

@@ -152,14 +152,16 @@ class Search:
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
-        model = Model(self.problem, (), self.unknown.first)
-        first = fit_model(model, np.zeros((1, model.size)))[0]
+        null = self.hypotheses.get(frozenset())
+        if null is None:
+            model = Model(self.problem, (), self.unknown.first)
+            null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1], 1)
+        first = null.plain
         tried = {name: list_starts(first, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
-        null = self._store((), [first], 1)
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
-            if gains[name] > _HOPELESS * (max(gains.values()) - SURE):
+            if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
                 self._extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:

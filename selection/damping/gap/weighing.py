@@ -29,16 +29,17 @@ COVER = 0.95
 TEMPERATURE_OUTSIDE = 8.0
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
-IN_LIBRARY = 1.32
-NOTHING_BLAMED = 0.89
-PER_DECADE = 0.52
-PER_MAKESHIFT = 3.07
-PER_END = 2.32
-PER_RIVAL = 1.0
+IN_LIBRARY = 1.71
+NOTHING_BLAMED = 0.36
+PER_DECADE = 0.47
+PER_MAKESHIFT = 2.16
+PER_END = 1.07
+PER_RIVAL = 0.94
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
-_MOST_RIVAL = 6.0
+#: ln of 1 + the odds of a foreign cause beyond which they say no more: 20 to 1 is as good as certain.
+_MOST_RIVAL = 3.0
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
@@ -84,7 +85,7 @@ def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], fo
     """What speaks against the first of ``hypotheses``, (4,).
 
     Decades of the smallest p-value (at most six), how much of a makeshift the effects beyond one are, best fits at the
-    end of their range, ln of 1 + the odds of a ``foreign`` cause against it (at most six). A cause that is not known
+    end of their range, ln of 1 + the odds of a ``foreign`` cause against it (at most three). A cause that is not known
     is patched up with what is: each patch pays little beside the others.
     """
     leading = hypotheses[0].hypothesis

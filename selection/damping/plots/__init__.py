@@ -74,6 +74,8 @@ MOST_LABELS = 40
 INK = "#1f2328"
 #: Texts of less weight: 5.9 to 1 against white, above the 4.5 that small text needs (WCAG 2.1).
 MUTED = "#5c6670"
+#: A label beside a bar.
+BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
 #: Lines of the grid.
 GRID = "#e3e6e9"
 #: Measured values.

@@ -47,9 +47,7 @@ def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | 
         axes.text(0.5, 0.5, "no prediction", transform=axes.transAxes, ha="center", color=look.MUTED)
         return
     A = rows["amplitude"].to_numpy(float)
-    ratio, low, high = (
-        100.0 * rows[name].to_numpy(float) for name in ("damping_ratio", "damping_ratio_low", "damping_ratio_high")
-    )
+    ratio, low, high = (100.0 * rows[f"damping_ratio{end}"].to_numpy(float) for end in ("", "_low", "_high"))
     inside = rows["tested"].to_numpy(bool)
     edge = float(A[inside].max()) if inside.any() else float(A.min())
     axes.fill_between(A, low, high, facecolor=look.PREDICTIVE, linewidth=0)
@@ -148,7 +146,7 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     """Two panels over the level: damping ratio with its band, and frequency.
 
     Args:
-        table: a row a level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
+        table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         unit: of the level.
     """
     figure = Figure(figsize=(look.WIDTH, 4.4))
@@ -214,16 +212,12 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     inside = force <= edge
     axes.plot(force[inside], band["median"][inside], color=look.AVERAGE, linewidth=2.2)
     axes.plot(force[~inside], band["median"][~inside], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED)
-    axes.plot(
-        tested["force"], tested["amplitude"], "o", color=look.MEASURED, markersize=5, mec="white", mew=0.6, zorder=5
-    )
+    axes.plot(tested["force"], tested["amplitude"], "o", color=look.MEASURED, ms=5, mec="white", mew=0.6, zorder=5)
     if len(tested) <= MOST_NAMED:
         for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
             axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", color=look.MEASURED, fontsize=7.5)
     axes.vlines(design["force"], design["low"], design["high"], color=look.AVERAGE, linewidth=1.2, zorder=4)
-    axes.plot(
-        design["force"], design["median"], "D", color="white", markeredgecolor=look.AVERAGE, markersize=5, zorder=6
-    )
+    axes.plot(design["force"], design["median"], "D", color="white", mec=look.AVERAGE, markersize=5, zorder=6)
     axes.set_xlim(force[0], force[-1])
     axes.set_ylim(0.0, _find_top(band, tested, design))
 

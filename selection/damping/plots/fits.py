@@ -14,17 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from damping import plots as look
 from damping.arrays import FloatArray
-from damping.plots import (
-    Drawing,
-    build_panel,
-    describe_short,
-    distinguish,
-    draw_plain_rows,
-    law_style,
-    plain_log,
-    styled,
-    weight_text,
-)
+from damping.plots import describe_short, draw_plain_rows, law_style, styled
 
 #: Points from which on they are drawn as one picture: a mark each would make a file many times the data.
 MANY = 5_000
@@ -41,7 +31,7 @@ def deviations_figure(
         deviation: observed - fitted (n,), in units of the response.
         percent: 100 deviation/observed (n,), NaN where there is none.
     """
-    panels = Drawing(figsize=(look.WIDTH, 4.6)).subplots(2, 1, sharex=True) if axes is None else [axes]
+    panels = look.Drawing(figsize=(look.WIDTH, 4.6)).subplots(2, 1, sharex=True) if axes is None else [axes]
     many: dict[str, Any] = {"rasterized": True, "markersize": 1.0, "alpha": 0.5} if len(x) > MANY else {}
     labels = (f"deviation of {response}", "deviation, per cent")
     for panel, values, label in zip(panels, (deviation, percent), labels, strict=False):
@@ -58,7 +48,7 @@ def deviations_figure(
 @styled
 def sweeps(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     """Draw amplitude against frequency, each sweep of a record apart."""
-    figure, panel = build_panel(4.0, "frequency (Hz)", "amplitude", axes=axes)
+    figure, panel = look.build_panel(4.0, "frequency (Hz)", "amplitude", axes=axes)
     for sweep, rows in table.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", kind="stable")
         panel.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
@@ -86,7 +76,7 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     if axes is not None:
         _draw_weights(axes, table)
         return cast(Figure, axes.figure)
-    figure = Drawing(figsize=(look.WIDTH, 0.9 + 0.21 * len(table)))
+    figure = look.Drawing(figsize=(look.WIDTH, 0.9 + 0.21 * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
     _draw_weights(weights, table)
     _draw_errors(errors, table)
@@ -101,10 +91,8 @@ def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
-        label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else weight_text(weight)
-        axes.annotate(
-            label, (weight, row), (4, 0), textcoords="offset points", va="center", fontsize=7.5, color=look.INK
-        )
+        label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else look.weight_text(weight)
+        axes.annotate(label, (weight, row), (4, 0), **look.BESIDE)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")
 
@@ -120,7 +108,7 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
     if np.isfinite(held_out).any():
         axes.plot(held_out, rows, "o", color=look.INK, markersize=5, label="level held out, root mean square")
     axes.tick_params(axis="y", labelleft=False)
-    plain_log(axes.xaxis)
+    look.plain_log(axes.xaxis)
     exact = "\n(at the edge: rounding)" if np.nanmin(columns, initial=1.0) < SMALLEST else ""
     axes.set_xlabel("error of amplitude (%)" + exact)
 
@@ -174,8 +162,7 @@ def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple
     axes.stairs(_density(prior, edges), edges, color=look.LINEAR, linewidth=1.3, baseline=None, label="prior")
     low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
     axes.vlines([low, high], 0.0, heights.max(), color=look.INK, linewidth=0.8, linestyle=(0, (3, 2)))
-    summary = f"{median:.3g}\n({low:.3g} to {high:.3g})"
-    axes.set_title(summary, fontsize=7, fontweight="normal", loc="center", pad=3)
+    axes.set_title(f"{median:.3g}\n({low:.3g} to {high:.3g})", fontsize=7, fontweight="normal", loc="center", pad=3)
     axes.set_ylim(0.0, 1.08 * heights.max())
     axes.grid(visible=False)
 
@@ -202,9 +189,8 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
     """Numbers and names on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    axes.tick_params(
-        labelbottom=bool(x_label), labelleft=bool(y_label), left=bool(y_label), labelsize=7, color=look.MUTED
-    )
+    below, beside = bool(x_label), bool(y_label)
+    axes.tick_params(labelbottom=below, labelleft=beside, left=beside, labelsize=7, color=look.MUTED)
     axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 
@@ -217,7 +203,7 @@ _COLUMNS = 3
 
 @styled
 def predictive_check(table: pd.DataFrame, level: float) -> Figure:
-    """Draw predictive intervals of resonant amplitude, in per cent of the measured: a panel a sweep, a row a law.
+    """Draw predictive intervals of resonant amplitude (per cent of the measured): a panel each sweep, a row each law.
 
     Args:
         table: ``law, sweep, median, low, high``; 100 is the measured amplitude. level: content of the intervals.
@@ -230,7 +216,7 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes in panels[len(sweeps) :]:
         axes.remove()
-    for axes, sweep, label in zip(panels, sweeps, distinguish(sweeps, 8), strict=False):
+    for axes, sweep, label in zip(panels, sweeps, look.distinguish(sweeps, 8), strict=False):
         of_sweep = table[table["sweep"] == sweep]
         draw_plain_rows(axes, [describe_short(law, _MOST_LETTERS) for law in laws])
         axes.axvline(100.0, color=look.MEASURED, linewidth=1.2)

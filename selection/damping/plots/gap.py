@@ -13,44 +13,13 @@ from matplotlib.figure import Figure
 from damping import plots as look
 from damping.plots import build_panel, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
 
-#: Title and description of each figure of a diagnosis.
-DESCRIBED = {
-    "overlay": (
-        "Measured and simulated sweeps",
-        "Amplitude and phase of every sweep over frequency: measured points; curves of the simulation as given, "
-        "refitted within its tolerance, and with the leading explanation.",
-    ),
-    "resonances": (
-        "Measured and simulated resonances",
-        "Amplitude at phase resonance over force: measured points with their standard uncertainty; curves of the "
-        "simulation as given, refitted within its tolerance, and with the leading explanation.",
-    ),
-    "residuals": (
-        "Where the simulation as given misses the test",
-        "Residual of amplitude and phase in units of noise, by sweep and frequency.",
-    ),
-    "footprint": (
-        "Footprint of the explanation",
-        "Change of predicted amplitude and phase by the explanation, in units of noise, by sweep and frequency.",
-    ),
-    "probabilities": (
-        "Probabilities of the explanations",
-        "Bars of the most probable explanations; those that together reach 0.95 stand out.",
-    ),
-    "local": (
-        "Local natural frequency and damping",
-        "Natural frequency and damping ratio that each band of amplitude of each sweep gives by itself (bars of one "
-        "standard error), with the refitted simulation, the explanation, and what a curve of free form would add to "
-        "the explanation (90 per cent band).",
-    ),
-}
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
 
 
 @styled
 def gap_map(rows: pd.DataFrame, label: str) -> Figure:
-    """Draw one coloured mark a row of the record, sweeps one below the other; ``label``: what the colour is.
+    """Draw one coloured mark for each row of the record, sweeps one below the other; ``label``: what the colour is.
 
     Args:
         rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.
@@ -97,7 +66,7 @@ def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
 
 @styled
 def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) -> Figure:
-    """Draw one pair of panels a sweep: amplitude above phase, over frequency.
+    """Draw one pair of panels for each sweep: amplitude above phase, over frequency.
 
     Args:
         measured: ``sweep, frequency (Hz), amplitude, phase (rad, NaN where none), wild`` (left out of the fit).
@@ -136,9 +105,7 @@ def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: 
     ax.set_visible(True)
     _draw_models(ax, curves, "frequency", quantity)
     regular, wild = points[~points["wild"]], points[points["wild"]]
-    ax.plot(
-        regular["frequency"], regular[quantity], "o", color=look.MEASURED, markersize=2.6, label="measured", zorder=3
-    )
+    ax.plot(regular["frequency"], regular[quantity], "o", color=look.MEASURED, ms=2.6, label="measured", zorder=3)
     ax.plot(wild["frequency"], wild[quantity], "x", color=look.AVERAGE, markersize=4, zorder=3)
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
@@ -211,7 +178,7 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
 
 @styled
 def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
-    """Draw one bar an explanation, most probable on top.
+    """Draw one bar for each explanation, most probable on top.
 
     Args:
         table: ``explanation, probability, listed`` (among those that together reach 0.95).
@@ -220,8 +187,7 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
     draw_plain_rows(ax, table["explanation"].tolist())
     colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": look.INK}
     for row, probability in enumerate(table["probability"].tolist()):
-        ax.annotate(weight_text(probability), (probability, row), (4, 0), **beside)
+        ax.annotate(weight_text(probability), (probability, row), (4, 0), **look.BESIDE)
     ax.set_xlim(0.0, 1.12)
     return figure

@@ -7,7 +7,6 @@ explains is not looked for again.
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -55,8 +54,8 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
 class Audit:
     """Findings of a record, those that refuse first, and what its sweeps imply.
 
-    ``implied``: a row a sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``, ``damping_ratio``,
-    ``phase_offset`` (rad); NaN where a sweep does not show it.
+    ``implied``: one row for each sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``,
+    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show it.
     """
 
     findings: tuple[Finding, ...]
@@ -70,7 +69,7 @@ class Audit:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row a finding: ``check, verdict, what, advice, sweeps``."""
+        """One row for each finding: ``check, verdict, what, advice, sweeps``."""
         columns = list(Finding.__dataclass_fields__)
         return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
 
@@ -80,12 +79,6 @@ class Audit:
         implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
         return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
 
-    def refusing(self, despite: Collection[str] = ()) -> tuple[Finding, ...]:
-        """The findings that refuse, but for the checks named in ``despite``."""
-        return tuple(
-            finding for finding in self.findings if finding.verdict == "refuse" and finding.check not in despite
-        )
-
     def require(self, despite: Collection[str] = ()) -> None:
         """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
 
@@ -93,20 +86,17 @@ class Audit:
             InputError: ``despite`` names no check.
         """
         require_checks(despite)
-        for finding in self.refusing(despite):
-            raise Refused(f"{finding}, or --despite {finding.check}")
+        for finding in self.findings:
+            if finding.verdict == "refuse" and finding.check not in despite:
+                raise Refused(f"{finding}, or --despite {finding.check}")
 
     def __str__(self) -> str:
         return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{finding.check}</td><td>{finding.verdict}</td><td>{html.escape(finding.what)}</td>"
-            f"<td>{html.escape(finding.advice)}</td><td>{html.escape(', '.join(finding.sweeps))}</td></tr>"
-            for finding in self.findings
-        )
-        head = "<tr><th>check</th><th>verdict</th><th>what</th><th>advice</th><th>sweeps</th></tr>"
-        table = f"<table>{head}{rows}</table>" if rows else ""
+        found = self.table.assign(sweeps=[", ".join(finding.sweeps) for finding in self.findings])
+        with pd.option_context("display.max_colwidth", None):
+            table = found.to_html(index=False, border=0) if self.findings else ""
         return f"<p>Audit: <b>{self.verdict}</b></p>{table}{self.implied.to_html(index=False)}"
 
 

@@ -199,7 +199,7 @@ def check_repeats(view: View) -> Finding | None:
     return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
 
 
-COPY = 2e-4  #: proportional rows are a copy where their ratio is constant to so many parts: six digits, rounded
+COPY = 2e-4  #: proportional rows are a copy where their ratio is constant to this share: six digits, rounded
 NOISE_OF_COPY = 5.0  #: and where the noise of their rows is larger than that by this factor
 
 

@@ -197,7 +197,7 @@ def check_phase_sign(view: View) -> Finding | None:
 
 #: A constant offset is one beyond this, rad, in the mean and in most sweeps: phase meters are good to 2 degrees.
 OFFSET = 0.04
-OFFSET_ERRORS = 3.0  #: it is one beyond so many standard errors, too
+OFFSET_ERRORS = 3.0  #: and it is at least this many standard errors
 
 
 def check_phase_offset(view: View) -> Finding | None:

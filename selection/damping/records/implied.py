@@ -135,9 +135,8 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     columns = np.column_stack([x * x, x, np.ones_like(x), -squared * x, -squared])
     for _ in range(_REWEIGHED):
         size = np.linalg.norm(columns * weight[:, np.newaxis], axis=0)
-        top2, top1, top0, low1, low0 = (
-            np.linalg.lstsq(columns * (weight[:, np.newaxis] / size), squared * x * x * weight)[0] / size
-        )
+        scaled = columns * (weight[:, np.newaxis] / size)
+        top2, top1, top0, low1, low0 = np.linalg.lstsq(scaled, squared * x * x * weight)[0] / size
         below = x * x + low1 * x + low0
         weight = 1.0 / (squared * np.maximum(np.abs(below), 1e-300))
     if top2 <= 0.0 or low1 == top1 / top2:
@@ -150,7 +149,7 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
 INCOHERENT = 0.5
 SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which they are no curve
 MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a few modes; degrees pass 180
-CERTAIN = 4.0  #: a mean sine of the phase is below 0 where it is so many standard errors
+CERTAIN = 4.0  #: standard errors below 0 from which a mean sine of the phase counts as negative
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:
@@ -183,10 +182,10 @@ def classify_phase(turn: Implied) -> str:
 
 #: Rows of at least this share of the largest A/F show a rate of sweeping; beyond, the response beats after its peak.
 NEAR = 0.35
-#: Slopes of the phase are taken over a row on either side, and one more for every so many rows of a run.
+#: Slopes of the phase are taken over a row on either side, and one more for each further group of this many rows.
 ROWS_A_SIDE = 30
 FREE_ROWS = 8  #: fewest rows of all runs, beside those that the fit takes
-CERTAIN_RATE = 8.0  #: a rate is one where it is so many standard errors ...
+CERTAIN_RATE = 8.0  #: a rate is believed from this many standard errors on, where it ...
 OF_STEADY = 0.35  #: ... leaves at most this share of the squares that no rate leaves
 OF_SPRING = 0.6  #: ... and this share of those that a spring leaves whose stiffness changes with amplitude
 
@@ -205,8 +204,7 @@ def sense_rate(runs: Sequence[Run]) -> float | None:
     count = len(real) - linear.shape[1] - 1
     if count < FREE_ROWS:
         return None
-    swept = np.column_stack([linear, slope])
-    solution, left, spread = _solve(swept, real)
+    solution, left, spread = _solve(np.column_stack([linear, slope]), real)
     steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
     error = spread * np.sqrt(left / count)
     certain = abs(solution[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent

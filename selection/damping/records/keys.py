@@ -5,18 +5,17 @@ TOML tables that know their file: each key is checked for name, type and range, 
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from damping.errors import InputError, naming
+from damping.errors import InputError, list_nearest, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
@@ -39,11 +38,6 @@ BLANK_COLUMNS = ("mass", "amplitude_3", "phase_3", "amplitude_y", "phase_y", "ad
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50
 LARGEST = 1e50
-
-
-def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
-    """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
-    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
 
 
 #: What is in the columns of a record that hold numbers > 0, and in those that hold numbers >= 0.
@@ -105,8 +99,7 @@ def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
             if place is None:
                 raise InputError(f"not TOML: {reason}") from None
             line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-            message = f"not TOML: {reason[: place.start()].strip()}"
-            raise InputError(message, line=line, column=place[2]) from None
+            raise InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2]) from None
         except RecursionError:
             raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
 
@@ -125,17 +118,22 @@ class TomlTable:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                expected = f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
-                raise self.error(key, f"unknown key{where}", expected)
+                raise self.error(key, f"unknown key{where}", list_nearest(key, known))
 
-    def table(self, key: str, *, required: bool = False, expected: str = "a table") -> TomlTable:
-        """The table under ``key``, empty where there is none unless it is ``required``; ``expected`` says what of."""
+    def table(self, key: str, *known: str, required: bool = False, expected: str = "a table") -> TomlTable:
+        """The table under ``key``, with no keys but those ``known`` where these are given.
+
+        It is empty where there is none unless it is ``required``; ``expected`` says what of.
+        """
         if required and key not in self.values:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, f"is {_describe_kind(value)}", expected)
-        return TomlTable(value, (*self.path, key), self.file, self.content)
+        table = TomlTable(value, (*self.path, key), self.file, self.content)
+        if known:
+            table.only(*known)
+        return table
 
     def text(self, key: str, *, default: str) -> str:
         """The text under ``key``, or ``default``."""
@@ -213,7 +211,6 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
 
 
 def _describe_kind(value: object) -> str:
-    """What a TOML value is, in words."""
     kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 
@@ -254,7 +251,7 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
     expected = (written or {}).get(key)
     if kind == "extra_forbidden":
         known = _find_schema(schema, loc[:-1]).model_fields
-        message, expected = "unknown key", f"{describe_nearest(key, known)} (nearest of {', '.join(known)})"
+        message, expected = "unknown key", list_nearest(key, known)
     elif kind == "missing":
         is_table = expected is not None or _find_schema(schema, loc) is not _find_schema(schema, loc[:-1])
         message = f"missing {'table' if is_table else 'key'}"

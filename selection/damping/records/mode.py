@@ -115,40 +115,33 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect that is out of
     the bounds of its shape.
     """
-    values = _checked(read_toml(path, max_size), Path(path).stem)
-    return Mode(**values, source=str(path))
+    return Mode(**_checked(read_toml(path, max_size), Path(path).stem), source=str(path))
 
 
 def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
     top.only("mode", "repeatability", "units", "rig", "damping", "effects")
-    mode = top.table("mode", required=True)
-    mode.only("name", "frequency", "mass", "drive", "tolerance")
+    mode = top.table("mode", "name", "frequency", "mass", "drive", "tolerance", required=True)
     drive = mode.text("drive", default="force")
     if drive not in DRIVES:
         raise mode.error("drive", f"is {drive!r}", '"force" or "base"')
-    units, tolerance, repeatability = top.table("units"), mode.table("tolerance"), top.table("repeatability")
-    units.only("force", "length", "time")
-    tolerance.only("frequency", "mass", "viscous", "from_record")
-    repeatability.only("amplitude", "frequency")
-    damping, others = top.table("damping"), top.table("effects")
-    damping.only(*forces.CATALOGUE)
-    others.only(*effects.CATALOGUE)
-    default = Tolerance()
+    units = top.table("units", "force", "length", "time")
+    tolerance = mode.table("tolerance", *vars(Tolerance()))
+    repeatability = top.table("repeatability", "amplitude", "frequency")
+    damping, others = top.table("damping", *forces.CATALOGUE), top.table("effects", *effects.CATALOGUE)
+    sizes = ("frequency", "mass", "viscous")
     return {
         "name": mode.text("name", default=name),
         "frequency": mode.number("frequency", above=0.0),
         "mass": mode.number("mass", above=0.0, default=1.0 if drive == "base" else None),
         "drive": drive,
         "tolerance": Tolerance(
-            frequency=tolerance.number("frequency", default=default.frequency, least=0.0),
-            mass=tolerance.number("mass", default=default.mass, least=0.0),
-            viscous=tolerance.number("viscous", default=default.viscous, least=0.0),
+            **{key: tolerance.number(key, default=getattr(Tolerance, key), least=0.0) for key in sizes},
             from_record=tolerance.truth("from_record"),
         ),
         "repeatability": Repeatability(**{key: repeatability.number(key, least=0.0) for key in repeatability.values}),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
-        "rig": _rig(top.table("rig")),
+        "rig": _rig(top.table("rig", "planes", "force", "rate")),
         "damping": {name: _force(damping, name) for name in damping.values},
         "effects": {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values},
     }
@@ -164,7 +157,6 @@ def _as_written(value: Any) -> Any:
 
 
 def _rig(table: TomlTable) -> Rig:
-    table.only("planes", "force", "rate")
     planes = table.number("planes", default=0.0, least=0.0, below=3.0) or None
     force = table.text("force", default="")
     if planes not in (None, 1.0, 2.0):

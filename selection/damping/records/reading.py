@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
-from damping.errors import InputError, naming
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, describe_nearest
+from damping.errors import InputError, describe_nearest, naming
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
 from damping.records.record import Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, describe_shortened, read_bytes, unguarded
 
@@ -217,14 +217,21 @@ def _describe_wrong(cell: str) -> str:
     return f"{describe_shortened(text)!r} is not a finite number written with the digits 0-9"
 
 
+def require_column(
+    table: pd.DataFrame, name: str, file: str | Path | None = None, line: int | None = None, why: str = ""
+) -> None:
+    """InputError for a column that is not there; ``file`` and ``line`` of the header, ``why`` it is needed."""
+    if name not in table.columns:
+        expected = f"{describe_nearest(name, map(str, table.columns))} or another column"
+        raise InputError(f"no column {name!r}{why}", file=file, line=line, expected=expected)
+
+
 def require_numbers(
     table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
 ) -> None:
     """InputError for the first column that is missing, or holds what is no finite number; those of ``text`` may."""
     for name in names:
-        if name not in table.columns:
-            hint = describe_nearest(name, map(str, table.columns))
-            raise InputError(f"no column {name!r}", file=source, expected=f"{hint} or another column")
+        require_column(table, name, source)
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))

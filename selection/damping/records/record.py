@@ -21,10 +21,9 @@ from damping.records.keys import (
     OPTIONAL_COLUMNS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
-    describe_nearest,
     record_schema,
 )
-from damping.records.text import describe_shortened, guarded
+from damping.records.text import describe_meant, describe_shortened, guarded
 
 
 @dataclass(frozen=True)
@@ -152,11 +151,10 @@ def require_columns(
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    nearest = describe_nearest(missing[0], names, likeness=0.6)
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         hint = " (the header is separated by semicolons or tabs)"
     else:
-        hint = f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
+        hint = describe_meant(missing[0], names, likeness=0.6)
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 

@@ -103,9 +103,7 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
     """
     rows = table.index.to_numpy(dtype=np.int64)
-    force, frequency, amplitude = (
-        table[name].to_numpy(dtype=np.float64) for name in ("force", "frequency", "amplitude")
-    )
+    force, frequency, amplitude = (table[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
     offset = 0.0
     if len(rows) > 1 and "phase" in table.columns:
         phase = table["phase"].to_numpy(dtype=np.float64)
@@ -187,9 +185,8 @@ def _at_resonance(
     if near.sum() >= ROWS_FOR_FIT and cotangent[near].min() < 0.0 < cotangent[near].max():
         F, f, compliance = _fitted(cotangent[near], cosecant[near], columns[near])
     else:
-        nearest = np.where(
-            cosine[:-1] * cosine[1:] <= 0.0, np.minimum(*np.abs([cotangent[:-1], cotangent[1:]])), np.inf
-        )
+        passes = cosine[:-1] * cosine[1:] <= 0.0
+        nearest = np.where(passes, np.minimum(*np.abs([cotangent[:-1], cotangent[1:]])), np.inf)
         i = int(np.argmin(nearest))
         if nearest[i] > NEIGHBOUR:
             return None

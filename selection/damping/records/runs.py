@@ -15,9 +15,9 @@ from damping.records.record import Record
 
 FEWEST_ROWS = 4  #: fewest rows of a run that can show a resonance
 PROMINENCE = 1.4  #: a further peak stands out by this factor of A/F
-NOISE_BESIDE_PEAK = 5.0  #: and by so many standard deviations of the noise
+NOISE_BESIDE_PEAK = 5.0  #: and by at least this many standard deviations of the noise
 FALL = 0.05  #: a maximum of A/F is a resonance where A/F falls on either side by this share
-NOISE_BESIDE_FALL = 4.0  #: and by so many standard deviations of the noise
+NOISE_BESIDE_FALL = 4.0  #: and by at least this many standard deviations of the noise
 #: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
 SHORT_OF_PEAK = 1.3
 NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent

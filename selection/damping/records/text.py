@@ -5,10 +5,10 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from damping.errors import InputError
+from damping.errors import InputError, describe_nearest
 
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
@@ -79,6 +79,12 @@ def describe_shortened(text: str, length: int = 30) -> str:
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
+def describe_meant(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
+    """A hint for a message at the known name most like ``name``; empty where none is."""
+    nearest = describe_nearest(name, known, likeness=likeness)
+    return f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
+
+
 def guarded(text: str) -> str:
     """``text`` with an apostrophe before it if a spreadsheet might execute it: if it begins with = + - @, tab or CR.
 
@@ -106,8 +112,7 @@ class CsvRows:
     def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:
         self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
-        blanks = delimiter == " "
-        self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=blanks)
+        self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " ")
         self._broken: InputError | None = None
         self._size = self._start = 0
         self.problem: InputError | None = None
@@ -154,7 +159,6 @@ class CsvRows:
     def _unreadable(self, reason: str) -> InputError:
         line = self._start
         if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
-            quote = InputError("a quote that is opened and never closed", line=line, expected='"..."')
-            return self._broken or quote
+            return self._broken or InputError("a quote that is opened and never closed", line=line, expected='"..."')
         separated = "by commas" if self._delimiter == "," else "as stated"
         return InputError(f"not CSV: {reason}", line=line, expected=f"cells separated {separated}")

@@ -99,9 +99,7 @@ class View:
             others = np.arange(len(single)) != k
             if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
                 continue  # no line holds so far beyond the other levels: friction sticks, joints open
-            line = (
-                np.polyfit(x[others], y[others], 1) if np.ptp(x[others]) > 0.05 else np.array([0.0, y[others].mean()])
-            )
+            line = np.polyfit(x[others], y[others], 1 if np.ptp(x[others]) > 0.05 else 0)
             left = y - np.polyval(line, x)
             if abs(left[k]) > log(WILD) and np.abs(left[others]).max() < 0.2 * abs(left[k]):
                 return {int(run.rows[0]): run.sweep}
@@ -185,7 +183,7 @@ class View:
 
     @cached_property
     def implied(self) -> pd.DataFrame:
-        """A row a sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
+        """One row for each sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
         table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
         for leg in self.legs:

@@ -158,8 +158,7 @@ def one_term_fits(design: Design) -> list[Fit]:
     The order is that of |T| and of R^2 about zero, which are one: T^2 = (n - 1) R^2/(1 - R^2). AnalysisError if a
     column is zero at every observation.
     """
-    fits = [fit(design.take([i])) for i in range(design.k)]
-    return sorted(fits, key=lambda single: single.sse)
+    return sorted([fit(design.take([i])) for i in range(design.k)], key=lambda single: single.sse)
 
 
 Form = Literal["velocity-power", "displacement-velocity-power"]

@@ -257,7 +257,7 @@ def _open(
     order = np.argsort(costs, axis=1, kind="stable")
     costs, alone, droppable = (np.take_along_axis(part, order, axis=1) for part in (costs, alone, droppable))
     costs = np.where(droppable, costs, 0.0)
-    # of the positions before a child's own, so many more dropped: the fewest terms left, and what they cost at least
+    # of the positions before a child's own, how many more are dropped: the fewest terms left, their least cost
     more = np.cumsum(droppable, axis=1) - droppable
     sizes = np.maximum(stay.sum(axis=1)[:, None] + droppable.sum(axis=1)[:, None] - 1 - more, 1)
     spent = np.cumsum(costs, axis=1) - costs

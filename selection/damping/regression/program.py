@@ -65,16 +65,15 @@ def deviations_of(fit: Fit) -> Deviations:
 
 
 def break_down(deviations: Deviations) -> pd.DataFrame:
-    """A row a band of percent deviation, low <= |percent| < high (item i): ``low, high, number, percent`` of all.
+    """One row for each band low <= |percent deviation| < high (item i): ``low, high, number, percent`` of all.
 
     The last band is open; observations of 0, which have no percent, are in none.
     """
     edges = (0.0, *BANDS, np.inf)
     size = np.abs(deviations.percent)
     numbers = np.array([((size >= low) & (size < high)).sum() for low, high in pairwise(edges)])
-    return pd.DataFrame(
-        {"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": 100.0 * numbers / len(size)}
-    )
+    share = 100.0 * numbers / len(size)
+    return pd.DataFrame({"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": share})
 
 
 def sum_up(fit: Fit) -> dict[str, float]:
@@ -153,7 +152,6 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
 
 
 def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tuple[Fit | None, tuple[str, ...]]:
-    """The plane, or why there is none."""
     terms = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
     try:
         return fit(design_of(columns, response, terms)), ()
@@ -181,7 +179,7 @@ Form = dict[str, Any]
 
 
 def tabulate_terms(fit: Fit) -> pd.DataFrame:
-    """A row a term: ``name, coefficient, std_error, t_ratio, p_value``."""
+    """One row for each term: ``name, coefficient, std_error, t_ratio, p_value``."""
     numbers = {"coefficient": fit.coefficients, "std_error": fit.std_errors, "t_ratio": fit.t_ratios}
     return pd.DataFrame({"name": fit.names, **numbers, "p_value": fit.p_values})
 

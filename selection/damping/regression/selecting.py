@@ -212,7 +212,7 @@ def _with_zeros(fitted: Fit | None, free: IntArray, design: Design, basis: Basis
 
 
 _STATISTICS = ("std_errors", "t_ratios", "p_values")
-#: Of so many terms every subset is listed, best first; of more the best ones.
+#: Most terms of which every subset is listed, best first; of more, the best ones.
 _MOST_TERMS_LISTED = 9
 _BEST_LISTED = 20
 METHODS = ("none", *DIRECTIONS, "best")

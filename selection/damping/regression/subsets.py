@@ -22,10 +22,10 @@ from damping.regression.criteria import NAMES, Criteria, check_criterion, criter
 from damping.regression.design import Basis, Design, decompose
 from damping.regression.leaps import Proof, search
 
-#: Of so many terms and no more every subset is fitted (2^22 models take a minute).
+#: Most terms of which every subset is fitted (2^22 models take a minute).
 MOST_TERMS = 22
-_BLOCK = 9  # a block of 2^9 subsets fits a processor's cache; and at most so many leverages
-_BLOCK_SIZE = 2e6
+_BLOCK = 9  # a block of 2^9 subsets fits a processor's cache
+_BLOCK_SIZE = 2e6  # leverages of a block, at most
 
 _PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 

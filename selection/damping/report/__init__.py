@@ -56,7 +56,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: SupportsFloat, digits: int = 3) -> str:
-    """``value`` with so many significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
+    """``value`` with ``digits`` significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
@@ -81,7 +81,7 @@ def describe_written(value: Any) -> str:
 
 
 def format_decimals(value: float, digits: int) -> str:
-    """``value`` with so many decimals, a dash where there is none."""
+    """``value`` with ``digits`` decimals, a dash where there is none."""
     return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
 
 
@@ -205,9 +205,8 @@ def format_dimension_text(dimension: Dimension, units: Units) -> str:
     both = any(plain[base] and raised[base] for base in names)
     if both or sum(map(bool, raised.values())) < 2:
         signs = {base: (raised[base] or plain[base]) for base in names}
-        return _format_quotient(
-            {names[base]: (sign, _format_raised(plain[base], raised[base])) for base, sign in signs.items()}
-        )
+        powers = {base: _format_raised(plain[base], raised[base]) for base in names}
+        return _format_quotient({names[base]: (sign, powers[base]) for base, sign in signs.items()})
     free = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in raised.items()})
     fixed = _format_quotient({names[base]: (power, _format_power(abs(power))) for base, power in plain.items()})
     return f"{fixed}·({free})^p" if fixed else f"({free})^p"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,9 +117,8 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
 def _draw_ranking(result: RecordResult) -> Drawn:
     table = forms.tabulate_candidates(result.ranking).head(MOST_BARS)
     best = table[table["weight"] > 0.0].head(3)
-    weights = words.format_joined(
-        f"{law} {words.format_share(weight)}" for law, weight in zip(best["law"], best["weight"], strict=True)
-    )
+    laws = zip(best["law"], best["weight"], strict=True)
+    weights = words.format_joined(f"{law} {words.format_share(weight)}" for law, weight in laws)
     description = (
         f"Bars of the weight of the first {len(table)} candidate laws, beside their error at the tested resonances, "
         f"fitted and with the level held out. Largest weights: {weights}."
@@ -185,40 +185,25 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A value that follows the slider: ``name`` in ``texts``, what it is, and its text at the start."""
-
-    name: str
-    what: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Explorer(FigureBlock):
     """A figure of design loads: the force moves, and the band with it, from predictions made beforehand.
 
     Attributes:
-        name: an id on the page. data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null
-            and a dash where no prediction is given. start: position of the slider. jumps: positions of the design
-            forces with their text. shown: what stands beside the slider.
+        name: an id on the page. level: content of the bands, such as ``90 %``.
+        data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
+            prediction is given. jumps: positions of the design forces with their text, ascending; the last is shown.
     """
 
     name: str
+    level: str
     data: dict[str, Any]
-    start: int
     jumps: tuple[tuple[int, str], ...]
-    shown: tuple[Shown, ...]
-
-    @property
-    def last(self) -> int:
-        """The last position of the slider."""
-        return len(self.data["force"]) - 1
 
 
-def build_loads_figure(result: RecordResult, svgs: Svgs, slider: bool) -> dict[str, Block]:
-    """The figure of a record's design loads by its file, with its slider; nothing without figure or slider."""
+def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
+    """The figure of a record's design loads with its slider, by its file; nothing where there is no such figure."""
     stem = describe_file_stem(result, "design_loads")
-    if not slider or stem not in svgs or result.bands is None or result.design is None:
+    if stem not in svgs or result.bands is None or result.design is None:
         return {}
     table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)
     # a design force keeps the numbers of the table of design loads, whatever the grid says there
@@ -226,37 +211,16 @@ def build_loads_figure(result: RecordResult, svgs: Svgs, slider: bool) -> dict[s
     factor, length = words.choose_length(result.mode.units.length, table["median"].max())
     table[list(_DRAWN[1:])] *= factor
     force, unit = table["force"].to_numpy(float), result.mode.units.force
-    positions = [int(np.flatnonzero(force == f)[0]) for f in result.design.force]
-    texts = _write_texts(table, unit, length)
+    positions = {int(np.flatnonzero(force == f)[0]) for f in result.design.force}
+    jumps = tuple((i, words.format_force_text(force[i], unit)) for i in sorted(positions))
     numbers = {name: [float(f"{x:.5g}") if np.isfinite(x) else None for x in table[name]] for name in _DRAWN}
-    start = max(positions)
-    level = f"{100 * result.bands.level:g} %"
-    explorer = Explorer(
-        svgs[stem],
-        "",
-        name=stem,
-        data={**numbers, "texts": texts},
-        start=start,
-        jumps=tuple((i, words.format_force_text(force[i], unit)) for i in sorted(set(positions))),
-        shown=tuple(Shown(name, what.format(level=level), texts[name][start]) for name, what in _WHAT.items()),
-    )
-    return {stem: explorer}
+    data = {**numbers, "texts": _write_texts(table, unit, length)}
+    return {stem: Explorer(svgs[stem], "", stem, f"{100 * result.bands.level:g} %", data, jumps)}
 
 
-_WHAT = {
-    "force": "design force",
-    "ratio": "times the largest tested force",
-    "median": "expected (median)",
-    "predictive": "{level} predictive: the next test",
-    "credible": "{level} credible: the law's own",
-    "linear": "linear prediction",
-    "over": "linear over median, and its {level} interval",
-}
-
-
-def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[str, list[str]]:
+def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[Hashable, list[str]]:
     """What the page says at each force, written as in the tables; a dash where no prediction is given."""
-    texts: dict[str, list[str]] = {name: [] for name in _WHAT}
+    texts = []
     for row in table.to_dict("records"):
         over, low, high = (words.format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
         said = {
@@ -270,6 +234,5 @@ def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict
         said["force"] = words.format_quantity(row["force"], force_unit, 4)
         said["ratio"] = words.number(row["extrapolation_ratio"])
         said["linear"] = words.format_quantity(row["linear"], length_unit)
-        for name, text in said.items():
-            texts[name].append(text)
-    return texts
+        texts.append(said)
+    return pd.DataFrame(texts).to_dict("list")

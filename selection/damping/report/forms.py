@@ -41,7 +41,7 @@ def list_mode_cautions(data: Observations, mode: Mode) -> list[str]:
 
 
 def tabulate_tested(data: Observations) -> pd.DataFrame:
-    """A row a sweep at its resonance: ``sweep, points, force, frequency`` (Hz)``, amplitude``."""
+    """One row for each sweep, at its resonance: ``sweep, points, force, frequency`` (Hz)``, amplitude``."""
     return pd.DataFrame(
         {
             "sweep": data.sweeps,
@@ -54,7 +54,7 @@ def tabulate_tested(data: Observations) -> pd.DataFrame:
 
 
 def tabulate_candidates(ranking: Ranking) -> pd.DataFrame:
-    """A row a candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
+    """One row for each candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
     rows = [
         {
             "rank": candidate.rank,
@@ -100,7 +100,7 @@ def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
 
 
 def _build_forces(candidate: Candidate) -> list[Form]:
-    """One entry a force; its shape parameters are nested by name."""
+    """One entry for each force; its shape parameters are nested by name."""
     entries: list[Form] = []
     for c in candidate.coefficients:
         numbers = {"std_error": c.std_error, "t_ratio": c.t_ratio, "low": c.low, "high": c.high}
@@ -120,7 +120,7 @@ _PART = "sd_percent_"
 
 
 def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
-    """A row a force (or amplitude, where these were asked) with the keys of ``loads/1``: averaged over models.
+    """One row for each force (or amplitude, where these were asked) with the keys of ``loads/1``: averaged over models.
 
     The linear prediction stands beside; with ``curve`` the frequency and the damping ratio there.
     """
@@ -146,7 +146,7 @@ _CURVE_COLUMNS = [f"{name}{end}" for name in ("frequency", "damping_ratio") for 
 
 
 def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
-    """A row a law and force."""
+    """One row for each law and force."""
     parts = [
         pd.DataFrame(
             {"law": band.name, "weight": band.weight, "force": loads.force}
@@ -226,7 +226,7 @@ def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
 
 
 def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
-    """A row an explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
+    """One row for each explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
     return pd.DataFrame(
         {
             "effects": [" + ".join(e.effects) or "none" for e in diagnosis.explanations],

@@ -152,38 +152,34 @@ def _describe_percent(value: float | None) -> str:
 
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
-    from damping.plots import Drawn  # noqa: PLC0415 - matplotlib, which the sentences do not need
-    from damping.plots.gap import (  # noqa: PLC0415 - as above
-        DESCRIBED,
-        gap_local,
-        gap_map,
-        gap_overlay,
-        gap_probabilities,
-        gap_resonances,
-    )
+    from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
 
-    leading, length = diagnosis.leading.best, diagnosis.mode.units.length
+    leading, units = diagnosis.leading.best, diagnosis.mode.units
     rows = leading.model.problem.rows
+    measured = _tabulate_measured(leading)
     if rows.at_resonance:
-        predicted = _tabulate_resonance(leading)
-        drawn = gap_resonances(_tabulate_measured(leading), predicted, diagnosis.mode.units.force, length)
-        overlay = Drawn(drawn, *DESCRIBED["resonances"])
+        overlay = gap.gap_resonances(measured, _tabulate_resonance(leading), units.force, units.length)
     else:
-        drawn = gap_overlay(_tabulate_measured(leading), _tabulate_predicted(leading), length)
-        overlay = Drawn(drawn, *DESCRIBED["overlay"])
-    figures = {"residuals": gap_map(_map(rows, by_quantity(rows, nominal_residuals(leading))), "residual (sigma)")}
+        overlay = gap.gap_overlay(measured, _tabulate_predicted(leading), units.length)
+    figures = {"overlay": overlay}
+    residuals = by_quantity(rows, nominal_residuals(leading))
+    figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
     if leading.model.parts:
-        figures["footprint"] = gap_map(_map(rows, footprint(leading)), "change (sigma)")
+        figures["footprint"] = gap.gap_map(_map(rows, footprint(leading)), "change (sigma)")
     if len(diagnosis.hypotheses) > 1:
-        figures["probabilities"] = gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
+        figures["probabilities"] = gap.gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
     if diagnosis.local:
         estimates = pd.DataFrame([vars(estimate) for estimate in diagnosis.local])
-        figures["local"] = gap_local(estimates, _tabulate_local_curves(leading, rows), length)
-    return {"overlay": overlay} | {name: Drawn(figure, *DESCRIBED[name]) for name, figure in figures.items()}
+        figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows), units.length)
+    sections = write_sections(Path(__file__).with_name("gap_figures.txt"), {})
+    described = {section.id: (section.title, *_list_sentences(section.blocks[0])) for section in sections}
+    if rows.at_resonance:
+        described["overlay"] = described["resonances"]
+    return {name: Drawn(figure, *described[name]) for name, figure in figures.items()}
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
-    """A row an explanation that was fitted, most probable first: ``explanation, probability, log_evidence, listed``.
+    """One row for each fitted explanation, most probable first: ``explanation, probability, log_evidence, listed``.
 
     Listed are those that together reach 0.95.
     """
@@ -223,7 +219,6 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
 
 
 def _locate(rows: Rows) -> dict[str, Any]:
-    """Sweep and frequency of each row."""
     return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
 
 

@@ -19,7 +19,7 @@ from damping.extrapolation.prediction import PARTS, Loads
 from damping.ranking import Candidate
 from damping.records.resonance import number_levels
 from damping.report import tables
-from damping.report.figures import build_loads_figure
+from damping.report.figures import build_loads_explorer
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
 from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, find_largest
 
@@ -41,8 +41,8 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
         parts[f"{result.name}-laws"] = _tabulate_laws(result)
         if result.design is not None:
             parts |= _tabulate_loads(result, result.design)
-            # the figure of the first has a slider
-            parts |= build_loads_figure(result, svgs, slider=result is asked[0])
+    if asked:  # the figure of the first has a slider
+        parts |= build_loads_explorer(asked[0], svgs)
     values = {
         "records": records,
         "several": len(records) > 1,

@@ -6,6 +6,7 @@ Above the fold of each screen stands what is decided on (:mod:`damping.report.sc
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -17,21 +18,9 @@ from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking import INTERVAL
-from damping.report import forms, tables
+from damping.report import forms, page, tables
 from damping.report.figures import leading, record_figures
-from damping.report.page import (
-    Block,
-    FigureBlock,
-    Fold,
-    Footer,
-    List,
-    Section,
-    Table,
-    Text,
-    render_page,
-    take_parts,
-    write_blocks,
-)
+from damping.report.page import Block, Fold, Section, Table, write_blocks
 from damping.report.results import (
     RecordResult,
     StudyResult,
@@ -68,10 +57,10 @@ def render(study: StudyResult) -> Rendered:
     for exhibit in study.exhibits:
         figures |= exhibit.figures
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
-    footer = Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
+    footer = page.Footer(seed=study.seed, versions=study.versions, inputs=study.inputs)
     further_pages = [page for exhibit in study.exhibits for page in exhibit.pages]
-    pages = {page.file: render_page(page.title, page.sections, footer) for page in further_pages}
-    return Rendered(render_page(study.title, sections, footer), tables, figures, pages)
+    pages = {own.file: page.render_page(own.title, own.sections, footer) for own in further_pages}
+    return Rendered(page.render_page(study.title, sections, footer), tables, figures, pages)
 
 
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
@@ -81,13 +70,13 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
         for result in study.records
     ]
     folds += [Fold("Every caution", build_cautions(study)), Fold("Method", _build_method(study))]
-    text = Text("Data, every law with its coefficients, posteriors and their convergence, all cautions and the method.")
-    return Section("details", "What this rests on", [text, *folds])
+    holds = "Data, every law with its coefficients, posteriors and their convergence, all cautions and the method."
+    return Section("details", "What this rests on", [page.Text(holds), *folds])
 
 
 #: Points that the page shows of a longer record, the first.
 MOST_POINTS = 60
-#: A table of deviations has a column for each of so many points, not of more.
+#: Most points for each of which a table of deviations has a column.
 MOST_COLUMNS = 24
 
 
@@ -107,8 +96,8 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
         for name, table in shown.items()
     }
     stems = {f"{name}-figure": describe_file_stem(result, name) for name in ("ranking", "corner", "predictive_check")}
-    parts |= {name: FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
-    parts["notes"] = List(notes, numbered=True)
+    parts |= {name: page.FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
+    parts["notes"] = page.List(notes, numbered=True)
     units = result.mode.units
     mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
     values = {
@@ -132,7 +121,7 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
         "left_out": list(dict.fromkeys(checks["unit_left_out"])) if result.posteriors else [],
         "level": 100 * design.level if design else None,
     }
-    return write_blocks(Path(__file__).with_name("details.txt"), values, take_parts(parts))
+    return write_blocks(Path(__file__).with_name("details.txt"), values, page.take_parts(parts))
 
 
 def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str, Table]:
@@ -148,7 +137,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats = {"weight": words.format_share, "score": lambda value: words.format_decimals(value, 1)}
+    formats: dict[str, page.Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
@@ -161,7 +150,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
-    """A row a law, a column a point; for many points the mean and the largest only."""
+    """One row for each law, one column for each point; for many points the mean and the largest only."""
     deviations = tables.tabulate_deviations(result)
     by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
     table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})
@@ -177,9 +166,7 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
     columns = ["law", "weight", "chain", "steps", "elpd_loo", "elpd_standard_error", "p_loo", "largest_pareto_k"]
     columns += ["predictive_p_value", "caution"]
     names = {"elpd_loo": "PSIS-LOO", "elpd_standard_error": "its error", "largest_pareto_k": "largest k"}
-    formats = {"weight": words.format_share} | dict.fromkeys(
-        columns[4:9], lambda value: words.format_decimals(value, 2)
-    )
+    formats = {"weight": words.format_share} | dict.fromkeys(columns[4:9], partial(words.format_decimals, digits=2))
     intervals = tables.tabulate_posteriors(result)
     numbers = dict.fromkeys(intervals.select_dtypes("float").columns, words.number) | {"weight": words.format_share}
     convergence = tables.tabulate_convergence(result)
@@ -207,8 +194,8 @@ def _build_method(study: StudyResult) -> list[Block]:
         "content": 100 * INTERVAL,
         "level": 100 * study.level,
     }
-    text = Path(__file__).with_name("method.txt")
-    return write_blocks(text, values, take_parts({"laws": _tabulate_forces(study)}))
+    laws = page.take_parts({"laws": _tabulate_forces(study)})
+    return write_blocks(Path(__file__).with_name("method.txt"), values, laws)
 
 
 def _tabulate_forces(study: StudyResult) -> Table:

@@ -90,7 +90,7 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:
-    """A row a sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
+    """One row for each sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
     rows = [
         {
             "law": sampled.law.name,
@@ -111,7 +111,7 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
-    """A row a sampled law and reported quantity."""
+    """One row for each sampled law and reported quantity."""
     rows = [
         {"law": sampled.law.name, "quantity": d.name, **{name: getattr(d, name) for name in _CONVERGENCE}}
         for sampled in result.posteriors
@@ -129,7 +129,7 @@ _FILE_NAMES = {
 
 
 def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
-    """A row a force, as the files of a study name the columns; empty without loads."""
+    """One row for each force, as the files of a study name the columns; empty without loads."""
     if loads is None:
         return pd.DataFrame()
     table = forms.tabulate_loads(loads)
@@ -137,7 +137,7 @@ def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
 
 
 def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
-    """A row a model, a column a force: median and predictive interval."""
+    """One row for each model, one column for each force: median and predictive interval."""
     columns = {"model": [band.name for band in design.by_model]}
     for i, force in enumerate(design.force):
         columns[f"at {words.format_force_text(force, unit)}"] = [
@@ -148,7 +148,7 @@ def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
 
 
 def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
-    """A row a form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
+    """One row for each form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
     rows = []
     for law in result.power_laws:
         low, median, high = _posterior_exponent(result, law.form)
@@ -233,7 +233,7 @@ def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float
 
 
 def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """Amplitude and damping at the design forces as the page says them: a row a force, texts but ``times tested``."""
+    """Amplitude and damping at each design force as the page says them, one row each; texts but ``times tested``."""
     units, curve = result.mode.units, result.design_curve
     table = pd.DataFrame(
         {
@@ -256,15 +256,14 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     table["damping ratio"] = [words.format_percent_ratio(value) for value in ratio.median]
     table["low end"] = [words.format_percent_ratio(value) for value in ratio.low]
     table["frequency"] = [words.format_quantity(value, "Hz", 4) for value in frequency]
-    gravities = [
-        words.format_gravity(a, f, units.length) for a, f in zip(design.average.median, frequency, strict=True)
-    ]
+    motions = zip(design.average.median, frequency, strict=True)
+    gravities = [words.format_gravity(amplitude, hertz, units.length) for amplitude, hertz in motions]
     if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table
 
 
 def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """What the band is made of: a row a force, a column a part, standard deviations in per cent of amplitude."""
+    """What the band is made of: one row for each force, one column for each part (sd, per cent of amplitude)."""
     force = [words.format_force_text(force, result.mode.units.force) for force in design.force]
     return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})

@@ -15,24 +15,10 @@ from math import radians
 import numpy as np
 import pandas as pd
 
+from damping import signals
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError
-from damping.signals import (
-    NodeMode,
-    PrincipalPlanes,
-    branch,
-    damping_roots,
-    displacement,
-    identify_r2_over_i,
-    input_energy,
-    modal_amplitude,
-    modal_force,
-    modal_phase,
-    nearest_root,
-    node_correction,
-    plane_motion,
-    yaw_displacement,
-)
+from damping.signals import NodeMode
 from damping.signals.description import Description
 
 
@@ -109,7 +95,7 @@ def to_displacements(table: pd.DataFrame, raw: pd.DataFrame, description: Descri
         force = _column(table, "force") if sensor.per_force else np.ones(len(table))
         reading = _column(table, sensor.name)
         as_acceleration = {"acceleration": reading, "velocity": reading * omega, "displacement": reading * omega**2}
-        moved[sensor.name] = displacement(as_acceleration[sensor.quantity], omega, force, sensor.unit)
+        moved[sensor.name] = signals.displacement(as_acceleration[sensor.quantity], omega, force, sensor.unit)
     return _step("displacement", "section 3.1, Table 3.I", table, table.assign(**moved))
 
 
@@ -119,7 +105,7 @@ def to_yaw(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> 
     The ratio of the tip's accelerations is that of its displacements, as both are at one frequency.
     """
     readings = {n.name: (n.tip_yaw, n.tip_pitch, n.pitch) for n in description.yaw}
-    yaw = {name: yaw_displacement(*(_column(table, c) for c in columns)) for name, columns in readings.items()}
+    yaw = {name: signals.yaw_displacement(*(_column(table, c) for c in columns)) for name, columns in readings.items()}
     return _step("yaw from pitch", "Eq. 3.1.1", table, table.assign(**yaw))
 
 
@@ -155,12 +141,11 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
     r2_over_i = rigid.r2_over_i
     if r2_over_i is None:
         C_t = raw.loc[table.index, rigid.identify_from].to_numpy(float)
-        r2_over_i = identify_r2_over_i(mode, others, F, omega, omega_r, C_t)
+        r2_over_i = signals.identify_r2_over_i(mode, others, F, omega, omega_r, C_t)
         if not r2_over_i > 0.0 and description.mode.phi_drive is None:  # force and node at one place
             raise AnalysisError(f"R^2/I identified from column {rigid.identify_from} is {r2_over_i:.3g}, not positive")
-    part = node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
-    constants = {"r2_over_i": r2_over_i}
-    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, constants)
+    part = signals.node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
+    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, {"r2_over_i": r2_over_i})
 
 
 def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
@@ -174,7 +159,7 @@ def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     for named, other in zip(description.modes, others, strict=True):
         if omega.min() <= other.omega <= omega.max():
             raise AnalysisError(f"mode {named.name!r} lies inside the swept frequencies: it cannot be removed undamped")
-    correction = node_correction(mode, others, F, omega)
+    correction = signals.node_correction(mode, others, F, omega)
     parts = {f"mode {m.name}": part for m, part in zip(description.modes, correction.adjacent, strict=True)}
     return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
 
@@ -189,7 +174,7 @@ def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
 def to_modal_force(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """F_e = phi F (Eqs. 2.2.3, 3.1.11); a negative phi at the drive turns the phase by pi."""
     phi = description.mode.drive
-    after = table.assign(force=modal_force(_column(table, "force"), abs(phi)))
+    after = table.assign(force=signals.modal_force(_column(table, "force"), abs(phi)))
     if phi < 0.0 and "phase" in after:
         after["phase"] = _lag(_column(table, "phase") + np.pi)
     return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, after)
@@ -207,22 +192,22 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     principal = description.principal
     assert principal is not None  # the chain comes here only with one
     omega_p, omega_y = (description.units.rad_s * f for f in (principal.frequency_pitch, principal.frequency_yaw))
-    planes = PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
+    planes = signals.PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
     F, omega = _column(table, "force"), _column(table, "omega")
-    energy = np.asarray(input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
+    energy = np.asarray(signals.input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
     rows = zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)
-    points = [damping_roots(planes, *row) for row in rows]
+    points = [signals.damping_roots(planes, *row) for row in rows]
     if principal.xi is None:
-        xi = branch(points, 0 if principal.branch == "low" else -1, principal.largest)
+        xi = signals.branch(points, 0 if principal.branch == "low" else -1, principal.largest)
     else:  # that is, branch "near"
-        xi = np.array([nearest_root(point.roots[point.roots < principal.largest], principal.xi) for point in points])
+        roots = [point.roots[point.roots < principal.largest] for point in points]
+        xi = np.array([signals.nearest_root(own, principal.xi) for own in roots])
     kept = np.isfinite(xi)
     if not kept.any():
         raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
-    motion = plane_motion(planes, F, omega, xi)
-    after = table.drop(columns="phase").assign(
-        force=F * np.cos(planes.theta), amplitude=motion.A_p, energy=motion.E_p, xi=xi
-    )
+    motion = signals.plane_motion(planes, F, omega, xi)
+    pitch = F * np.cos(planes.theta)
+    after = table.drop(columns="phase").assign(force=pitch, amplitude=motion.A_p, energy=motion.E_p, xi=xi)
     removed = {"yaw amplitude": np.asarray(motion.A_y), "yaw energy": np.asarray(motion.E_y), "input energy": energy}
     return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
 
@@ -258,8 +243,9 @@ def _in_phase(
     """Corrections added in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); removed is their opposite."""
     A, phi = _column(table, "amplitude"), _column(table, "phase")
     C_t = np.sum(list(parts.values()), axis=0)
-    after_phi = modal_phase(A, phi, C_t, 1.0)
-    after = table.assign(amplitude=modal_amplitude(A, phi, C_t, 1.0, after_phi), phase=_lag(np.asarray(after_phi)))
+    after_phi = signals.modal_phase(A, phi, C_t, 1.0)
+    amplitude = signals.modal_amplitude(A, phi, C_t, 1.0, after_phi)
+    after = table.assign(amplitude=amplitude, phase=_lag(np.asarray(after_phi)))
     return _step(name, equation, table, after, {part: -C for part, C in parts.items()}, constants)
 
 
@@ -271,9 +257,8 @@ def _step(
     removed: Mapping[str, FloatArray] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> ConditioningStep:
-    return ConditioningStep(
-        name, equation, before, after, pd.DataFrame(removed or {}, index=before.index), constants or {}
-    )
+    parts = pd.DataFrame(removed or {}, index=before.index)
+    return ConditioningStep(name, equation, before, after, parts, constants or {})
 
 
 def _column(table: pd.DataFrame, name: str) -> FloatArray:

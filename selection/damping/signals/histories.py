@@ -17,8 +17,9 @@ any length takes the memory of its longest block.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -190,7 +191,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
             row = _fit_window(kept, drive, window, step, start)
             first += HOP
             if row is not None and rows and abs(row.frequency / anchor - 1.0) < SAME_FREQUENCY:
-                rows[-1] = replace(row, is_dwell=True)
+                rows[-1] = row._replace(is_dwell=True)
             elif row is not None:
                 rows, anchor = [*rows, row], row.frequency
         if not first and kept.size > MOST_KEPT:
@@ -199,12 +200,9 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         kept, start = kept[:, used:], start + used
     if not rows:
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
-    time, frequency, rate, drives = (
-        np.array([getattr(row, name) for row in rows]) for name in ("time", "frequency", "rate", "drive")
-    )
-    response, third, sd = (np.array([getattr(row, name) for row in rows]).T for name in ("response", "third", "sd"))
-    rate = np.where([row.is_dwell for row in rows], rate, _smooth_rate(time, frequency, rate))
-    return TrackedSine(frequency, rate, time, drives, response, third, sd)
+    frequency, rate, time, size, response, third, sd, dwells = (np.array(values) for values in zip(*rows, strict=True))
+    rate = np.where(dwells, rate, _smooth_rate(time, frequency, rate))
+    return TrackedSine(frequency, rate, time, size, response.T, third.T, sd.T)
 
 
 def _find_crossings(x: FloatArray) -> FloatArray:
@@ -219,13 +217,12 @@ def _find_crossings(x: FloatArray) -> FloatArray:
     return np.asarray(k + x[k] / (x[k] - x[k + 1]))
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A row: ``time`` in s, frequency, rate, drive, responses, thirds, their sd; ``is_dwell``: of several windows."""
+class _Row(NamedTuple):
+    """A row of a ``TrackedSine``; ``is_dwell``: of several windows."""
 
-    time: float
     frequency: float
     rate: float
+    time: float
     drive: float
     response: ComplexArray
     third: ComplexArray
@@ -260,9 +257,8 @@ def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, s
     sd = np.std(left, axis=1) * np.sqrt(2.0 / (b - a))
     frequency, rate = theta[1] / (2.0 * pi * long), theta[2] / (pi * long**2)
     size = float(abs(amplitudes[drive, 0]))
-    return _Row(
-        start * step + middle * step, frequency, rate, size, amplitudes[others, 0], amplitudes[others, 2], sd[others]
-    )
+    time = start * step + middle * step
+    return _Row(frequency, rate, time, size, amplitudes[others, 0], amplitudes[others, 2], sd[others])
 
 
 def _fit_real(basis: ComplexArray, samples: FloatArray) -> tuple[ComplexArray, FloatArray]:

@@ -13,7 +13,7 @@ correlated, which a record does not say either. Near a point without a damping f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,8 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.records.keys import TomlTable, describe_nearest, locate, read_schema, read_toml
-from damping.records.reading import read_table, require_numbers
+from damping.records.keys import TomlTable, locate, read_schema, read_toml
+from damping.records.reading import read_table, require_column, require_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
@@ -120,7 +120,8 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
     labels = [d.raw.sweep] if d.raw.sweep else []
     text = [*labels, *(name for name in d.raw.keep if name not in d.columns)]
     table = read_table(path, required=[*d.columns, *labels], text_columns=text, max_size=max_size)
-    _require_kept(table, d.raw.keep, "to keep", path)
+    for name in d.raw.keep:
+        require_column(table, name, path, line=1, why=" to keep")
     problem = _find_out_of_range(table, d)
     if problem is not None:
         row, name, expected = problem
@@ -137,22 +138,14 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     """
     d = description
     require_numbers(table, d.columns)
-    _require_kept(table, [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep])
+    for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
+        require_column(table, name)
     raw = table.reset_index(drop=True)
     problem = _find_out_of_range(raw, d)
     if problem is not None:
         row, name, expected = problem
         raise InputError(f"{raw[name].iloc[row]:g} in row {row}", column=name, expected=expected)
     return raw
-
-
-def _require_kept(table: pd.DataFrame, names: Sequence[str], why: str = "", file: Path | None = None) -> None:
-    """InputError for a column that is not there."""
-    for name in names:
-        if name not in table.columns:
-            hint = describe_nearest(name, map(str, table.columns))
-            message, line = f"no column {name!r} {why}".rstrip(), None if file is None else 1
-            raise InputError(message, file=file, line=line, expected=f"{hint} or another column")
 
 
 def _find_out_of_range(table: pd.DataFrame, description: Description) -> tuple[int, str, str] | None:

@@ -31,12 +31,12 @@ from damping.signals.histories import Window, even_times, flat_window, noise_bes
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
 LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
-ABOVE_NOISE = 10.0  #: a level is kept where the amplitude is so many times the noise
+ABOVE_NOISE = 10.0  #: least amplitude of a level that is kept, over the noise
 LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
 MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
 WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
 LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
-LARGEST_LOSS = 1.1  #: a loss of the start is said where the motion was so many times larger
+LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
 
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
@@ -70,19 +70,6 @@ class Decay:
         names = ("force", "frequency", "amplitude", "amplitude_sd", "force_sd", "time", "damping_ratio")
         labels = [f"{label} {k + 1:02d}" for k in range(len(self.time))]
         return pd.DataFrame({"sweep": labels, **{name: getattr(self, name) for name in names}})
-
-
-@dataclass(frozen=True)
-class _Level:
-    """One level: middle ``t``, ``A``, ``omega``, ``delta``; standard errors of ln A and delta; bend of ln A."""
-
-    t: float
-    A: float
-    omega: float
-    delta: float
-    sd_logarithm: float
-    sd_delta: float
-    bend: float
 
 
 def ring_down(
@@ -119,9 +106,8 @@ def ring_down(
     dt = float(t[1] - t[0])
     window = flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
-        raise AnalysisError(
-            f"the record has {len(x) * dt * frequency:.3g} periods, of which {2 * periods:g} are needed"
-        )
+        has = len(x) * dt * frequency
+        raise AnalysisError(f"the record has {has:.3g} periods, of which {2 * periods:g} are needed")
     x = x - np.mean(x)
     z = window.analytic(x)
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
@@ -165,23 +151,29 @@ def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
 
 def _levels(
     t: FloatArray, z: ComplexArray, levels: int, window: Window, noise: float, order: int
-) -> tuple[list[_Level], list[str]]:
-    """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them."""
+) -> tuple[pd.DataFrame, list[str]]:
+    """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them.
+
+    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, standard errors of ln A and delta, ``bend`` of ln A.
+    """
     while True:
         edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
-        levels_cut = [_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)]
-        kept, notes = _kept(levels_cut)
-        if 2 * len(kept) >= len(levels_cut) or levels == 1:
+        cut = pd.DataFrame([_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)], columns=_LEVEL)
+        kept, notes = _kept(cut)
+        if 2 * len(kept) >= len(cut) or levels == 1:
             break
         levels //= 2
-    if not kept:
+    if kept.empty:
         raise AnalysisError("; ".join(["no level of the decay can be used", *notes]))
     if len(edges) > levels:
         notes.append(f"the decay after {t[edges[-1]]:.4g} s is not used: it is cut into {levels} levels")
     return kept, notes
 
 
-def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> _Level:
+_LEVEL = ("t", "A", "omega", "delta", "sd_logarithm", "sd_delta", "bend")
+
+
+def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
     """Parabolas through ln |z| and the phase; errors from the noise, or from what they leave if that is more."""
     middle, long = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
     u = (t - middle) / long
@@ -190,41 +182,35 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     left = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
     s = complex(fit[1]) / long
     size = float(np.exp(fit[0].real))
+    A = size / abs(window.gain(s)) / abs(s) ** order
     sd = max(noise / _MEDIAN / size, float(left)) / np.sqrt(max(long / window.correlation, 1.0))
-    return _Level(
-        t=float(middle),
-        A=size / abs(window.gain(s)) / abs(s) ** order,
-        omega=s.imag,
-        delta=-s.real,
-        sd_logarithm=float(1.5 * sd),  # the middle of a parabola: sqrt(9/4) of that of a mean
-        sd_delta=float(sd * np.sqrt(12.0) / long),
-        bend=float(abs(fit[2].real) * (0.5 * window.length / long) ** 2),
-    )
+    sd_logarithm = float(1.5 * sd)  # the middle of a parabola: sqrt(9/4) of that of a mean
+    bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
+    return float(middle), A, s.imag, -s.real, sd_logarithm, float(sd * np.sqrt(12.0) / long), bend
 
 
-def _kept(levels: list[_Level]) -> tuple[list[_Level], list[str]]:
+def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Levels whose slope is known, up to the first at which the window would smear the decay."""
     notes = []
-    known = [level for level in levels if level.delta > 0.0 and level.sd_delta <= WORST_SLOPE * level.delta]
-    if len(known) < len(levels):
-        notes.append(
-            f"{len(levels) - len(known)} of {len(levels)} levels left out: their decay is not told from the noise"
-        )
-    bent = next((k for k, level in enumerate(known) if level.bend > LARGEST_BEND), len(known))
-    kept = known[:bent]
-    if bent < len(known):
-        notes.append(f"at amplitude {known[bent].A:.4g} and below the decay changes too much within the window")
-    return kept, notes
+    known = levels[(levels["delta"] > 0.0) & (levels["sd_delta"] <= WORST_SLOPE * levels["delta"])]
+    hidden = len(levels) - len(known)
+    if hidden:
+        notes.append(f"{hidden} of {len(levels)} levels left out: their decay is not told from the noise")
+    bent = np.flatnonzero(known["bend"] > LARGEST_BEND)
+    if not len(bent):
+        return known, notes
+    first = float(known["A"].iloc[bent[0]])
+    notes.append(f"at amplitude {first:.4g} and below the decay changes too much within the window")
+    return known.iloc[: bent[0]], notes
 
 
-def _decay(kept: list[_Level], mass: float, noise: float, notes: list[str]) -> Decay:
-    A, omega, delta = (np.array([getattr(level, name) for level in kept]) for name in ("A", "omega", "delta"))
-    sd, sd_delta = (np.array([getattr(level, name) for level in kept]) for name in ("sd_logarithm", "sd_delta"))
+def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> Decay:
+    time, A, omega, delta, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
     resonant = np.sqrt(omega**2 + delta**2)
     change = np.gradient(omega, np.log(A)) if len(A) > 1 else np.zeros(1)
     force = 2.0 * mass * delta * A * (resonant + 0.5 * change)
     return Decay(
-        time=np.array([level.t for level in kept]),
+        time=time,
         amplitude=A,
         frequency=resonant / RAD_S_PER_HZ,
         decay_rate=delta,
