@@ -58,7 +58,7 @@ FREQUENCY_SCATTER = 3e-4
 STEADY = 1.3
 #: Standard deviation of the ln of a slope that is left to a joint about to let go, far beyond the test, each time that
 #: it is twice, three times as probable as before. Where the levels leave less, strays are wider.
-LETS_GO = 0.6
+LETS_GO = 0.45
 #: Fall over loss of such a joint. Below, slip has only begun, and in proportion less is left; above, most of the joint
 #: has let go before. The slopes of joints of ``damping calibrate`` from one to four times the tested force say so.
 FALLS_AT_GO = (0.5, 1.0)
