@@ -84,11 +84,11 @@ def campaign(
             help="Design level in the drive's unit, or a table of frequency and level; repeat. Default: twice the top.",
         ),
     ] = NONE,
-    modes: Annotated[str | None, Option(metavar="F1,F2,...", help="Their frequencies, Hz; else looked for.")] = None,
+    modes: Annotated[str | None, Option(metavar="F1,F2,...", help="Frequencies of modes, Hz; else looked for.")] = None,
     correct: Annotated[
         Path | None, Option(metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated.")
     ] = None,
-    limit: Annotated[list[str], Option(metavar="SENSOR=VALUE", help="Largest reading, for the notch; repeat.")] = NONE,
+    limit: Annotated[list[str], Option(metavar="SENSOR=VALUE", help="Most allowed: gives the notch; repeat.")] = NONE,
     previous: Annotated[
         Path | None, Option(metavar="campaign.json", help="The answer before these runs: held against them.")
     ] = None,
@@ -118,7 +118,7 @@ def import_(
     consistent: Annotated[
         bool, Option("--consistent", help="All values are of one system of units: take them as they are.")
     ] = False,
-    scale: Annotated[list[str], Option(metavar="WHAT=X", help="Sensitivity of force or response; repeat.")] = NONE,
+    scale: Annotated[list[str], Option(metavar="WHAT=X", help="Factor of force or response; repeat.")] = NONE,
     to: Annotated[str, Option(metavar="si|us", help="Units of the record: N and m, or lbf and in.")] = "si",
     force: Annotated[list[float], Option(metavar="F", help="Force amplitude: one, or one for each sweep.")] = NONE,
     label: Annotated[list[str], Option(metavar="L", help="Label of each sweep.")] = NONE,
@@ -160,7 +160,7 @@ def export(
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode that names the units of the record.")] = None,
     mode_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the converted mode here.")] = None,
     text: Annotated[bool, Option("--text", help="Values of a universal file as text, not bytes.")] = False,
-    to: Annotated[str | None, Option(metavar="CODE", help="For nastran, abaqus, ansys, opensees or openfast.")] = None,
+    to: Annotated[str | None, Option(metavar="CODE", help="Deck: nastran, abaqus, ansys, opensees, openfast.")] = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Records, rankings and loads to other formats and units; damping to a structural code."""
@@ -221,7 +221,7 @@ def fleet(
         Path, Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
     ],
     out: Annotated[Path, Option(metavar="DIR", help="Where results go; what is there is not redone.")],
-    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="A Dask scheduler; else a local one.")] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="A running Dask scheduler; else local.")] = None,
     fast: Annotated[bool, Option("--fast", help="few importance draws.")] = False,
     workers: Annotated[
         int | None, Option(min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: none, one by one.")
@@ -231,8 +231,8 @@ def fleet(
     ] = NONE,
     level: Level = 0.9,
     seed: Seed = DEFAULT_SEED,
-    dashboard: Annotated[str, Option(metavar="HOST:PORT", help="Of the local cluster; or: off.")] = "127.0.0.1:8787",
-    replace: Annotated[bool, Option("--replace", help="Drop results of other records, settings or versions.")] = False,
+    dashboard: Annotated[str, Option(metavar="HOST:PORT", help="Dask's dashboard; or: off.")] = "127.0.0.1:8787",
+    replace: Annotated[bool, Option("--replace", help="Drop what DIR has of other records, versions.")] = False,
     time_limit: Annotated[float, Option(metavar="SECONDS", help="Give a record up that takes longer.")] = 3600.0,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,

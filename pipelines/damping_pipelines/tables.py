@@ -28,6 +28,7 @@ from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
+from damping.regression.selecting import Choice
 from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
@@ -80,6 +81,7 @@ def run_regress(
     InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
     AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
+    Choice(choice["select"], choice["criterion"], choice["nonnegative"], choice["t_stop"])  # refused before any reading
     parsed = [parse_terms(curve) for curve in curves]
     wanted = response.strip()
     if not wanted:

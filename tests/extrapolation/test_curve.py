@@ -116,11 +116,19 @@ def record_of(force, amplitude, omega) -> dp.Record:
     return dp.Record(pd.DataFrame({**rows, "frequency": omega / (2.0 * np.pi)}))
 
 
-def test_mass_is_that_of_the_rows(peaks):
+def test_mass_is_that_of_the_rows_and_what_was_added_is_taken_off(peaks):
     amplitude = resonant_amplitude(Viscous(0.12), FORCE, OMEGA_N)
     record = record_of(FORCE, amplitude, np.full(3, OMEGA_N))
     mode = dp.Mode(name="m", frequency=OMEGA_N / (2.0 * np.pi), mass=M)
     np.testing.assert_allclose(find_backbone(record, mode).mass, M, rtol=1e-12)
+    # the last sweep with a quarter of the mass added, at the frequency that follows: the backbone is the bare one's
+    table = record.table
+    last = table["sweep"] == table["sweep"].iloc[-1]
+    slowed = table.assign(
+        added_mass=np.where(last, 0.25 * M, 0.0), frequency=table["frequency"] / np.where(last, np.sqrt(1.25), 1.0)
+    )
+    bare = find_backbone(dp.Record(slowed), mode)
+    np.testing.assert_allclose(bare.omega, find_backbone(record, mode).omega, rtol=1e-12)
     heavy = dp.Record(record.table.assign(mass=2.0 * M))
     traced = trace_loads(known(FORCE, amplitude), find_backbone(heavy, mode), peaks(amplitude, FORCE, OMEGA_N))
     np.testing.assert_allclose(traced.damping_ratio.median, 0.12 / (4.0 * M * OMEGA_N), rtol=1e-9)

@@ -208,6 +208,13 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
     for name in ("two_beams", "two_beams:nothing", "no_module:frame"):
         done = damping("gap", "model.toml", "record.csv", "--simulator", name)
         assert (done.code, done.out) == (2, "")
+    (tmp_path / "positional.py").write_text(
+        "def plate(force, frequency, mass=(2.0, 0.05)):\n    return force, frequency\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    done = damping("gap", "model.toml", "record.csv", "--simulator", "positional:plate")
+    assert (done.code, done.out) == (2, "")
+    assert "by position" in done.err
 
 
 def test_a_state_without_its_record(damping, case):

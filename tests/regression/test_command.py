@@ -243,6 +243,11 @@ def test_bad_usage(run: Run, shoe: Path, case: str) -> None:
     assert len(err.splitlines()) == 1
 
 
+def test_an_option_is_refused_before_any_table_is_read(run: Run, tmp_path: Path) -> None:
+    _, _, err = run(tmp_path / "no.csv", "--response", "y", "--terms", "x", "--criterion", "press")
+    assert "press" in err
+
+
 FILES = {
     "missing": (None, "no such file"),
     "empty": (b"", "empty"),

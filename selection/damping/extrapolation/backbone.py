@@ -139,6 +139,7 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
 
     The mass is that of the record's rows, else the mode's, known to its tolerance. Of a structure shaken at its base
     neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
+    Frequencies are those of the structure without ``added_mass``, whose stiffness is the same.
 
     Args:
         implied: what the audit says of each sweep (:attr:`damping.records.Audit.implied`).
@@ -153,9 +154,12 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
         if len(known) == 0:
             raise InputError("no sweep shows the participation", file=record.source, expected="sweeps with phases")
         mass, sd = np.full(len(resonances), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
+    omega = RAD_S_PER_HZ * resonances["frequency"].to_numpy(float)
+    if "added_mass" in record.table.columns:
+        omega *= np.sqrt(1.0 + np.nan_to_num(record.column("added_mass"))[resonances["row"].to_numpy()] / mass)
     return Backbone(
         amplitude=resonances["amplitude"].to_numpy(float),
-        omega=RAD_S_PER_HZ * resonances["frequency"].to_numpy(float),
+        omega=omega,
         mass=mass,
         mass_sd=sd,
         scatter=mode.repeatability.frequency or 0.0,

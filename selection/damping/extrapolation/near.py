@@ -160,22 +160,19 @@ def _change(p: FloatArray, slope: FloatArray, variance: FloatArray) -> float:
     return float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:])))
 
 
-def level_masses(data: Observations, mode: Mode) -> FloatArray:
-    """Generalized mass at each level's resonance, (levels,): the record's own where it has one, and what was added.
-
-    Where the mode was taken from the record (``from_record``) the record's masses are estimates of one and the same.
-    """
-    mass = np.full(len(data.sweeps), mode.mass)
-    if data.tested_mass is not None and not mode.tolerance.from_record:
-        mass = np.where(np.isnan(data.tested_mass), mass, data.tested_mass)
-    return mass if data.added_mass is None else mass + np.nan_to_num(data.added_mass)
-
-
 def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:
-    """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips."""
-    mass = level_masses(data, mode)
-    tested = (data.tested_amplitude, data.tested_force, data.tested_omega)
-    return describe_bistability(data, mass), find_joint(*tested, mass, mode.tolerance.mass)
+    """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips.
+
+    Mass that was added is known. Masses that the record gives of its sweeps err by the mode's tolerance each; where
+    the mode was taken from the record (``from_record``) they are estimates of one and the same, which is the mode's.
+    """
+    error, tested = mode.tolerance.mass, (data.tested_amplitude, data.tested_force, data.tested_omega)
+    mass = np.full(len(data.sweeps), mode.mass) + (0.0 if data.added_mass is None else np.nan_to_num(data.added_mass))
+    bistable = describe_bistability(data, mass)
+    if data.tested_mass is None or mode.tolerance.from_record:
+        return bistable, find_joint(*tested, mass, error)
+    own = np.where(np.isnan(data.tested_mass), mode.mass, data.tested_mass)
+    return bistable, find_joint(*tested, mass - mode.mass + own, error, apart=error)
 
 
 def describe_bistability(data: Observations, mass: FloatArray) -> str:

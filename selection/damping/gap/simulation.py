@@ -135,6 +135,11 @@ class Simulator:
             InputError: another signature.
         """
         parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        if len(signature(function).parameters) > len(parameters) + 2:
+            raise InputError(
+                "the simulator takes more than force and frequency by position",
+                expected="its parameters behind a star: def simulate(force, frequency, *, mass=(2.0, 0.05))",
+            )
         values, tolerances = {}, {}
         for parameter in parameters:
             pair = parameter.default

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import expit, softmax
 
 from damping.arrays import FloatArray
-from damping.effects import FOREIGN
+from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
@@ -109,9 +109,11 @@ def describe_foreign(leading: Hypothesis, foreign: Hypothesis | None) -> list[st
     """The caution where a cause that has no name in the library is at least as probable as the leading explanation."""
     if foreign is None or foreign.log_posterior < leading.log_posterior:
         return []
-    cause = " with ".join(FOREIGN[name].sentence for name in foreign.effects if name in FOREIGN)
+    cause = " with ".join(({**CATALOGUE, **FOREIGN})[name].sentence for name in foreign.effects)
     odds = foreign.log_posterior - leading.log_posterior
-    return [f"{cause} explains the record as well (log odds {odds:.1f}), and has no name in the library"]
+    well = "better" if odds > _MOST_RIVAL else "as well"
+    beside = f"log odds {odds:.1f} against {' + '.join(leading.effects)}"
+    return [f"{cause} explains the record {well} ({beside}), and has no name in the library"]
 
 
 def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:

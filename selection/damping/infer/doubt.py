@@ -126,14 +126,15 @@ def nonlinearity(p: FloatArray) -> FloatArray:
 
 
 def find_joint(
-    amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float
+    amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float, apart: float = 0.0
 ) -> JointEvidence:
     """Whether what dissipates slips, from the resonances of the levels and their masses, (levels,) each.
 
     f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
     s its error, by the scatter about the line, ``FREQUENCY_SCATTER`` and the relative ``tolerance`` of a mass common
-    to all levels. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2), of all else f = N(0, b^2 + s^2), with
-    a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. Nothing is known where every level has the same frequency or amplitude.
+    to all levels and ``apart``, that of each level's mass by itself. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2), of
+    all else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. Nothing is known where every level
+    has the same frequency or amplitude.
     """
     x = amplitude - amplitude.mean()
     spread = float(x @ x)
@@ -144,8 +145,8 @@ def find_joint(
     stiffness = (mass * omega**2 - mass[top] * omega[top] ** 2) * per_loss
     slope, of_mass = np.array([stiffness, tolerance * mass * (omega**2 - omega[top] ** 2) * per_loss]) @ x / spread
     left = stiffness - stiffness.mean() - slope * x
-    of_frequency = 2.0 * mass[top] * omega[top] ** 2 * per_loss * FREQUENCY_SCATTER
-    variance = (of_frequency**2 + left @ left) / max(len(x) - 1, 1)
+    of_level = mass[top] * omega[top] ** 2 * per_loss * np.hypot(2.0 * FREQUENCY_SCATTER, apart)
+    variance = (of_level**2 + left @ left) / max(len(x) - 1, 1)
     fall, error = -slope * np.ptp(x), np.hypot(np.sqrt(variance / spread), of_mass) * np.ptp(x)
     other = np.hypot(OTHER_FALLS, error)
     joint = np.hypot(JOINT_FALL, other)

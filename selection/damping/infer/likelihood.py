@@ -155,6 +155,7 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
 
     Args:
         nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
+            Where they are not finite the result is NaN.
     """
     root = np.sqrt(hh).T
     s, points = root.shape

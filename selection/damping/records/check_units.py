@@ -101,7 +101,7 @@ def check_units(view: View) -> Finding | None:
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
     wrong = not bent and not participates and is_other_unit(ratio)
-    impossible = not LEAST_RATIO < zeta < LARGEST_RATIO
+    impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
     participation = f"a participation of {1.0 / ratio:.4g}, shape included"

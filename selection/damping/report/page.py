@@ -236,7 +236,7 @@ def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Bl
     for section in re.split(r"^# ", _template(text).render(**values), flags=re.MULTILINE)[1:]:
         head, _, body = section.partition("\n")
         key, _, title = head.partition(": ")
-        sections.append(Section(key, title, _cut_blocks(body, take)))
+        sections.append(Section(key, join_lines(title), _cut_blocks(body, take)))
     return sections
 
 
