@@ -59,6 +59,7 @@ def regress(
     are selected, as :func:`damping.regress` is asked.
     """
     check_outputs({"--json": json_out}, *data)
+    Choice(choice["select"], choice["criterion"], choice["nonnegative"], choice["t_stop"])  # refused before any reading
     results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
     drawn = {} if plots is None else {plots / name: text for name, text in deviation_plots(regressions).items()}
@@ -81,7 +82,6 @@ def run_regress(
     InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
     AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
-    Choice(choice["select"], choice["criterion"], choice["nonnegative"], choice["t_stop"])  # refused before any reading
     parsed = [parse_terms(curve) for curve in curves]
     wanted = response.strip()
     if not wanted:
