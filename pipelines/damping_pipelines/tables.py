@@ -59,7 +59,8 @@ def regress(
     are selected, as :func:`damping.regress` is asked.
     """
     check_outputs({"--json": json_out}, *data)
-    Choice(choice["select"], choice["criterion"], choice["nonnegative"], choice["t_stop"])  # refused before any reading
+    # what is not allowed is told before any table is read
+    Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
     results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
     drawn = {} if plots is None else {plots / name: text for name, text in deviation_plots(regressions).items()}
