@@ -47,7 +47,7 @@ def amplitude_of(motion: np.ndarray, omega: float, times: np.ndarray) -> float:
 
 
 def last_period(omega: float, periods: int) -> np.ndarray:
-    """Instants of the last of so many periods."""
+    """65 instants of the last of ``periods`` periods."""
     period = 2 * pi / omega
     return np.linspace((periods - 1) * period, periods * period, 65)
 

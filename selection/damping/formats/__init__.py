@@ -31,7 +31,7 @@ _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 
 
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
-    """The series of a file, and what was understood so far.
+    """The series of a file, and a summary of what its reader took them for.
 
     Raises:
         InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not

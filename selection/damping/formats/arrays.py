@@ -1,6 +1,6 @@
 """Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files to series, read by ``worker`` in its own process.
 
-The process may use so much memory and time and no more; when it dies, the file is to blame and an error says so.
+The memory and the time of that process are limited; when it dies, an error names the file as the cause.
 """
 
 from __future__ import annotations
