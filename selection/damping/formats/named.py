@@ -32,8 +32,10 @@ _PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 
 _MOST_SWEEPS = 1000
 #: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
 _TURN_IN_RADIANS = 1.5
-_RESTART = 0.5  #: another sweep begins where the frequency goes back by more than this share of the range it has covered ...
-_FEWEST_ROWS = 4  #: ... and the sweep has at least this many rows by then
+#: Another sweep begins where the frequency goes back by more than this share of the range that it has covered ...
+_RESTART = 0.5
+#: ... and the sweep has at least this many rows by then.
+_FEWEST_ROWS = 4
 
 
 def to_series(

@@ -210,9 +210,9 @@ def refuse_rows(states: Sequence[State]) -> None:
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
     """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
 
-    Where even the best explanation misses by more than noise, all are compared once more with noise raised to what it misses
-    by: among explanations of which none is the whole truth the one that leaves least is sought, not the one that happens
-    to agree with a part of the rows.
+    Where even the best explanation misses by more than noise, all are compared once more with noise as large as what it
+    leaves: among explanations of which none is the whole truth the one that leaves least is sought, not the one that
+    happens to agree with a part of the rows.
     """
     known, search = _with_noise(start, effects)
     if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
