@@ -154,12 +154,10 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
         if len(known) == 0:
             raise InputError("no sweep shows the participation", file=record.source, expected="sweeps with phases")
         mass, sd = np.full(len(resonances), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
-    omega = RAD_S_PER_HZ * resonances["frequency"].to_numpy(float)
-    if "added_mass" in record.table.columns:
-        omega *= np.sqrt(1.0 + np.nan_to_num(record.column("added_mass"))[resonances["row"].to_numpy()] / mass)
+    with_added = 1.0 + record.added_masses[resonances["row"]] / mass
     return Backbone(
         amplitude=resonances["amplitude"].to_numpy(float),
-        omega=omega,
+        omega=RAD_S_PER_HZ * resonances["frequency"].to_numpy(float) * np.sqrt(with_added),
         mass=mass,
         mass_sd=sd,
         scatter=mode.repeatability.frequency or 0.0,

@@ -167,7 +167,7 @@ def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]
     the mode was taken from the record (``from_record``) they are estimates of one and the same, which is the mode's.
     """
     error, tested = mode.tolerance.mass, (data.tested_amplitude, data.tested_force, data.tested_omega)
-    mass = np.full(len(data.sweeps), mode.mass) + (0.0 if data.added_mass is None else np.nan_to_num(data.added_mass))
+    mass = np.full(len(data.sweeps), mode.mass) + (0.0 if data.added_mass is None else data.added_mass)
     bistable = describe_bistability(data, mass)
     if data.tested_mass is None or mode.tolerance.from_record:
         return bistable, find_joint(*tested, mass, error)

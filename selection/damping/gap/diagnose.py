@@ -230,16 +230,20 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
 def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
 
-    Of several effects it may stand in the place of any.
+    It is fitted alone and in the place of each of several effects, with the same prior.
     """
     if not leading.effects:
         return None
-    own = {name: search.effects[name] for name in leading.effects} if len(leading.effects) > 1 else {}
+    own = {name: search.effects[name] for name in leading.effects}
     fitted = {key: hypothesis for key, hypothesis in search.hypotheses.items() if key <= leading.key}
-    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted)
+    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
     beside.singles()
-    ranked = beside.combine() if own else beside.ranked()
-    return next((hypothesis for hypothesis in ranked if hypothesis.key & set(FOREIGN)), None)
+    for replaced in leading.effects if len(own) > 1 else ():
+        rest = beside.drop(leading, replaced)
+        for name in FOREIGN:
+            if name in beside.forms:
+                beside.extend(rest, name)
+    return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

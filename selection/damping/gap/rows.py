@@ -165,7 +165,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         label=1.0 + sweep[order],
         up=_find_direction(sweep, time, omega)[order],
         rate=RAD_S_PER_HZ * rate,
-        added=optional("added_mass"),
+        added=record.added_masses[order],
         state=np.zeros(n),
         ratio=np.ones(n),
         own=np.ones(n),

@@ -102,6 +102,7 @@ class Search:
     Attributes:
         problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
         hypotheses: those fitted so far. units: the strength of each form that opens a gap of one unit of noise.
+        choices: how many effects a further one is chosen from; those that the record can show where 0.
     """
 
     problem: Problem
@@ -109,6 +110,7 @@ class Search:
     unknown: Unknowns
     hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     units: dict[Form, float] = field(default_factory=dict)
+    choices: int = 0
     forms: dict[str, tuple[Form, ...]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -117,6 +119,7 @@ class Search:
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
         forms = {name: effect.forms(self.problem.scales) for name, effect in asked.items()}
         self.forms = {name: own for name, own in forms.items() if own}
+        self.choices = self.choices or len(self.forms)
 
     def run(self) -> list[Hypothesis]:
         """Fit the simulation alone, every effect, and combinations; most probable first."""
@@ -143,12 +146,17 @@ class Search:
         """
         leading = self.ranked()[0]
         for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
-            if leading.key - {name} not in self.hypotheses:
-                fits = [fit_roughly(*drop_effect(fit, name)) for fit in leading.near]
-                effects = tuple(other for other in leading.effects if other != name)
-                self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+            self.drop(leading, name)
         if len(self.ranked()[0].effects) < len(leading.effects):
             self._shorten()
+
+    def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:
+        """A hypothesis without one of its effects, fitted where it was not."""
+        effects = tuple(other for other in hypothesis.effects if other != name)
+        if frozenset(effects) in self.hypotheses:
+            return self.hypotheses[frozenset(effects)]
+        fits = [fit_roughly(*drop_effect(fit, name)) for fit in hypothesis.near]
+        return self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
@@ -156,13 +164,12 @@ class Search:
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
             null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1], 1)
-        first = null.plain
-        tried = {name: list_starts(first, own, {}) for name, own in self.forms.items()}
+        tried = {name: list_starts(null.plain, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name, some in tried.items():
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
-                self._extend(null, name, some)
+                self.extend(null, name, some)
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
         """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
@@ -173,8 +180,7 @@ class Search:
         rows = self.problem.rows
         sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
         ranked = self.ranked()
-        least = ranked[0].log_posterior - _LOST_AGAIN
-        probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
+        probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
         for hypothesis in sorted(worth.values(), key=lambda hypothesis: len(hypothesis.effects)):
@@ -203,7 +209,7 @@ class Search:
         it may imitate what two do together.
         """
         best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
-        price = np.log(len(self.forms) + 1.0)
+        price = np.log(self.choices + 1.0)
         wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
         quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and _leaves_noise(own)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:6]:
@@ -224,17 +230,17 @@ class Search:
         most = _MOST_DOUBTING if doubted else _MOST_FITS
         for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:most]:
             if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
-                self._extend(base, name, tried)
+                self.extend(base, name, tried)
 
-    def _extend(self, base: Hypothesis, name: str, candidates: list[list[Start]]) -> None:
+    def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
+        candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
         rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
-        near = base.near[:_MOST_BASES]
         fits: list[ModelFit] = []
-        for tried, fit in product(promising, near):
+        for tried, fit in product(promising, base.near[:_MOST_BASES]):
             fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
         if fits:
             top = max(fit.log_evidence for fit in fits)
@@ -268,7 +274,7 @@ class Search:
         near = [marginalise_scatter(fit, self.unknown, least) for fit in plain]
         first = int(np.argmax([fit.log_evidence for fit in near]))
         evidence = float(logsumexp([fit.log_evidence for fit in near])) - float(np.log(forms))
-        prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(len(self.forms) + 1.0)
+        prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(self.choices + 1.0)
         prior += sum(np.log(self.effects[name].prior) for name in effects)
         best = plain[first]
         least = best.log_evidence - _CLOSE

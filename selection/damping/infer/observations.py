@@ -36,8 +36,8 @@ class Observations:
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
-        tested_mass: generalized mass that the record gives of each sweep, NaN of those without. added_mass: known mass
-            added to the structure for each sweep. None where the record has no such column.
+        tested_mass: generalized mass that the record gives of each sweep, NaN of those without.
+        added_mass: known mass added to the structure for each sweep. None where nothing is known of it.
     """
 
     A: FloatArray
@@ -147,11 +147,6 @@ def observe(record: Record) -> Observations:
     labels = list(dict.fromkeys(rows["sweep"].astype(str)))
     number = {label: i for i, label in enumerate(labels)}
     peaks = tabulate_resonances(record).set_index("sweep").loc[labels]
-    masses = {
-        field: table[name].to_numpy(dtype=np.float64)[peaks["row"]]
-        for name, field in (("mass", "tested_mass"), ("added_mass", "added_mass"))
-        if name in table
-    }
     return Observations(
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
@@ -166,7 +161,8 @@ def observe(record: Record) -> Observations:
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
         amplitude_is_input=record.is_decay,
-        **masses,
+        added_mass=record.added_masses[peaks["row"]],
+        tested_mass=record.column("mass")[peaks["row"]] if "mass" in table else None,
     )
 
 

@@ -93,6 +93,12 @@ class Record:
         own = self.column("mass")
         return np.where(np.isnan(own), float(mode_mass), own)
 
+    @property
+    def added_masses(self) -> FloatArray:
+        """Known mass added to the structure for each row (n,); 0 where the record names none."""
+        given = "added_mass" in self.table.columns
+        return np.nan_to_num(self.column("added_mass")) if given else np.zeros(len(self.table))
+
     def of(self, sweep: str) -> Record:
         """The rows of one sweep. InputError if the record has no such sweep."""
         if sweep not in self.sweeps:
