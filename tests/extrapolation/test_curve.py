@@ -96,6 +96,14 @@ def test_frequency_of_levels_in_no_trend_is_their_mean():
     assert np.diff(said.high - said.low) > 0.0
 
 
+def test_no_frequency_is_predicted_for_another_mode():
+    """Lines in a power of amplitude leave every frequency somewhere: beyond twice, or half, nothing is said."""
+    A = np.array([1.0, 2.0, 3.0, 4.0])
+    bone = backbone_of(A, OMEGA_N * (1.0 - 0.02 * A / 4.0))
+    said = bone.frequency_at(np.array([4.0, 40.0, 4e4, 4e12]), 0.9)
+    assert np.isfinite(said.median).tolist() == np.isfinite(said.low).tolist() == [True, True, False, False]
+
+
 def test_bands_of_frequency_hold_the_next_reading():
     """Joints that soften as a power of amplitude not among those tried, read with noise; twice the tested amplitude."""
     rng, inside = np.random.default_rng(8), 0

@@ -52,6 +52,8 @@ CONSTANT = 0.1
 SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
+#: A frequency this many times a tested one, or as many times below, is another mode's: none is predicted.
+FARTHEST = 2.0
 #: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
 _ANYWHERE = 1.0
 
@@ -75,17 +77,18 @@ class Backbone:
     scatter: float = 0.0
 
     def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
-        """Frequency in Hz that the next test would read at each amplitude (rows,)."""
-        known = np.where(np.isfinite(amplitude), amplitude, self.amplitude.max())
-        weight, mean, sd = self._mix(known)
+        """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""
+        weight, mean, sd = self._mix(np.where(np.isfinite(amplitude), amplitude, self.amplitude.max()))
         low, high = (mean - 8.0 * sd).min(axis=0), (mean + 8.0 * sd).max(axis=0)
 
         def quantile(p: float) -> FloatArray:
             return np.exp(bisect(lambda x: weight @ ndtr((x - mean) / sd) - p, low, high)) / RAD_S_PER_HZ
 
         tail = 0.5 * (1.0 - level)
-        ends = [np.where(np.isfinite(amplitude), quantile(p), np.nan) for p in (0.5, tail, 1.0 - tail)]
-        return Interval(*ends)
+        median = quantile(0.5)
+        tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
+        near = np.isfinite(amplitude) & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
+        return Interval(*(np.where(near, f, np.nan) for f in (median, quantile(tail), quantile(1.0 - tail))))
 
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
         """Mass at each amplitude: straight in the logarithms between tested ones, constant beyond."""

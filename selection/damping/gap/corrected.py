@@ -79,6 +79,7 @@ def list_ends(fit: ModelFit) -> list[str]:
     return ends
 
 
+@np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
@@ -133,6 +134,7 @@ class EffectPosterior:
     chains: Chains
 
 
+@np.errstate(all="ignore")  # draws are impossible models too, whose density is zero
 def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     """Sample the parameters of an explanation (those of the simulation where there is none)."""
     density = partial(log_density, leading)
