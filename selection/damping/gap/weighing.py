@@ -30,11 +30,11 @@ TEMPERATURE_OUTSIDE = 8.0
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
 IN_LIBRARY = 1.71
-NOTHING_BLAMED = 0.36
-PER_DECADE = 0.47
-PER_MAKESHIFT = 2.16
-PER_END = 1.07
-PER_RIVAL = 0.94
+NOTHING_BLAMED = 0.40
+PER_DECADE = 0.51
+PER_MAKESHIFT = 2.42
+PER_END = 1.01
+PER_RIVAL = 0.91
 #: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
