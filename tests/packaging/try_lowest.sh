@@ -9,7 +9,7 @@ trap 'rm -rf "$work"' EXIT
 "$python" -m venv "$work/env"
 bin="$work/env/bin"
 "$bin/python" -m pip install --quiet --disable-pip-version-check --prefer-binary \
-	--constraint "$clone/constraints-lowest.txt" --editable "$clone[fleet,formats]" pytest pytest-xdist hypothesis
+	--constraint "$clone/constraints-lowest.txt" --editable "$clone[fleet,formats]" pytest pytest-xdist hypothesis pyuff
 cd "$clone"
 # new pyparsing warns of what the lowest matplotlib calls: none of ours
 "$bin/python" -m pytest -p no:cacheprovider --disable-warnings \
