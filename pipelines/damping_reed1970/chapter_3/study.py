@@ -65,7 +65,7 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
     }
     # rows 6+ and 9+: no measurement stands behind them (E3IV-9)
     rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
-    bands = {name: planar_posterior.fit_band(phasors(name), posteriors[name, variant]) for name, variant in SAMPLED}
+    bands = {name: planar_posterior.fit_band(posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
