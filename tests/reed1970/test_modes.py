@@ -1,4 +1,4 @@
-"""Lumped masses to modes (2.2) and modal damping of sub-systems (2.5), against closed forms and the matrix of dampers."""
+"""Lumped masses to modes (2.2) and modal damping of sub-systems (2.5), against closed forms and the dampers' matrix."""
 
 from __future__ import annotations
 

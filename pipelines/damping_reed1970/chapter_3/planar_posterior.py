@@ -57,7 +57,7 @@ _STEP = 1e-5  # of a standard normal variable, in difference quotients
 class PlanarPrior:
     """The map from standard normal variables ``x`` (..., dimension) to the parameters, its scales those of the ``data``.
 
-    ``mass``: median of M. ``fixed``: theta (rad) and M where they are held. ``extras``: those of ``EXTRAS`` that are free.
+    ``mass``: median of M. ``fixed``: theta (rad) and M where they are held. ``extras``: of ``EXTRAS``, those free.
     """
 
     data: Phasors

@@ -145,7 +145,7 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
 
 
 def _find_out_of_range(table: pd.DataFrame, description: Description) -> list[tuple[int, str, str]]:
-    """Row, column and what was expected of the first number out of range of each column, first row then column first."""
+    """Row, column and what was expected of the first number out of range of each column, first rows first."""
     d = description
     divided = {d.node.sensor, *(name for yaw in d.yaw for name in (yaw.tip_pitch, yaw.pitch))}
     bad: dict[str, tuple[pd.Series, str]] = {}
