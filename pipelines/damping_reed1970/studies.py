@@ -28,12 +28,7 @@ from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
-from damping_reed1970.chapter_4.lines import (
-    CoefficientLines,
-    ForceAmplitudeLines,
-    coefficient_lines,
-    force_amplitude_lines,
-)
+from damping_reed1970.chapter_4.lines import SweepLines, coefficient_lines, force_amplitude_lines
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import EnergySurface, energy_surface, nine_terms
@@ -53,10 +48,10 @@ class Studies:
 
     loops: HysteresisLoops
     slip: SlipEquivalent
-    lines: tuple[CoefficientLines, ...]
+    lines: tuple[SweepLines, ...]
     curves: AmplitudeFrequency
     levels: dict[tuple[int, str], LevelMethods]
-    force_lines: tuple[ForceAmplitudeLines, ...]
+    force_lines: tuple[SweepLines, ...]
     nine: Mapping[str, pd.DataFrame]
     false: FalseTerms
     circular: Circularity

@@ -129,7 +129,7 @@ def test_lines_of_figure_4_10() -> None:
         np.testing.assert_allclose(found.lines["refitted"], expected, rtol=1e-9, atol=0.0)
         assert (found.lines["low"] < found.lines["refitted"]).all()
         # printed and linear lines go through sweep C
-        for column, p in (("printed_slope", found.p_printed), ("linear", 1.0)):
+        for column, p in (("printed_slope", found.exponents[1]), ("linear", 1.0)):
             anchored = F[2] * (found.lines[column] / A[2]) ** p
             np.testing.assert_allclose(anchored, found.lines["force_lb"], rtol=1e-10, atol=0.0)
 

@@ -55,7 +55,7 @@ _STEP = 1e-5  # of a standard normal variable, in difference quotients
 
 @dataclass(frozen=True)
 class PlanarPrior:
-    """The map from standard normal variables ``x`` (..., dimension) to the parameters, its scales those of the ``data``.
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters, with scales of the ``data``.
 
     ``mass``: median of M. ``fixed``: theta (rad) and M where they are held. ``extras``: of ``EXTRAS``, those free.
     """

@@ -238,7 +238,7 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     }
     texts = fill_text(Path(__file__).with_name("implications.txt"), values).strip().split("\n\n")
     table = pd.DataFrame([text.split("\n", 1) for text in texts], columns=["question", "says"])
-    numbers = pd.DataFrame(answers, columns=["value", "low", "high"])
+    numbers = pd.DataFrame([(*answer, np.nan, np.nan)[:3] for answer in answers], columns=["value", "low", "high"])
     return pd.concat([table["question"], numbers, table["says"].map(join_lines)], axis=1)
 
 

@@ -130,22 +130,24 @@ def average_laws(ranking: Ranking) -> Loads:
 
 
 @dataclass(frozen=True)
-class ForceAmplitudeLines:
-    """Fig. 4.10 for one mode, over amplitudes from below the test to the force of the example or three times the test.
+class SweepLines:
+    """The three sweeps of a mode, ``points``, with the lines through them, ``lines``: a figure's data.
+
+    ``exponents``: of the refitted power law and of the printed one, for the figure of forces.
+    """
+
+    mode: int
+    points: pd.DataFrame
+    lines: pd.DataFrame
+    exponents: tuple[float, float] = (np.nan, np.nan)
+
+
+def force_amplitude_lines(mode: int) -> SweepLines:
+    """Fig. 4.10 for a mode, over amplitudes from below the test to the force of the example or three times the test.
 
     ``points``: ``sweep, force_lb, amplitude_in``. ``lines``: ``force_lb``, amplitude of the refitted line with its t
     interval (``low``, ``high``), of the printed slope through sweep C, and of slope 1 (linear) through sweep C, all in.
     """
-
-    mode: int
-    law: PowerLaw
-    p_printed: float
-    points: pd.DataFrame
-    lines: pd.DataFrame
-
-
-def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
-    """Resonant force against amplitude of a mode with the lines through it, from the corrected tables."""
     F, A, _ = resonances(mode, "corrected")
     law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED_EXPONENTS["velocity-power", mode][0]
     force = np.geomspace(0.85 * F.min(), 1.05 * max(F_EXAMPLE, 3.0 * F.max()), 80)
@@ -159,7 +161,7 @@ def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
         "linear": A[2] * force / F[2],
     }
     points = pd.DataFrame({"sweep": list("ABC"), "force_lb": F, "amplitude_in": A})
-    return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
+    return SweepLines(mode, points, pd.DataFrame(lines), (law.p, p))
 
 
 @dataclass(frozen=True)
@@ -250,21 +252,12 @@ def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) 
     )
 
 
-@dataclass(frozen=True)
-class CoefficientLines:
-    """Fig. 4.1 or 4.2 with what the lines are worth.
+def coefficient_lines(mode: int) -> SweepLines:
+    """Fig. 4.1 or 4.2: linear coefficient of a mode against amplitude, from rest to half as far again as tested.
 
     ``points``: ``sweep, amplitude_in, C_1_lb_s_per_in``. ``lines``: ``amplitude_in`` and, for each model by its cases,
     fitted C_1 with the t interval of the line (``low``, ``high``); ``printed`` is Eq. 4.1.10.
     """
-
-    mode: int
-    points: pd.DataFrame
-    lines: pd.DataFrame
-
-
-def coefficient_lines(mode: int) -> CoefficientLines:
-    """Linear coefficient of a mode against resonant amplitude, from rest to half as far again as tested."""
     A, C_1 = coefficients_against_amplitude(mode, "corrected")
     grid = np.linspace(0.0, 1.5 * A.max(), 100)
     C_01, C_11 = PRINTED_LINES[IV.name, mode]
@@ -279,4 +272,4 @@ def coefficient_lines(mode: int) -> CoefficientLines:
         parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
     printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})
     points = pd.DataFrame({"sweep": list("ABC"), "amplitude_in": A, "C_1_lb_s_per_in": C_1})
-    return CoefficientLines(mode, points, pd.concat([*parts, printed], ignore_index=True))
+    return SweepLines(mode, points, pd.concat([*parts, printed], ignore_index=True))
