@@ -13,7 +13,7 @@ from damping.arrays import FloatArray
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
 from damping.report.page import fill_text, join_lines
-from damping.signals import input_energy, nearest_root, plane_motion, viscous_energy
+from damping.signals import input_energy, plane_motion, viscous_energy
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping_reed1970 import chapter_3, columns, data_folder, load_table
@@ -139,8 +139,7 @@ def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), chapter_3.tabulate_points()
     X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
     F, omega = columns(motion, "force_lb", "omega_rad_s")
-    roots = chapter_3.find_roots(rows)
-    xi = np.array([nearest_root(point.roots, near) for point, near in zip(roots, rows["xi"], strict=True)])
+    xi = chapter_3.nearest_roots(chapter_3.find_roots(rows), rows["xi"])
     planes = plane_motion(PLANES, F, omega, xi)
     record = steps[-1].after
     return pd.DataFrame(

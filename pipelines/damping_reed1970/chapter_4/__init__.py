@@ -13,7 +13,7 @@ from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
 from damping.regression.fit import fit_power_law
-from damping_reed1970 import Version, columns, load_table
+from damping_reed1970 import Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
 #: Sweep C, first mode, as section 4.2 computes with it: M, omega_n, F_e (Table 4.I), A_m (Table 4.II).
@@ -57,14 +57,12 @@ def table_4_i_ii(table: pd.DataFrame) -> dict[str, float]:
     M, omega_n, xi = columns(table, "generalized_mass_lb_s2_per_in", "omega_n", "average_damping_xi")
     phi_r, F, F_e = columns(table, "phi_r_load_point", "force_lb", "modal_force_lb")
     A_m, C_1 = columns(table, "Am_in", "C1_lb_s_per_in")
-    results = {
-        "tab4I.Fe": phi_r * F,
-        "tab4II.C1": 2.0 * M * omega_n * xi,
-        "tab4II.Am": F_e / (2.0 * M * omega_n**2 * xi),
-        "tab4II.E": pi * A_m**2 * omega_n * C_1,
+    return {
+        **by_point("tab4I.Fe", phi_r * F, list(table["label"])),
+        **by_point("tab4II.C1", 2.0 * M * omega_n * xi, list(table["label"])),
+        **by_point("tab4II.Am", F_e / (2.0 * M * omega_n**2 * xi), list(table["label"])),
+        **by_point("tab4II.E", pi * A_m**2 * omega_n * C_1, list(table["label"])),
     }
-    keyed = ((f"{name}[{k}]", v) for name, r in results.items() for k, v in zip(table["label"], r, strict=True))
-    return {key: float(value) for key, value in keyed}
 
 
 def equations_4_1_8_to_4_1_15() -> dict[str, float]:
