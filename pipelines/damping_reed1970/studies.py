@@ -26,6 +26,7 @@ from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_4 import SWEEP_C
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
 from damping_reed1970.chapter_4.lines import SweepLines, coefficient_lines, force_amplitude_lines
@@ -97,7 +98,7 @@ def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) ->
         loops=hysteresis_loops(),
         slip=slip_equivalent(),
         lines=tuple(coefficient_lines(mode) for mode in MODES),
-        curves=amplitude_frequency(),
+        curves=amplitude_frequency(*(SWEEP_C[name] for name in ("M", "omega_n", "F_e", "A_m")), alphas=(1.0, 100.0)),
         levels={(mode, held): _level_methods(mode, held) for mode in MODES for held in ("xi", "coefficient")},
         force_lines=tuple(force_amplitude_lines(mode) for mode in MODES),
         nine=nine_terms(),

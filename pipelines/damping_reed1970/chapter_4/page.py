@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
 from damping.report.page import Table
-from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
+from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
 from damping_reed1970.chapter_4.lines import IV, SweepLines, V
@@ -40,7 +40,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     values = {
         "models": (IV.name, V.name),
         "hertz": studies.curves.omega_n / (2.0 * np.pi),
-        "printed": response.PRINTED,
+        "printed": PRINTED["curves"],
         "least": _list_least(variations),
         "held": HELD,
         "kept": list(studies.levels),
@@ -90,7 +90,7 @@ def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     curves = studies.curves
-    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())  # heavy damping shows most
+    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
     return {
         "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
         "response-explained": lambda: response.draw_response_explained(explained),
@@ -161,7 +161,7 @@ def draw_force_amplitude(modes: Sequence[SweepLines]) -> Figure:
         plain_log(axes.yaxis)
         axes.set(title=_MODES[data.mode], xlabel="resonant amplitude (in)", ylabel="modal force (lb)")
         if data.mode == 1:
-            example = [A_LINEAR_PRINTED, A_POWER_PRINTED], [F_EXAMPLE, F_EXAMPLE]
-            axes.plot(*example, "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
+            amplitudes = [PRINTED["example"]["linear"], PRINTED["example"]["power"]]
+            axes.plot(amplitudes, [F_EXAMPLE] * 2, "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
         axes.legend(loc="lower right", fontsize=7)
     return figure
