@@ -98,7 +98,7 @@ def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) ->
         loops=hysteresis_loops(),
         slip=slip_equivalent(),
         lines=tuple(coefficient_lines(mode) for mode in MODES),
-        curves=amplitude_frequency(*(SWEEP_C[name] for name in ("M", "omega_n", "F_e", "A_m")), alphas=(1.0, 100.0)),
+        curves=amplitude_frequency(SWEEP_C["M"], SWEEP_C["omega_n"], SWEEP_C["F_e"], SWEEP_C["A_m"], (1.0, 100.0)),
         levels={(mode, held): _level_methods(mode, held) for mode in MODES for held in ("xi", "coefficient")},
         force_lines=tuple(force_amplitude_lines(mode) for mode in MODES),
         nine=nine_terms(),

@@ -17,7 +17,7 @@ from damping_reed1970.chapter_4.amplitude_frequency import RATIOS, amplitude_fre
 from damping_reed1970.chapter_4.levels import tabulate_chance_of_exponent
 from damping_reed1970.chapter_4.lines import coefficient_lines, force_amplitude_lines
 
-CURVES = amplitude_frequency(*(SWEEP_C[name] for name in ("M", "omega_n", "F_e", "A_m")), alphas=(1.0, 100.0))
+CURVES = amplitude_frequency(SWEEP_C["M"], SWEEP_C["omega_n"], SWEEP_C["F_e"], SWEEP_C["A_m"], (1.0, 100.0))
 
 
 def test_loop_areas_are_energies() -> None:

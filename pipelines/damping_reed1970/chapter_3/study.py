@@ -208,7 +208,8 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     modal = {variant: fits["A2", "constant", variant] for variant in VARIANTS}
     free, some, more = (modal[variant] for variant in ("free", "free + in phase", MOST))
     restrictions = (("theta = 28", "free"), (REPORT, "free"), ("theta = 28 + in phase", "free + in phase"))
-    tests = [{"held": h, "free": f, "larger": modal[f], **comparison(modal[h], modal[f])} for h, f in restrictions]
+    compared = [comparison(modal[held], modal[larger]) for held, larger in restrictions]
+    tests = [(*pair, modal[pair[1]], test) for pair, test in zip(restrictions, compared, strict=True)]
     odds = [_bayes_factor(posteriors, variant) for variant in ("theta = 28", REPORT, "one plane")]
     theta, planes = _interval(posteriors["A2", "free"], "theta"), (("A2", "free"), ("tail", "free + in phase"))
     second = [posteriors[key].parameters["omega_y"] for key in planes]
@@ -218,7 +219,7 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     shares = {name: float(np.average(split[name], weights=energy)) for name in ("printed", "free", REPORT)}
     answers: list[tuple[float, ...]] = [
         theta,
-        *((test["chi_square"],) for test in tests),
+        *((test["chi_square"],) for test in compared),
         *((factor,) for factor in odds),
         *((float(np.mean((draws >= SECOND_PLANE[0]) & (draws <= SECOND_PLANE[1]))),) for draws in second),
         *(_interval(posteriors[data, "free + in phase"], "R") for data in ("A2", "tail")),
