@@ -10,7 +10,9 @@ Units are lb, in, s.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -132,6 +134,7 @@ def columns(table: pd.DataFrame, *names: str) -> tuple[FloatArray, ...]:
     return tuple(table[name].to_numpy(dtype=float) for name in names)
 
 
-def by_point(name: str, values: npt.ArrayLike) -> dict[str, float]:
-    """``{name[1]: first value, name[2]: second, ...}``."""
-    return {f"{name}[{k}]": float(value) for k, value in enumerate(np.asarray(values), start=1)}
+def by_point(name: str, values: npt.ArrayLike, points: Iterable[object] | None = None) -> dict[str, float]:
+    """``{name[1]: first value, name[2]: second, ...}``, or with the ``points`` named."""
+    numbers = np.asarray(values, dtype=float).tolist()
+    return {f"{name}[{k}]": value for k, value in zip(points or count(1), numbers, strict=points is not None)}

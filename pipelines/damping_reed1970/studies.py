@@ -26,14 +26,10 @@ from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
+from damping_reed1970.chapter_4 import SWEEP_C
 from damping_reed1970.chapter_4.amplitude_frequency import AmplitudeFrequency, amplitude_frequency, section_4_2_points
 from damping_reed1970.chapter_4.levels import LevelMethods, level_methods, masses, tabulate_chance_of_exponent
-from damping_reed1970.chapter_4.lines import (
-    CoefficientLines,
-    ForceAmplitudeLines,
-    coefficient_lines,
-    force_amplitude_lines,
-)
+from damping_reed1970.chapter_4.lines import SweepLines, coefficient_lines, force_amplitude_lines
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import EnergySurface, energy_surface, nine_terms
@@ -53,10 +49,10 @@ class Studies:
 
     loops: HysteresisLoops
     slip: SlipEquivalent
-    lines: tuple[CoefficientLines, ...]
+    lines: tuple[SweepLines, ...]
     curves: AmplitudeFrequency
     levels: dict[tuple[int, str], LevelMethods]
-    force_lines: tuple[ForceAmplitudeLines, ...]
+    force_lines: tuple[SweepLines, ...]
     nine: Mapping[str, pd.DataFrame]
     false: FalseTerms
     circular: Circularity
@@ -102,7 +98,7 @@ def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) ->
         loops=hysteresis_loops(),
         slip=slip_equivalent(),
         lines=tuple(coefficient_lines(mode) for mode in MODES),
-        curves=amplitude_frequency(),
+        curves=amplitude_frequency(SWEEP_C["M"], SWEEP_C["omega_n"], SWEEP_C["F_e"], SWEEP_C["A_m"], (1.0, 100.0)),
         levels={(mode, held): _level_methods(mode, held) for mode in MODES for held in ("xi", "coefficient")},
         force_lines=tuple(force_amplitude_lines(mode) for mode in MODES),
         nine=nine_terms(),

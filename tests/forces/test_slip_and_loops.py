@@ -6,11 +6,10 @@ import numpy as np
 
 from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
 from damping_reed1970.chapter_2 import (
-    corrected_coefficient,
     equivalence_error,
+    equivalent_coefficient,
     exact_energy,
     loop,
-    printed_coefficient,
     printed_energy,
 )
 
@@ -54,13 +53,11 @@ def test_no_energy_while_stuck() -> None:
 def test_equivalent_coefficients() -> None:
     A, omega = 1.0, 6.0
     # Eq 2.4.4 as printed, and with the exact energy (erratum E243)
-    np.testing.assert_allclose(
-        printed_coefficient(SLIP, A, omega), 3 * (A**2 - A1**2) * (K - K1) / (8 * A**3 * omega**2), rtol=EXACT
-    )
-    np.testing.assert_allclose(
-        corrected_coefficient(SLIP, A, omega), 3 * A1 * (A - A1) * (K - K1) / (2 * A**3 * omega**2), rtol=EXACT
-    )
-    equivalent = VelocitySquared(corrected_coefficient(SLIP, A, omega))
+    printed = equivalent_coefficient(printed_energy(SLIP, A), A)
+    np.testing.assert_allclose(printed, 3 * (A**2 - A1**2) * (K - K1) / (8 * A**3), rtol=EXACT)
+    corrected = equivalent_coefficient(exact_energy(SLIP, A), A)
+    np.testing.assert_allclose(corrected, 3 * A1 * (A - A1) * (K - K1) / (2 * A**3), rtol=EXACT)
+    equivalent = VelocitySquared(float(corrected) / omega**2)
     np.testing.assert_allclose(energy_per_cycle(equivalent, A, omega), exact_energy(SLIP, A), rtol=EXACT)
 
 

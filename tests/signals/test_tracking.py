@@ -49,9 +49,6 @@ def test_a_sweep_is_what_it_was_made_of(size):
     np.testing.assert_allclose(np.abs(found.response[0]), GAIN, rtol=5e-3)
     np.testing.assert_allclose(np.angle(found.response[0]), -LAG, atol=6e-3)
     np.testing.assert_allclose(np.abs(found.third[0]), THIRD, atol=5 * noise * np.sqrt(2.0 / 250))
-    errors = (found.response[0] - GAIN * np.exp(-1j * LAG)) / found.response_sd[0]
-    # overlapping windows; the drive's own noise turns the phase and is not in the response's sd
-    assert 0.7 < np.sqrt(np.mean(np.abs(errors) ** 2) / 2.0) < 2.5
 
 
 def test_blocks_of_any_size_give_the_same_rows():

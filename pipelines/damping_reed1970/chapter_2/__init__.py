@@ -67,17 +67,16 @@ def exact_energy(slip: Slip, A: Floats) -> Floats:
     return 4.0 * slip.stiffness * slip.limit * (np.maximum(A, slip.limit) - slip.limit)
 
 
-def printed_coefficient(slip: Slip, A: Floats, omega: Floats) -> Floats:
-    """C3 = 3 (A^2 - A1^2)(K - K1)/(8 A^3 omega^2): Eq 2.4.4 as printed (erratum E243)."""
-    return 3.0 * printed_energy(slip, A) / (8.0 * A**3 * omega**2)
+def equivalent_coefficient(energy: Floats, A: Floats) -> Floats:
+    """C3 omega^2 = 3 E/(8 A^3), C3 of the velocity-squared force that loses the energy E per cycle at A.
+
+    With E as printed it is Eq 2.4.4 as printed, 3 (A^2 - A1^2)(K - K1)/(8 A^3) (erratum E243), with the exact one
+    3 A1 (A - A1)(K - K1)/(2 A^3).
+    """
+    return 3.0 * energy / (8.0 * A**3)
 
 
-def corrected_coefficient(slip: Slip, A: Floats, omega: Floats) -> Floats:
-    """C3 = 3 A1 (A - A1)(K - K1)/(2 A^3 omega^2): the velocity-squared force of equal energy per cycle at A."""
-    return 3.0 * exact_energy(slip, A) / (8.0 * A**3 * omega**2)
-
-
-def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float, points: int = 2880) -> pd.DataFrame:
+def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float) -> pd.DataFrame:
     """How far a velocity-squared force fixed at ``reference`` stands for slip, at each ``amplitude``, all above A1.
 
     ``coefficient_percent``: Eq 2.4.4 as printed against corrected, at each amplitude. ``printed_percent``,
@@ -89,26 +88,25 @@ def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float, point
     A = np.asarray(amplitude, dtype=float)
     exact = np.asarray(exact_energy(slip, A))
     growth = (8.0 / 3.0) * A**3 / exact
+    fixed = [equivalent_coefficient(energy(slip, reference), reference) for energy in (printed_energy, exact_energy)]
+    theta = np.linspace(0.0, 2.0 * np.pi, CYCLE_POINTS, endpoint=False) + np.pi / CYCLE_POINTS
+    rows = A[..., np.newaxis]
+    about_mean_slope = slip.cycle(theta, rows, 1.0) - slip.in_phase(rows, 1.0) * np.sin(theta)
+    equivalent = VelocitySquared(equivalent_coefficient(exact[..., np.newaxis], rows)).cycle(theta, rows, 1.0)
+    residual = np.mean((about_mean_slope - equivalent) ** 2, axis=-1)
     return pd.DataFrame(
         {
             "amplitude": A,
             "coefficient_percent": 100.0 * (printed_energy(slip, A) / exact - 1.0),
-            "printed_percent": 100.0 * (printed_coefficient(slip, reference, 1.0) * growth - 1.0),
-            "corrected_percent": 100.0 * (corrected_coefficient(slip, reference, 1.0) * growth - 1.0),
-            "shape_percent": _shape_percent(slip, A, points),
+            "printed_percent": 100.0 * (fixed[0] * growth - 1.0),
+            "corrected_percent": 100.0 * (fixed[1] * growth - 1.0),
+            "shape_percent": 100.0 * np.sqrt(residual / np.mean(np.asarray(about_mean_slope) ** 2, axis=-1)),
         }
     )
 
 
-def _shape_percent(slip: Slip, A: FloatArray, points: int) -> FloatArray:
-    theta = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False) + np.pi / points
-    amplitude = A[..., np.newaxis]
-    about_mean_slope = slip.cycle(theta, amplitude, 1.0) - slip.in_phase(amplitude, 1.0) * np.sin(theta)
-    equivalent = VelocitySquared(corrected_coefficient(slip, amplitude, 1.0)).cycle(theta, amplitude, 1.0)
-    residual = np.mean((about_mean_slope - equivalent) ** 2, axis=-1)
-    return np.asarray(100.0 * np.sqrt(residual / np.mean(np.asarray(about_mean_slope) ** 2, axis=-1)))
-
-
+#: Points of a cycle over which shapes of loops are compared.
+CYCLE_POINTS = 2880
 #: Energy loss of every loop drawn, over the largest energy of the spring, K A^2/2.
 LOSS = 1.5
 #: Stiffness that slip loses, of K = 1: K1 = K/4 as in Fig. 2.4c.
@@ -166,8 +164,8 @@ def hysteresis_loops() -> HysteresisLoops:
 def slip_equivalent() -> SlipEquivalent:
     """The slip joint that loses ``SLIP_STIFFNESS`` (of K = 1) beyond A1 = 1 against the velocity-squared force."""
     slip, A, reference = Slip(SLIP_STIFFNESS, 1.0), np.geomspace(1.02, FARTHEST, 300), REFERENCE
-    coefficients = (float(f(slip, reference, 1.0)) for f in (printed_coefficient, corrected_coefficient))
-    printed, corrected = (VelocitySquared(c) for c in coefficients)
+    energies_there = (printed_energy(slip, reference), exact_energy(slip, reference))
+    printed, corrected = (VelocitySquared(float(equivalent_coefficient(E, reference))) for E in energies_there)
     mean_slope = 1.0 + float(slip.in_phase(reference, 1.0)) / reference
     energies = pd.DataFrame(
         {

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -11,8 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import eigh
 
-from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
 from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
@@ -99,92 +96,38 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
-class NormalModes:
-    """Modes of [m] x'' + [k] x = F in order of frequency.
-
-    ``omega``: natural frequencies, rad/s, (modes,). ``shapes``: phi, (nodes, modes), each 1 at the reference node.
-    ``masses``: phi^T m phi, (modes,); omega^2 times these are the stiffnesses (Eq 2.2.2).
-    """
-
-    omega: FloatArray
-    shapes: FloatArray
-    masses: FloatArray
-
-
-@dataclass(frozen=True)
-class Damper:
-    """A viscous damper ``coefficient`` between two nodes, or from a node to ground, belonging to a sub-system."""
-
-    subsystem: str
-    coefficient: float
-    node: int
-    other: int | None = None
-
-
-def normal_modes(mass: FloatArray, stiffness: FloatArray, reference: int) -> NormalModes:
-    """Solve [k] phi = omega^2 [m] phi and scale each shape to 1 at the reference node (Eqs 2.2.1, 2.2.2).
-
-    Args:
-        mass: (n, n) symmetric positive definite, or the n lumped masses. stiffness: (n, n) symmetric.
-        reference: node whose displacement is the modal coordinate.
-
-    AnalysisError: a mode does not move the reference node, so that its shape cannot be scaled there.
-    """
-    squared, vectors = eigh(stiffness, np.diag(mass) if np.ndim(mass) == 1 else mass)
-    omega = np.sqrt(np.maximum(squared, 0.0))  # rounding leaves rigid-body modes slightly negative
-    at_reference = vectors[reference]
-    still = np.flatnonzero(np.abs(at_reference) < 1e-10 * np.max(np.abs(vectors), axis=0))
-    if still.size:
-        raise AnalysisError(f"mode {still[0] + 1} does not move node {reference}: choose another reference node")
-    return NormalModes(omega=omega, shapes=vectors / at_reference, masses=1.0 / at_reference**2)
-
-
-def modal_force(modes: NormalModes, node: int, force: float) -> FloatArray:
-    """F_e,j = phi_rj F of a load at node r (Eq 2.2.3), (modes,)."""
-    return np.asarray(modes.shapes[node] * force)
-
-
-def subsystem_damping(modes: NormalModes, dampers: Sequence[Damper]) -> dict[str, FloatArray]:
-    """What each sub-system adds to the modal coefficients C_j, (modes,) each; they add to diag(phi^T c phi)."""
-    shares = {damper.subsystem: np.zeros(modes.omega.size) for damper in dampers}
-    for damper in dampers:
-        stroke = modes.shapes[damper.node] - (0.0 if damper.other is None else modes.shapes[damper.other])
-        shares[damper.subsystem] += damper.coefficient * stroke**2
-    return shares
-
-
 MASSES = 4
 #: Viscous dampers beside the springs: first joint, middle, last.
 JOINTS = {"joint 1-2": 0.01, "joint 2-3": 0.02, "joint 3-4": 0.01}
 
 
 def tabulate_lumped_masses() -> pd.DataFrame:
-    """One row per mode, with m = k = 1 and the displacement of mass 1 as modal coordinate.
+    """One row per mode of free masses m = 1 between springs k = 1, each shape phi scaled to 1 at mass 1.
 
-    ``omega`` computed and ``omega_closed_form``; ``mass`` generalized; ``force``: modal force of a unit load at mass 4
-    (Eq. 2.2.3); a column a joint: what its damper adds to the modal coefficient ``C`` (section 2.5), and ``xi``.
+    ``omega``, rad/s, of [k] phi = omega^2 [m] phi (Eq. 2.2.1) and ``omega_closed_form``; ``mass`` generalized, phi^T m
+    phi (2.2.2); ``force``: phi_4 F, modal force of a unit load at mass 4 (2.2.3); a column a joint: c (stroke)^2, what
+    its damper adds to the modal coefficient ``C`` (section 2.5), and ``xi``.
     """
     ends = np.ones(MASSES)
     ends[[0, -1]] = 0.5
     stiffness = 2.0 * np.diag(ends) - np.eye(MASSES, k=1) - np.eye(MASSES, k=-1)
-    modes = normal_modes(np.ones(MASSES), stiffness, reference=0)
-    dampers = [Damper(name, c, node, node + 1) for node, (name, c) in enumerate(JOINTS.items())]
-    shares = subsystem_damping(modes, dampers)
-    C = np.sum(list(shares.values()), axis=0)
+    squared, vectors = eigh(stiffness, np.eye(MASSES))
+    shapes, masses = vectors / vectors[0], 1.0 / vectors[0] ** 2
     j = np.arange(MASSES)
     moving = j > 0
-    omega = np.where(moving, modes.omega, 0.0)  # rounding leaves the rigid body a frequency of 1e-8
+    omega = np.sqrt(np.where(moving, squared, 0.0))  # rounding leaves the rigid body a frequency of 1e-8
+    shares = {name: c * stroke**2 for (name, c), stroke in zip(JOINTS.items(), np.diff(shapes, axis=0), strict=True)}
+    C = np.sum(list(shares.values()), axis=0)
     return pd.DataFrame(
         {
             "mode": j,
             "omega": omega,
             "omega_closed_form": 2.0 * np.sin(j * np.pi / (2 * MASSES)),
-            "mass": modes.masses,
-            "force": modal_force(modes, MASSES - 1, 1.0),
+            "mass": masses,
+            "force": shapes[-1],
             **{name: np.where(moving, share, 0.0).round(12) for name, share in shares.items()},  # 0 but for rounding
             "C": np.where(moving, C, 0.0),
-            "xi": C / (2.0 * modes.masses * np.where(moving, omega, np.inf)),
+            "xi": C / (2.0 * masses * np.where(moving, omega, np.inf)),
         }
     )
 

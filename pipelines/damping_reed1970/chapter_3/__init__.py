@@ -5,6 +5,7 @@ Phasors: a motion A sin(omega t - phi) under F sin(omega t) is the complex numbe
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from math import radians
 from typing import NamedTuple
 
@@ -122,11 +123,12 @@ def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
 def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row."""
     motion = signals.plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
-    results = {"A2p": motion.A_p, "A2y": motion.A_y, "E_pitch": motion.E_p, "E_yaw": motion.E_y}
+    points = list(table["point"])
     return {
-        f"tab3IV.{name}[{point}]": float(value)
-        for name, values in results.items()
-        for point, value in zip(table["point"], np.asarray(values), strict=True)
+        **by_point("tab3IV.A2p", motion.A_p, points),
+        **by_point("tab3IV.A2y", motion.A_y, points),
+        **by_point("tab3IV.E_pitch", motion.E_p, points),
+        **by_point("tab3IV.E_yaw", motion.E_y, points),
     }
 
 
@@ -140,11 +142,15 @@ def find_roots(table: pd.DataFrame, planes: signals.PrincipalPlanes = PLANES) ->
     return [signals.damping_roots(planes, F, omega, energy) for F, omega, energy in rows]
 
 
+def nearest_roots(points: Sequence[signals.DampingRoots], xi: Iterable[float]) -> FloatArray:
+    """The root nearest to each xi; NaN where there is none."""
+    return np.array([signals.nearest_root(point.roots, near) for point, near in zip(points, xi, strict=True)])
+
+
 def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
     """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
-    roots = [signals.nearest_root(p.roots, xi) for p, xi in zip(find_roots(table), table["xi"], strict=True)]
-    pairs = zip(table["point"], roots, strict=True)
-    return {f"tab3IV.xi[{point}]": root for point, root in pairs if not np.isnan(root)}
+    roots = by_point("tab3IV.xi", nearest_roots(find_roots(table), table["xi"]), list(table["point"]))
+    return {key: root for key, root in roots.items() if not np.isnan(root)}
 
 
 def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
@@ -225,31 +231,30 @@ def tabulate_branch(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
     )
 
 
-def tabulate_mean(planes: signals.PrincipalPlanes = PLANES) -> pd.DataFrame:
+def tabulate_mean() -> pd.DataFrame:
     """What the mean coefficient C_1 (Eq. 3.2.18) and the mean xi become on each branch.
 
     ``points`` counts the points that have a value; "xi of the largest energy" fills points 10 and 13, which have no
     root, with the xi at which the most is lost.
     """
     table = tabulate_points()
-    roots = find_roots(table, planes)
+    roots = find_roots(table)
     omega, printed = columns(table, "omega_rad_s", "xi")
     none = np.array([point.roots.size == 0 for point in roots])
     peak = np.array([point.xi_peak for point in roots])
     low, high = signals.branch(roots, 0), signals.branch(roots, -1, LARGEST_XI)
     high_or_low = np.where(np.isnan(high), low, high)
-    near = np.array([signals.nearest_root(point.roots, xi) for point, xi in zip(roots, printed, strict=True)])
     choices = {
         "as printed": printed,
         "as printed, points with a root": np.where(none, np.nan, printed),
-        "the root nearest to each printed xi": near,
+        "the root nearest to each printed xi": nearest_roots(roots, printed),
         "every low root": low,
         "every high root (below .05, else low)": high_or_low,
         "every low root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, low),
         "every high root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, high_or_low),
     }
     rows = [
-        (choice, int(np.isfinite(xi).sum()), np.nanmean(xi), signals.mean_coefficient(planes.mass, omega, xi))
+        (choice, int(np.isfinite(xi).sum()), np.nanmean(xi), signals.mean_coefficient(PLANES.mass, omega, xi))
         for choice, xi in choices.items()
     ]
     return pd.DataFrame(rows, columns=["choice", "points", "mean_xi", "C_1"])

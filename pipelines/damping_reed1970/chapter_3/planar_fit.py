@@ -24,7 +24,6 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.signals import PrincipalPlanes
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import PLANES, VARIANTS, ComplexArray, PlanarOscillator, pitch_response
@@ -43,7 +42,6 @@ _GRID_THETA = (0.2, 0.6, 1.0)
 #: Damping factors of the grid: of launch vehicles, by factors of 3.
 _GRID_XI = (0.002, 0.006, 0.02)
 _REFINED = 5  # starts that are followed down: the best of the grid
-_SINGULAR = 1e-7  # least singular value of the Jacobian with unit columns at which errors have a digit
 
 
 @dataclass(frozen=True)
@@ -103,37 +101,23 @@ class PlanarFit:
         """Correlation of neighbouring residuals: near 0 where they are independent, as the standard errors assume."""
         return float(np.real(self.residuals[:-1] @ self.residuals[1:].conj()) / self.SSE)
 
-    def chi_square_over(self, free: PlanarFit) -> float:
-        """2 ln(likelihood of ``free``/of this), sigma of each at its maximum: 2 n ln(SSE/SSE of free)."""
-        return float(2 * self.residuals.size * np.log(self.SSE / free.SSE))
-
 
 def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()) -> PlanarFit:
     """Least squares from the best of a grid of starts, the best minimum found; phasors in order of frequency.
 
     ``fixed``: parameters that are not fitted, by name (theta in rad). ``extras``: those of ``EXTRAS`` that are, too.
-    AnalysisError: nothing to fit, no more numbers than parameters, no minimum with both planes inside the swept
-    frequencies, or parameters that the data do not determine.
     """
     fixed = dict(fixed or {})
     free = tuple(name for name in (*PARAMETERS, *EXTRAS) if name in extras or name in set(PARAMETERS) - set(fixed))
-    if not free:
-        raise AnalysisError("every parameter of the two planes is fixed")
-    if 2 * data.omega.size <= len(free):
-        raise AnalysisError(f"{data.omega.size} points do not determine the {len(free)} parameters of two planes")
-    starts = _choose_starts(data, fixed)
-    _lengths(_real(_jacobian(data, starts[0], free)), free)
-    low, high, fitted = data.omega.min(), data.omega.max(), {"omega_p", "omega_y"} & set(free)
-    fits = [_minimise(data, fixed, free, start) for start in starts]
-    inside = [fit for fit in fits if all(low <= getattr(fit[1], name) <= high for name in fitted)]
-    if not inside:
-        raise AnalysisError("no fit of two planes has both inside the swept frequencies")
+    low, high, planes = data.omega.min(), data.omega.max(), {"omega_p", "omega_y"} & set(free)
+    fits = [_minimise(data, fixed, free, start) for start in _choose_starts(data, fixed)]
+    inside = [fit for fit in fits if all(low <= getattr(fit[1], name) <= high for name in planes)]
     best = min(inside, key=lambda fit: fit[0])[1]
     model = _canonical(best, may_rename={"omega_p", "omega_y", "theta"} <= set(free))
     residuals = data.residuals(model)
     SSE = float(np.sum(np.abs(residuals) ** 2))
     variance = SSE / (2 * data.omega.size - len(free))
-    errors = _standard_errors(model, free, variance * _inverse(_real(_jacobian(data, model, free)), free))
+    errors = _standard_errors(model, free, variance * _inverse(_real(_jacobian(data, model, free))))
     return PlanarFit(model, free, errors, residuals, SSE)
 
 
@@ -203,21 +187,11 @@ def _real(values: ComplexArray) -> FloatArray:
     return np.concatenate([values.real, values.imag])
 
 
-def _inverse(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
-    """(J^T J)^-1 by columns of unit length. AnalysisError where it does not exist in double precision."""
-    length = _lengths(jacobian, free)
+def _inverse(jacobian: FloatArray) -> FloatArray:
+    """(J^T J)^-1 by columns of unit length."""
+    length = np.linalg.norm(jacobian, axis=0)
     singular, directions = np.linalg.svd(jacobian / length, full_matrices=False)[1:]
-    if singular[-1] < _SINGULAR:
-        raise AnalysisError(f"the measured motion does not determine {', '.join(free)} together")
     return np.asarray((directions.T / singular**2) @ directions / np.outer(length, length))
-
-
-def _lengths(jacobian: FloatArray, free: tuple[str, ...]) -> FloatArray:
-    """Lengths of the columns. AnalysisError for one that is 0, such as of omega_y at an angle held at 0."""
-    length = np.asarray(np.linalg.norm(jacobian, axis=0))
-    if not np.all(length > 0.0):
-        raise AnalysisError(f"the measured motion does not depend on {free[int(np.argmin(length))]}")
-    return length
 
 
 def _standard_errors(model: PlanarOscillator, free: tuple[str, ...], covariance: FloatArray) -> dict[str, float]:
@@ -288,12 +262,14 @@ def fit_table(fits: Fits) -> pd.DataFrame:
 def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
     """A fit against another that contains it or is contained.
 
-    ``chi_square`` = 2 n ln(SSE/SSE of ``free``), negative where the fit has more parameters; ``p_value`` of its size
+    ``chi_square`` = 2 n ln(SSE/SSE of ``free``), twice the log ratio of likelihoods with sigma of each at its maximum,
+    negative where the fit has more parameters; ``p_value`` of its size
     with the difference in parameters as degrees of freedom; ``p_value_correlated`` with chi_square reduced for the
     correlation r of neighbouring residuals, by (1 - r)/(1 + r) of the larger model.
     """
     larger = max(fit, free, key=lambda either: len(either.fitted))
-    chi_square, freedom = fit.chi_square_over(free), abs(len(free.fitted) - len(fit.fitted))
+    chi_square = float(2 * fit.residuals.size * np.log(fit.SSE / free.SSE))
+    freedom = abs(len(free.fitted) - len(fit.fitted))
     left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
     p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
     return {"chi_square": chi_square, "p_value": p[0], "p_value_correlated": p[1]}

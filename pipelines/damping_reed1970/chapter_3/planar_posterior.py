@@ -55,42 +55,26 @@ _STEP = 1e-5  # of a standard normal variable, in difference quotients
 
 @dataclass(frozen=True)
 class PlanarPrior:
-    """The map from standard normal variables ``x`` (..., dimension) to the parameters.
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters, with scales of the ``data``.
 
-    ``low, high``: the swept band, rad/s. ``mass``: median of M. ``sigma``: median of the noise scale. ``R``: standard
-    deviation. ``force``: mean modal force. ``fixed``: theta (rad) and M where they are held. ``extras``: that are free.
+    ``mass``: median of M. ``fixed``: theta (rad) and M where they are held. ``extras``: of ``EXTRAS``, those free.
     """
 
-    low: float
-    high: float
+    data: Phasors
     mass: float
-    sigma: float
-    R: float
-    force: float
     fixed: Mapping[str, float] = field(default_factory=dict)
-    extras: tuple[str, ...] = ()
-
-    @classmethod
-    def of(
-        cls, data: Phasors, mass: float, fixed: Mapping[str, float] | None = None, extras: Collection[str] = ()
-    ) -> PlanarPrior:
-        """Scales from the data; ``mass`` is the modal mass assumed."""
-        largest, force = float(np.max(np.abs(data.q))), float(np.mean(data.F))
-        return cls(
-            low=float(data.omega.min()),
-            high=float(data.omega.max()),
-            mass=mass,
-            sigma=SIGMA_SHARE * float(np.max(np.abs(data.q) / data.shape)),
-            R=R_SHARE * largest / force,
-            force=force,
-            fixed=dict(fixed or {}),
-            extras=tuple(name for name in EXTRAS if name in extras),
-        )
+    extras: Collection[str] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The variables, in order."""
-        return (*(name for name in VARIABLES if name not in self.fixed), *self.extras)
+        free = (name for name in VARIABLES if name not in self.fixed)
+        return (*free, *(name for name in EXTRAS if name in self.extras))
+
+    @property
+    def force(self) -> float:
+        """Mean modal force."""
+        return float(np.mean(self.data.F))
 
     @property
     def dimension(self) -> int:
@@ -110,17 +94,20 @@ class PlanarPrior:
     def values(self, x: FloatArray) -> dict[str, FloatArray]:
         """Every parameter, free or held, and C and xi."""
         z = dict(zip(self.names, np.moveaxis(x, -1, 0), strict=True))
+        low, high, size = self.data.omega.min(), self.data.omega.max(), np.abs(self.data.q)
         # the larger of two uniforms is the root of a uniform, the smaller is uniform below it
-        omega_y = self.low + (self.high - self.low) * np.sqrt(ndtr(z["omega_y"]))
-        omega_p = self.low + (omega_y - self.low) * ndtr(z["omega_p"])
+        omega_y = low + (high - low) * np.sqrt(ndtr(z["omega_y"]))
+        omega_p = low + (omega_y - low) * ndtr(z["omega_p"])
         values = {name: np.full(x.shape[:-1], self.fixed.get(name, 0.0)) for name in (*self.fixed, *EXTRAS)}
         if "theta" in z:
             values["theta"] = 0.5 * np.pi * ndtr(z["theta"])
         if "M" in z:
             values["M"] = self.mass * np.exp(MASS_LOG_SD * z["M"])
-        values |= {name: sd * z[name] for name, sd in (("R", self.R), ("lag", LAG_SD)) if name in z}
+        scales = {"R": R_SHARE * size.max() / self.force, "lag": LAG_SD}
+        values |= {name: sd * z[name] for name, sd in scales.items() if name in z}
         xi = XI_MEDIAN * np.exp(XI_LOG_SD * z["xi"])
-        C, sigma = 2.0 * xi * values["M"] * omega_p, self.sigma * np.exp(SIGMA_LOG_SD * z["sigma"])
+        C = 2.0 * xi * values["M"] * omega_p
+        sigma = SIGMA_SHARE * (size / self.data.shape).max() * np.exp(SIGMA_LOG_SD * z["sigma"])
         return {"omega_p": omega_p, "omega_y": omega_y, **values, "C": C, "xi": xi, "sigma": sigma}
 
 
@@ -144,48 +131,49 @@ class PlanarPosterior:
         return {name: factors[name] * draws if name in factors else draws for name, draws in values.items()}
 
 
-def log_likelihood(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
+def log_likelihood(x: FloatArray, prior: PlanarPrior) -> FloatArray:
     """Circular normal log likelihood at points (points, dimension): -ln(2 pi s^2) - |q - model|^2/(2 s^2) a phasor."""
+    data = prior.data
     sigma = prior.values(x)["sigma"]
     square = np.sum(np.abs(data.residuals(prior.model(x))) ** 2, axis=-1)
     norm = data.omega.size * np.log(2.0 * np.pi * sigma**2) + 2.0 * np.sum(np.log(data.shape))
     return np.asarray(-0.5 * square / sigma**2 - norm)
 
 
-def log_posterior(x: FloatArray, prior: PlanarPrior, data: Phasors) -> FloatArray:
+def log_posterior(x: FloatArray, prior: PlanarPrior) -> FloatArray:
     """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
     x = np.atleast_2d(x)
     inside = np.all(np.abs(x) < REACH, axis=-1)
     x = np.clip(x, -REACH, REACH)
-    return np.where(inside, log_prior(x) + log_likelihood(x, prior, data), -np.inf)
+    return np.where(inside, log_prior(x) + log_likelihood(x, prior), -np.inf)
 
 
-def planar_evidence(prior: PlanarPrior, data: Phasors, seed: int = 0) -> Evidence:
+def planar_evidence(prior: PlanarPrior, seed: int = 0) -> Evidence:
     """Marginal likelihood and weighted draws, by importance sampling from the posterior mode outwards."""
-    mode = _mode(prior, data)
-    return importance(partial(log_posterior, prior=prior, data=data), mode.x, mode.hess_inv, seed, least_rounds=9)
+    mode = _mode(prior)
+    return importance(partial(log_posterior, prior=prior), mode.x, mode.hess_inv, seed, least_rounds=9)
 
 
-def _mode(prior: PlanarPrior, data: Phasors) -> OptimizeResult:
+def _mode(prior: PlanarPrior) -> OptimizeResult:
     """The best of several quasi-Newton descents from prior points."""
     points = np.clip(np.random.default_rng(0).standard_normal((_STARTING_POINTS, prior.dimension)), -3.0, 3.0)
-    best = np.argsort(-log_posterior(points, prior, data), kind="stable")[:_STARTS]
+    best = np.argsort(-log_posterior(points, prior), kind="stable")[:_STARTS]
 
     def value_and_gradient(x: FloatArray) -> tuple[float, FloatArray]:
         steps = _STEP * np.eye(x.size)
         star = np.vstack([x, x + steps, x - steps])
         # without the cut-off at REACH: the minimiser needs numbers
-        values = -(log_prior(star) + log_likelihood(star, prior, data))
+        values = -(log_prior(star) + log_likelihood(star, prior))
         return float(values[0]), (values[1 : 1 + x.size] - values[1 + x.size :]) / (2.0 * _STEP)
 
     descents = [minimize(value_and_gradient, points[i], jac=True, method="BFGS") for i in best]
     return min(descents, key=lambda descent: float(descent.fun))
 
 
-def planar_posterior(prior: PlanarPrior, data: Phasors, seed: int, settings: Settings | None = None) -> PlanarPosterior:
+def planar_posterior(prior: PlanarPrior, seed: int, settings: Settings | None = None) -> PlanarPosterior:
     """Sample the planar oscillator until every parameter is known (see ``chains.Settings``)."""
-    evidence = planar_evidence(prior, data, seed)
-    target = Target(partial(log_posterior, prior=prior, data=data), prior.dimension, prior.parameters)
+    evidence = planar_evidence(prior, seed)
+    target = Target(partial(log_posterior, prior=prior), prior.dimension, prior.parameters)
     chains = run(target, evidence, lambda x: {}, seed, settings)
     return PlanarPosterior(prior, chains.x.reshape(-1, chains.x.shape[-1]), evidence, chains)
 
@@ -222,13 +210,13 @@ def planar_posteriors(seed: int) -> dict[tuple[str, str], PlanarPosterior]:
     """All posteriors, constant noise."""
     posteriors = {}
     for name, variant in (*SAMPLED, *WEIGHTED):
-        data, (fixed, extras) = phasors(name), VARIANTS[variant]
+        fixed, extras = VARIANTS[variant]
         held = {parameter: value for parameter, value in fixed.items() if parameter != "omega_y"}
-        prior = PlanarPrior.of(data, PLANES.mass, held, extras)
+        prior = PlanarPrior(phasors(name), PLANES.mass, held, extras)
         if (name, variant) in SAMPLED:
-            posteriors[name, variant] = planar_posterior(prior, data, seed)
+            posteriors[name, variant] = planar_posterior(prior, seed)
         else:
-            evidence = planar_evidence(prior, data, seed)
+            evidence = planar_evidence(prior, seed)
             posteriors[name, variant] = PlanarPosterior(prior, evidence.draws, evidence)
     return posteriors
 
@@ -269,11 +257,12 @@ def tabulate_evidence(posteriors: Posteriors) -> pd.DataFrame:
     return table.assign(bayes_factor_over_free=np.exp(table["log_z"] - evidences["free"].log_z))
 
 
-def fit_band(data: Phasors, posterior: PlanarPosterior) -> PlanarBand:
+def fit_band(posterior: PlanarPosterior) -> PlanarBand:
     """Credible band of the modal motion over the swept frequencies, the force interpolated between the points.
 
     What is in phase with the force beside the mode (R) is in it where it was fitted, as it is in the data.
     """
+    data = posterior.prior.data
     omega = np.linspace(data.omega[0], data.omega[-1], _GRID)
     every = max(1, len(posterior.draws) // _BAND_DRAWS)
     F = np.interp(omega, data.omega, data.F)

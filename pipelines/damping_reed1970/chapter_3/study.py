@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,16 +12,22 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
-from damping.signals import input_energy, nearest_root, plane_motion, viscous_energy
+from damping.report.page import fill_text, join_lines
+from damping.signals import input_energy, plane_motion, viscous_energy
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping_reed1970 import chapter_3, columns, data_folder, load_table
-from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, planar_posterior, yaw_response
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, planar_posterior, yaw_response
 from damping_reed1970.chapter_3.figures import tabulate_fitted_curves
 from damping_reed1970.chapter_3.planar_fit import Fits, Phasors, comparison, fit_table, phasors, planar_fits
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, TAILS, PlanarBand, PlanarPosterior, Posteriors
 
 SEED = 1970
+#: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
+SECOND_PLANE = (11.48, 11.51)
+#: The fit with the report's angle and mass, and the one with everything free.
+REPORT = "theta = 28, M = 21"
+MOST = "free + in phase + lag"
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ def chapter_3_results(seed: int = SEED) -> Chapter3:
     }
     # rows 6+ and 9+: no measurement stands behind them (E3IV-9)
     rows = load_table("3_IV").query("corrected_row == 1").reset_index(drop=True)
-    bands = {name: planar_posterior.fit_band(phasors(name), posteriors[name, variant]) for name, variant in SAMPLED}
+    bands = {name: planar_posterior.fit_band(posteriors[name, variant]) for name, variant in SAMPLED}
     return Chapter3(
         steps=steps,
         tables=tables,
@@ -133,8 +139,7 @@ def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), chapter_3.tabulate_points()
     X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
     F, omega = columns(motion, "force_lb", "omega_rad_s")
-    roots = chapter_3.find_roots(rows)
-    xi = np.array([nearest_root(point.roots, near) for point, near in zip(roots, rows["xi"], strict=True)])
+    xi = chapter_3.nearest_roots(chapter_3.find_roots(rows), rows["xi"])
     planes = plane_motion(PLANES, F, omega, xi)
     record = steps[-1].after
     return pd.DataFrame(
@@ -170,7 +175,7 @@ def tabulate_yaw(fits: Fits) -> pd.DataFrame:
     data = phasors("A2")
     predicted = {
         variant: np.abs(yaw_response(fits["A2", "constant", variant].model, data.F, data.omega))
-        for variant in ("free", "theta = 28, M = 21", "free + in phase + lag")
+        for variant in ("free", REPORT, MOST)
     }
     return pd.DataFrame({"point": motion["point"], "omega": omega, "measured": yaw / 100 / PLANES.phi, **predicted})
 
@@ -180,7 +185,7 @@ def tabulate_energy_split(fits: Fits) -> pd.DataFrame:
     table = load_table("3_IV").query("corrected_row == 0")
     pitch, yaw = columns(table, "energy_pitch_in_lb", "energy_yaw_in_lb")
     data = phasors("A2")
-    shares = {v: _yaw_share(fits["A2", "constant", v].model, data) for v in ("free", "theta = 28, M = 21")}
+    shares = {v: _yaw_share(fits["A2", "constant", v].model, data) for v in ("free", REPORT)}
     printed = 100.0 * yaw / (pitch + yaw)
     return pd.DataFrame({"point": table["point"].to_numpy(), "omega": data.omega, "printed": printed, **shares})
 
@@ -195,92 +200,46 @@ def _yaw_share(model: PlanarOscillator, data: Phasors) -> FloatArray:
     return np.asarray(100.0 * energies[1] / (energies[0] + energies[1]))
 
 
-#: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
-SECOND_PLANE = (11.48, 11.51)
-REPORT = "theta = 28, M = 21"
-#: A question, what its answer says, and the answer: a value, with the low and high end of an interval where it has one.
-Answer: TypeAlias = tuple[str, str, float] | tuple[str, str, float, float, float]
-
-
 def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
-    """Each assumption of the report is a question with its answer, a row each.
+    """Each assumption of the report is a question with its answer, a row each, in the order of ``implications.txt``.
 
     Columns ``question, value, low, high`` (interval where there is one, else NaN) and ``says``.
     """
-    answers = [*_assess_angle(fits, posteriors), *_assess_planes(posteriors), *_assess_in_phase(fits, posteriors)]
-    names = ("question", "says", "value", "low", "high")
-    rows = [dict(zip(names, answer, strict=False)) for answer in (*answers, *_assess_yaw(fits))]
-    return pd.DataFrame(rows, columns=["question", "value", "low", "high", "says"])
-
-
-def _assess_angle(fits: Fits, posteriors: Posteriors) -> Iterator[Answer]:
-    """The angle of 28 degrees and the mass of 21 against both free."""
-    interval = _interval(posteriors["A2", "free"], "theta")
-    inside = "inside" if interval[1] <= 28.0 <= interval[2] else "outside"
-    says = f"28 degrees, from a stiffness analysis (section 3.1), is {inside} the interval"
-    yield f"theta, degrees: median and {100 * LEVEL:g} % interval", says, *interval
-    for held, free in (("theta = 28", "free"), (REPORT, "free"), ("theta = 28 + in phase", "free + in phase")):
-        larger = fits["A2", "constant", free]
-        compared = comparison(fits["A2", "constant", held], larger)
-        says = (
-            f"p = {compared['p_value']:.2g} if the residuals were independent; "
-            f"p = {compared['p_value_correlated']:.2g} with the correlation of neighbours, {larger.correlation:.2f}"
-        )
-        yield f"chi-square of {held} over {free}", says, compared["chi_square"]
-    for variant, name in (("theta = 28", "28 degrees"), (REPORT, "28 degrees and a mass of 21")):
-        odds = _bayes_factor(posteriors, variant)
-        says = f"{name} favoured {1.0 / odds:.1f} to 1: the wide priors of what is free cost more than the fit gains"
-        says = says if odds < 1.0 else f"all free favoured {odds:.1f} to 1: next to nothing, the prior of theta pays"
-        yield f"Bayes factor of all free over {name}", says, odds
-
-
-def _assess_planes(posteriors: Posteriors) -> Iterator[Answer]:
-    """One plane or two, and where the second is."""
-    yield "Bayes factor of two planes over one", "planar coupling is needed", _bayes_factor(posteriors, "one plane")
-    low, high = SECOND_PLANE
-    for key, what in ((("A2", "free"), "modal motion"), (("tail", "free + in phase"), "tail, motion in phase free")):
-        omega_y, interval = posteriors[key].parameters["omega_y"], _interval(posteriors[key], "omega_y")
-        says = "omega_y {:.3f}, {:.3f} to {:.3f} rad/s; 11.50 in Eq. 3.1.37".format(*interval)
-        share = float(np.mean((omega_y >= low) & (omega_y <= high)))
-        yield f"probability that omega_y lies in {low} to {high} rad/s ({what})", says, share
-
-
-def _assess_in_phase(fits: Fits, posteriors: Posteriors) -> Iterator[Answer]:
-    """Motion in phase with the force that is left in the modal motion, and all of it in the tail."""
-    C_t = load_table("3_III", "corrected")["correction_Ct2_in"].mean()
-    free, some, more = (fits["A2", "constant", f"free{added}"] for added in ("", " + in phase", " + in phase + lag"))
-    says = {
-        "A2": f"chi-square {-comparison(some, free)['chi_square']:.1f} for one parameter: Table 3.III's correction, "
-        f"{C_t:.4f} in on average, removes about half of what the phasors ask for",
-        "tail": f"minus C_t of Table 3.III is {-C_t:.4f} in on average",
-    }
-    for data, text in says.items():
-        interval = _interval(posteriors[data, "free + in phase"], "R")
-        yield f"motion in phase with the force in {data}, in", text, *interval
+    modal = {variant: fits["A2", "constant", variant] for variant in VARIANTS}
+    free, some, more = (modal[variant] for variant in ("free", "free + in phase", MOST))
+    restrictions = (("theta = 28", "free"), (REPORT, "free"), ("theta = 28 + in phase", "free + in phase"))
+    compared = [comparison(modal[held], modal[larger]) for held, larger in restrictions]
+    tests = [(*pair, modal[pair[1]], test) for pair, test in zip(restrictions, compared, strict=True)]
+    odds = [_bayes_factor(posteriors, variant) for variant in ("theta = 28", REPORT, "one plane")]
+    theta, planes = _interval(posteriors["A2", "free"], "theta"), (("A2", "free"), ("tail", "free + in phase"))
+    second = [posteriors[key].parameters["omega_y"] for key in planes]
     lag, error = float(more.model.lag), 1.645 * more.standard_errors["lag"]
-    chi_square, theta = -comparison(more, some)["chi_square"], np.degrees(more.model.theta)
-    lag_says = f"chi-square {chi_square:.1f} for one parameter more; theta then is {theta:.1f}"
-    yield "lag common to all readings of A2, rad (least squares)", lag_says, lag, lag - error, lag + error
-
-
-def _assess_yaw(fits: Fits) -> Iterator[Answer]:
-    """The yaw motion, which was measured and not fitted, the energy it takes, and what residuals are left."""
     yaw, split = tabulate_yaw(fits), tabulate_energy_split(fits)
-    for variant in ("free", REPORT, "free + in phase + lag"):
-        error = float(np.sqrt(np.mean((yaw[variant] - yaw["measured"]) ** 2)))
-        says = f"largest predicted {yaw[variant].max():.3f} in, measured {yaw['measured'].max():.3f} in; not fitted"
-        yield f"yaw amplitude predicted by {variant}: RMS error, in", says, error
     energy = load_table("3_IV").query("corrected_row == 0")["energy_input_in_lb"].to_numpy(float)
     shares = {name: float(np.average(split[name], weights=energy)) for name in ("printed", "free", REPORT)}
-    says = f"Table 3.IV {shares['printed']:.0f} per cent, the planes of the report fitted {shares[REPORT]:.0f} per cent"
-    yield "energy lost in the yaw plane over all points, per cent (free)", says, shares["free"]
-    free, more = fits["A2", "constant", "free"], fits["A2", "constant", "free + in phase"]
-    peak = float(np.abs(phasors("A2").q).max())
-    says = (
-        f"residuals of {100.0 * free.sigma / peak:.0f} per cent of the largest amplitude run together: standard errors "
-        f"are too small; with motion in phase {more.correlation:.2f} and {100.0 * more.sigma / peak:.0f} per cent"
-    )
-    yield "correlation of neighbouring residuals (free)", says, free.correlation
+    answers: list[tuple[float, ...]] = [
+        theta,
+        *((test["chi_square"],) for test in compared),
+        *((factor,) for factor in odds),
+        *((float(np.mean((draws >= SECOND_PLANE[0]) & (draws <= SECOND_PLANE[1]))),) for draws in second),
+        *(_interval(posteriors[data, "free + in phase"], "R") for data in ("A2", "tail")),
+        (lag, lag - error, lag + error),
+        *((float(np.sqrt(np.mean((yaw[fit] - yaw["measured"]) ** 2))),) for fit in ("free", REPORT, MOST)),
+        (shares["free"],),
+        (free.correlation,),
+    ]
+    values = {
+        **{"level": f"{100 * LEVEL:g}", "theta": theta, "tests": tests, "odds": odds, "second": SECOND_PLANE},
+        **{"planes": [_interval(posteriors[key], "omega_y") for key in planes], "yaw": yaw, "shares": shares},
+        **{"free": free, "some": some, "in_phase": comparison(some, free), "lag": comparison(more, some)},
+        "lag_theta": np.degrees(more.model.theta),
+        "C_t": load_table("3_III", "corrected")["correction_Ct2_in"].mean(),
+        "peak": np.abs(phasors("A2").q).max(),
+    }
+    texts = fill_text(Path(__file__).with_name("implications.txt"), values).strip().split("\n\n")
+    table = pd.DataFrame([text.split("\n", 1) for text in texts], columns=["question", "says"])
+    numbers = pd.DataFrame([(*answer, np.nan, np.nan)[:3] for answer in answers], columns=["value", "low", "high"])
+    return pd.concat([table["question"], numbers, table["says"].map(join_lines)], axis=1)
 
 
 def _bayes_factor(posteriors: Posteriors, variant: str) -> float:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import tomllib
 from math import pi, sqrt
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,29 +16,15 @@ from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
 from damping.regression.fit import fit_power_law
-from damping_reed1970 import Version, columns, load_table
+from damping_reed1970 import Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
-#: Sweep C, first mode, as section 4.2 computes with it: M, omega_n, F_e (Table 4.I), A_m (Table 4.II).
-SWEEP_C = {"M": 50.783, "omega_n": RAD_S_PER_HZ * 1.66401, "F_e": 28.98, "A_m": 1.567}
-#: Exponent that section 4.3 computes with, first mode (Eq. 4.3.13).
-P_1 = 1.859
-#: The same of the second mode (Eq. 4.3.15).
-P_2 = 1.342
-#: Exponent of the form with displacement, first mode: p - 1, as printed (Eq. 4.3.21).
-P_1_FORM_2 = 0.865
-#: The same of the second mode (Eq. 4.3.22).
-P_2_FORM_2 = 0.342
-#: Mean frequency of the first mode, rad/s, as section 4.3 rounds it.
-OMEGA_1 = 10.47
-#: The same of the second mode.
-OMEGA_2 = 17.09
+#: What the chapter prints beside its tables.
+PRINTED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("printed.toml").read_text("utf-8"))
+#: Sweep C of the first mode with omega_n in rad/s.
+SWEEP_C: dict[str, float] = PRINTED["sweep_C"] | {"omega_n": RAD_S_PER_HZ * PRINTED["sweep_C"]["f_n"]}
 #: Force of the extrapolation example of section 4.3, lb.
-F_EXAMPLE = 90.0
-#: Amplitude printed there for linear damping, in.
-A_LINEAR_PRINTED = 4.84
-#: Amplitude printed there for the power law, in.
-A_POWER_PRINTED = 2.90
+F_EXAMPLE: float = PRINTED["example"]["force"]
 
 
 def tabulate_sweeps(version: Version = "printed") -> pd.DataFrame:
@@ -57,21 +46,18 @@ def table_4_i_ii(table: pd.DataFrame) -> dict[str, float]:
     M, omega_n, xi = columns(table, "generalized_mass_lb_s2_per_in", "omega_n", "average_damping_xi")
     phi_r, F, F_e = columns(table, "phi_r_load_point", "force_lb", "modal_force_lb")
     A_m, C_1 = columns(table, "Am_in", "C1_lb_s_per_in")
-    results = {
-        "tab4I.Fe": phi_r * F,
-        "tab4II.C1": 2.0 * M * omega_n * xi,
-        "tab4II.Am": F_e / (2.0 * M * omega_n**2 * xi),
-        "tab4II.E": pi * A_m**2 * omega_n * C_1,
+    return {
+        **by_point("tab4I.Fe", phi_r * F, list(table["label"])),
+        **by_point("tab4II.C1", 2.0 * M * omega_n * xi, list(table["label"])),
+        **by_point("tab4II.Am", F_e / (2.0 * M * omega_n**2 * xi), list(table["label"])),
+        **by_point("tab4II.E", pi * A_m**2 * omega_n * C_1, list(table["label"])),
     }
-    keyed = ((f"{name}[{k}]", v) for name, r in results.items() for k, v in zip(table["label"], r, strict=True))
-    return {key: float(value) for key, value in keyed}
 
 
 def equations_4_1_8_to_4_1_15() -> dict[str, float]:
     """Mean C_1 (4.1.8), the line C_1 = C_01 + C_11 A_m (4.1.10), case IV coefficient 3 pi C_11/4 (4.1.13)."""
-    slope_printed = {1: 0.800, 2: 5.127}
     result: dict[str, float] = {}
-    for mode, C_11 in slope_printed.items():
+    for mode, (_, C_11) in ((row["mode"], row["line"]) for row in PRINTED["lines"] if row["power"] == 1):
         A_m, C_1 = columns(load_table("4_II").query("mode == @mode"), "Am_in", "C1_lb_s_per_in")
         result[f"eq418.C1_mode{mode}"] = float(C_1.mean())
         result[f"eq4110.slope_mode{mode}"] = float((np.diff(C_1) / np.diff(A_m)).mean())
@@ -131,7 +117,7 @@ def equation_4_2_11() -> dict[str, float]:
 
 def section_4_2() -> dict[str, float]:
     """Distance of the undamped curve, delta of case I at A = 1.01, largest error at A = A_m/2 (Eqs. 4.2.4, 4.2.9)."""
-    c, A, xi_1 = SWEEP_C, 1.01, 0.00166541
+    c, A, xi_1 = SWEEP_C, PRINTED["curves"]["A"], 0.00166541
     undamped = c["F_e"] / (c["M"] * c["omega_n"] ** 2 * A)
     return {
         "sec42.undamped_dist": undamped,
@@ -154,23 +140,22 @@ def equation_4_3_19(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Float
 
 def section_4_3(version: Version = "printed") -> dict[str, float]:
     """Exponents, coefficients and the extrapolation to 90 lb."""
-    (F_1, A_1, omega_1), (F_2, A_2, omega_2) = resonances(1, version), resonances(2, version)
-    line = fit_power_law(F_1, A_1, omega_1)
-    return {
-        "eq4313.p_mode1": line.p,
-        "eq4315.p_mode2": fit_power_law(F_2, A_2, omega_2).p,
-        "eq4314.beta_mode1": float(beta(P_1)),
-        "eq4316.beta_mode2": float(beta(P_2)),
-        "eq4314.alpha_mode1": float(np.mean(equation_4_3_9(F_1, A_1, OMEGA_1, P_1))),
-        "eq4316.alpha_mode2": float(np.mean(equation_4_3_9(F_2, A_2, OMEGA_2, P_2))),
-        "eq4321.alpha_mode1": float(equation_4_3_19(F_1[0], A_1[0], OMEGA_1, P_1_FORM_2)),
-        "eq4322.alpha_mode2": float(equation_4_3_19(F_2[0], A_2[0], OMEGA_2, P_2_FORM_2)),
-        "sec43.wn_mode1": float(omega_1.mean()),
-        "sec43.wn_mode2": float(omega_2.mean()),
-        "sec43.A90_linear": float(A_1[2] * F_EXAMPLE / F_1[2]),
-        "sec43.A90_power": float(line.amplitude(F_EXAMPLE)),
-        "sec43.A90_power_p1859": float(A_1[2] * (F_EXAMPLE / F_1[2]) ** (1.0 / P_1)),
-        "sec43.pct67": 100.0 * (A_LINEAR_PRINTED / A_POWER_PRINTED - 1.0),
+    result = {}
+    for mode, law in enumerate(PRINTED["power_laws"], start=1):
+        F, A, omega = resonances(mode, version)
+        result[f"eq43{11 + 2 * mode}.p_mode{mode}"] = fit_power_law(F, A, omega).p
+        result[f"eq43{12 + 2 * mode}.beta_mode{mode}"] = float(beta(law["p"]))
+        alpha = np.mean(equation_4_3_9(F, A, law["omega"], law["p"]))
+        result[f"eq43{12 + 2 * mode}.alpha_mode{mode}"] = float(alpha)
+        with_displacement = equation_4_3_19(F[0], A[0], law["omega"], law["p_with_displacement"])
+        result[f"eq43{20 + mode}.alpha_mode{mode}"] = float(with_displacement)
+        result[f"sec43.wn_mode{mode}"] = float(omega.mean())
+    F, A, omega = resonances(1, version)
+    return result | {
+        "sec43.A90_linear": float(A[2] * F_EXAMPLE / F[2]),
+        "sec43.A90_power": float(fit_power_law(F, A, omega).amplitude(F_EXAMPLE)),
+        "sec43.A90_power_p1859": float(A[2] * (F_EXAMPLE / F[2]) ** (1.0 / PRINTED["power_laws"][0]["p"])),
+        "sec43.pct67": 100.0 * (PRINTED["example"]["linear"] / PRINTED["example"]["power"] - 1.0),
     }
 
 

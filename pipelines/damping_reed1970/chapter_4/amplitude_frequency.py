@@ -24,7 +24,7 @@ from damping.forces.contract import Force
 from damping.plots import ALERT, INK, MEASURED, MUTED, WIDTH, build_panel, law_style, styled
 from damping.predict.steady import phase_lag
 from damping_reed1970.chapter_2 import CASES
-from damping_reed1970.chapter_4 import SWEEP_C, build_case
+from damping_reed1970.chapter_4 import PRINTED, build_case
 
 
 def undamped_distance(A: Floats, F: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -72,9 +72,8 @@ def percent_error_undamped(force: Force, A: Floats, F: Floats, M: Floats, omega_
 
 #: Amplitudes of a curve, in units of the resonant one: dense towards resonance, where the curve turns.
 RATIOS = 1.0 - np.linspace(0.95, 0.0, 300) ** 1.5
-#: Printed in section 4.2: delta of case I and distance of the undamped curve at A = 1.01 (erratum E4-8), largest error
-#: at half the resonant amplitude, and the band of frequency ratio squared in which damping is significant.
-PRINTED = {"A": 1.01, "delta": 0.001209, "distance": 0.005404, "percent_at_half": 14.0, "eta_squared": 0.992}
+#: What section 4.2 prints of the curves.
+CURVES: dict[str, float] = PRINTED["curves"]
 
 
 @dataclass(frozen=True)
@@ -114,13 +113,9 @@ class AmplitudeFrequency:
 
 
 def amplitude_frequency(
-    M: float = SWEEP_C["M"],
-    omega_n: float = SWEEP_C["omega_n"],
-    F: float = SWEEP_C["F_e"],
-    A_m: float = SWEEP_C["A_m"],
-    alphas: Sequence[float] = (1.0, 100.0),
+    M: float, omega_n: float, F: float, A_m: float, alphas: Sequence[float] = ()
 ) -> AmplitudeFrequency:
-    """Curves of the cases I to IV and of V with each alpha, 1/in^2; by default of Configuration II, mode 1, sweep C."""
+    """Curves of the cases I to IV and of V with each alpha, 1/in^2."""
     cases = [(f"case {case}", case, 0.0) for case in ("I", "II", "III", "IV")]
     cases += [(f"case V, α = {alpha:g}", "V", alpha) for alpha in alphas]
     forces = {}
@@ -164,14 +159,14 @@ def _tabulate_widths(forces: dict[str, Force], M: float, omega_n: float, F: floa
 def section_4_2_points(result: AmplitudeFrequency) -> pd.DataFrame:
     """What section 4.2 prints of case I of sweep C beside ours, with G at the curve's own frequency and at omega_n."""
     M, omega_n, F, A_m, viscous = result.M, result.omega_n, result.F, result.A_m, result.curves[0].force
-    A = np.array([PRINTED["A"], 0.5 * A_m, F / (M * omega_n**2 * (1.0 - PRINTED["eta_squared"]))])
+    A = np.array([CURVES["A"], 0.5 * A_m, F / (M * omega_n**2 * (1.0 - CURVES["eta_squared"]))])
     u, delta = undamped_distance(A, F, M, omega_n), horizontal_difference(viscous, A, F, M, omega_n)
-    at_omega_n = u - np.sqrt(u**2 - float(damping_term(viscous, PRINTED["A"], omega_n, M, omega_n)) ** 2)
+    at_omega_n = u - np.sqrt(u**2 - float(damping_term(viscous, CURVES["A"], omega_n, M, omega_n)) ** 2)
     percent = 100.0 * np.array([delta, at_omega_n]) / u
     rows = [
-        ("delta at A = 1.01 in", PRINTED["delta"], delta[0], at_omega_n[0], "E4-8"),
-        ("distance of the undamped curve at A = 1.01 in", PRINTED["distance"], u[0], u[0], "E4-8"),
-        ("per cent error at half the resonant amplitude", PRINTED["percent_at_half"], *percent[:, 1], ""),
+        ("delta at A = 1.01 in", CURVES["delta"], delta[0], at_omega_n[0], "E4-8"),
+        ("distance of the undamped curve at A = 1.01 in", CURVES["distance"], u[0], u[0], "E4-8"),
+        ("per cent error at half the resonant amplitude", CURVES["percent_at_half"], *percent[:, 1], ""),
         ("per cent error at eta^2 = 0.992", np.nan, *percent[:, 2], ""),
     ]
     names = ["quantity", "printed", "computed", "computed_with_G_at_omega_n", "erratum"]
@@ -249,7 +244,7 @@ def draw_differences(result: AmplitudeFrequency) -> Figure:
         _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
         _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
     left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
-    _draw_printed(left, PRINTED["A"], 1e3 * PRINTED["delta"], "printed, case I")
+    _draw_printed(left, CURVES["A"], 1e3 * CURVES["delta"], "printed, case I")
     left.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
     left.legend(loc="upper left", fontsize=7)
     right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0), title="Vertical difference")
@@ -263,7 +258,7 @@ def draw_undamped_error(result: AmplitudeFrequency) -> Figure:
     figure, axes = build_panel(3.2, "amplitude / resonant amplitude", "error of neglecting damping (per cent)")
     for curve in result.curves:
         _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
-    _draw_printed(axes, 0.5, PRINTED["percent_at_half"], "printed, case I: 14 per cent at ½")
+    _draw_printed(axes, 0.5, CURVES["percent_at_half"], "printed, case I: 14 per cent at ½")
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
     axes.legend(loc="upper left")
     return figure

@@ -19,7 +19,6 @@ from scipy.optimize import minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.forces import make
 from damping.forces.contract import Sum
 from damping.infer.observations import Observations
@@ -27,22 +26,12 @@ from damping.plots import INK, MUTED, build_panel, draw_plain_rows, plain_log, s
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
+from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_4 import resonances
 from damping_reed1970.chapter_4.lines import fit_mode
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
-ONE_TERM = {
-    "I": "viscous",
-    "II": "displacement",
-    "III": "velocity-squared",
-    "IV": "displacement-velocity",
-    "V, second term": "quadratic-displacement",
-}
-#: What a reader should know, by the number of sweeps.
-CAUTIONS = {
-    2: "two sweeps: a free alpha keeps any value exactly, and says nothing",
-    3: "three sweeps: the spread of a case with a free alpha rests on 1 degree of freedom",
-}
+ONE_TERM = {"V, second term" if case == "V" else case: force for case, force in CASES.items()}
 QUADRATIC = ONE_TERM["V, second term"]
 #: Range in which a free alpha is looked for, in units of the one that makes both terms equal at the reference.
 _ALPHAS = np.geomspace(1e-3, 1e3, 121)
@@ -76,40 +65,34 @@ class LevelMethods:
 
     ``coefficients``: Table 4.V. ``variations``: ``largest_percent`` by base (signed, as the report), ``spread_percent``
     (:func:`spread`). ``predictions``: Table 4.IV; base ``others`` takes coefficient and free alpha from all other
-    sweeps. ``picked``: case of least spread. ``cautions``: what a reader should know, in words.
+    sweeps. ``picked``: case of least spread.
     """
 
     coefficients: pd.DataFrame
     variations: pd.DataFrame
     predictions: pd.DataFrame
     picked: str
-    cautions: tuple[str, ...]
 
 
 def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Sequence[float] = (1.0,)) -> LevelMethods:
-    """Both methods on the resonances of any number of sweeps.
+    """Both methods on the resonances of three sweeps or more.
 
     Args:
         data: tested force, amplitude and frequency of each sweep.
         mass: generalized mass of each sweep (sweeps,), where xi is to be kept as in the report; None: the coefficient.
         alphas: of case V, in 1/length^2.
-
-    AnalysisError: fewer than two sweeps of different resonant amplitude.
     """
-    if np.unique(data.tested_amplitude).size < 2:
-        raise AnalysisError("the variation from level to level needs two sweeps of different resonant amplitude")
     scale = np.ones(len(data.sweeps)) if mass is None else 2.0 * mass * data.tested_omega
     cases = _build_cases(data, scale, alphas)
     held = [(case, held_values(case, data, scale)) for case in cases]
     coefficients = [{"case": c.name, "alpha": c.alpha, "sweep": data.sweeps, "held": values} for c, values in held]
     variations = pd.concat([_tabulate_variations(case, data, scale) for case in cases], ignore_index=True)
-    spread = variations.drop_duplicates("case").set_index("case")["spread_percent"].dropna()
+    spread = variations.drop_duplicates("case").set_index("case")["spread_percent"]
     return LevelMethods(
         coefficients=pd.concat(map(pd.DataFrame, coefficients), ignore_index=True),
         variations=variations,
         predictions=pd.concat([_tabulate_predictions(case, data, scale) for case in cases], ignore_index=True),
         picked=str(spread.idxmin()),
-        cautions=tuple(text for sweeps, text in CAUTIONS.items() if sweeps == len(data.sweeps)),
     )
 
 
@@ -119,10 +102,9 @@ def held_values(case: LevelCase, data: Observations, scale: FloatArray) -> Float
 
 
 def spread(case: LevelCase, data: Observations, scale: FloatArray) -> float:
-    """Standard deviation of ln(held value) over the levels; a free alpha takes a degree of freedom, NaN without any."""
-    freedom = len(data.sweeps) - 1 - int(case.free)
+    """Standard deviation of ln(held value) over the levels; a free alpha takes a degree of freedom."""
     logarithm = np.log(held_values(case, data, scale))
-    return float(np.sqrt(np.sum((logarithm - logarithm.mean()) ** 2) / freedom)) if freedom > 0 else np.nan
+    return float(np.sqrt(np.sum((logarithm - logarithm.mean()) ** 2) / (len(data.sweeps) - 1 - int(case.free))))
 
 
 def masses(record: Record, data: Observations) -> FloatArray:
@@ -172,15 +154,13 @@ def _tabulate_variations(case: LevelCase, data: Observations, scale: FloatArray)
 
 
 def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray) -> pd.DataFrame:
-    """One row per base and sweep other than the base; then, of three sweeps or more, each sweep from all others."""
+    """One row per base and sweep other than the base; then each sweep from all others."""
     held, n = held_values(case, data, scale), len(data.sweeps)
     base, sweep = np.nonzero(~np.eye(n, dtype=bool))
-    names = [data.sweeps[b] for b in base]
-    predicted = _predict(case, held[base] * scale[sweep], data, sweep)
-    if n > 2:
-        names += ["others"] * n
-        predicted = np.append(predicted, [_predict_from_others(case, data, scale, s) for s in range(n)])
-        sweep = np.append(sweep, np.arange(n))
+    names = [*(data.sweeps[b] for b in base), *(["others"] * n)]
+    from_others = [_predict_from_others(case, data, scale, s) for s in range(n)]
+    predicted = np.append(_predict(case, held[base] * scale[sweep], data, sweep), from_others)
+    sweep = np.append(sweep, np.arange(n))
     amplitude, error = data.tested_amplitude[sweep], 100.0 * (predicted / data.tested_amplitude[sweep] - 1.0)
     head = {"case": case.name, "alpha": case.alpha, "base": names, "sweep": [data.sweeps[s] for s in sweep]}
     return pd.DataFrame({**head, "predicted": predicted, "amplitude": amplitude, "percent_error": error})
@@ -191,8 +171,6 @@ def _predict_from_others(case: LevelCase, data: Observations, scale: FloatArray,
     keep = np.arange(len(data.sweeps)) != sweep
     rest = data.keep_sweeps(keep)
     if case.free:
-        if np.unique(rest.tested_amplitude).size < 2:
-            return np.nan
         case = fit_alpha(case, rest, scale[keep])
     held = np.exp(np.mean(np.log(held_values(case, rest, scale[keep]))))
     return float(_predict(case, np.array([held * scale[sweep]]), data, np.array([sweep]))[0])

@@ -21,23 +21,8 @@ from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
 from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law
 from damping_reed1970 import Version, columns, load_table
-from damping_reed1970.chapter_4 import (
-    A_LINEAR_PRINTED,
-    A_POWER_PRINTED,
-    F_EXAMPLE,
-    P_1,
-    equation_4_3_9,
-    equation_4_3_19,
-    resonances,
-)
+from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances
 
-#: Printed p and alpha (4.3.13 to 4.3.24) and the errata that change them, by form and mode.
-PRINTED_EXPONENTS: dict[tuple[Form, int], tuple[float, float, str, str]] = {
-    ("velocity-power", 1): (1.859, 0.1917, "4.3.14", "E43-1, E43-3"),
-    ("velocity-power", 2): (1.342, 3.005, "4.3.16", "E43-2, E43-3, E4I-1"),
-    ("displacement-velocity-power", 1): (0.865, 3.89, "4.3.23", "E43-1, E43-6"),
-    ("displacement-velocity-power", 2): (0.342, 59.4, "4.3.24", "E43-4, E4I-1"),
-}
 VERSIONS: tuple[Version, ...] = ("printed", "corrected")
 #: Content of the t intervals of coefficients and exponents.
 LEVEL = 0.90
@@ -55,26 +40,27 @@ def tabulate_power_laws() -> pd.DataFrame:
     4.3.9, 4.3.19); lb (s/in)^p (4.3.3) or lb s^p/in^(p+1) (4.3.4).
     """
     rows = []
-    for ((form, mode), (p, alpha, equation, erratum)), version in product(PRINTED_EXPONENTS.items(), VERSIONS):
+    for printed, version in product(PRINTED["exponents"], VERSIONS):
+        mode, form = printed["mode"], printed["form"]
         law, (F, A, omega) = fit_mode(mode, form, version), resonances(mode, version)
         coefficient = equation_4_3_9 if form == "velocity-power" else equation_4_3_19
         rows.append(
             {
                 "mode": mode,
                 "form": form,
-                "equation": equation,
+                "equation": printed["equation"],
                 "inputs": version,
-                "p_printed": p,
+                "p_printed": printed["p"],
                 "p": law.p,
                 "p_std_error": law.std_error,
                 **{name: getattr(law, name) for name in ("degrees_of_freedom", "level", "p_low", "p_high", "factor")},
-                "alpha_printed": alpha,
-                "alpha_at_printed_p": float(np.mean(coefficient(F, A, float(omega.mean()), p))),
+                "alpha_printed": printed["alpha"],
+                "alpha_at_printed_p": float(np.mean(coefficient(F, A, float(omega.mean()), printed["p"]))),
                 "alpha": law.alpha,
                 "alpha_std_error": law.std_error_alpha,
                 **{f"alpha_{sweep}": float(a) for sweep, a in zip("ABC", law.alphas, strict=True)},
                 "r_squared_centred": law.r_squared_centred,
-                "erratum": erratum,
+                "erratum": printed["erratum"],
             }
         )
     return pd.DataFrame(rows)
@@ -90,12 +76,12 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
         ranking: of the record ``config-2-mode-1``. predicted: design loads of that record, which answer for all laws
             where 90 lb is among them; else the weighted laws of the ranking do.
     """
-    F, A, _ = resonances(1, "corrected")
+    (F, A, _), example = resonances(1, "corrected"), PRINTED["example"]
     linear = A * F_EXAMPLE / F
     line = fit_mode(1, "velocity-power", "corrected")
     power = float(line.amplitude(F_EXAMPLE))
     low, high = line.amplitude_interval(F_EXAMPLE)
-    from_c = float(A[2] * (F_EXAMPLE / F[2]) ** (1.0 / P_1))
+    from_c = float(A[2] * (F_EXAMPLE / F[2]) ** (1.0 / PRINTED["power_laws"][0]["p"]))
     average = predicted if predicted and F_EXAMPLE in predicted.force else average_laws(ranking)
     at, band = int(np.flatnonzero(average.force == F_EXAMPLE)[0]), average.average
     excess = [100.0 * (linear[2] / value - 1.0) for value in (from_c, power, high, low)]
@@ -107,8 +93,8 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
         ("force over largest tested", "ratio", 3.0, F_EXAMPLE / F[2], nan, nan, "sweep C: 28.98 lb", ""),
         ("linear amplitude, from sweep A", "in", nan, linear[0], nan, nan, "A_m 90/F_e", ""),
         ("linear amplitude, from sweep B", "in", nan, linear[1], nan, nan, "A_m 90/F_e", ""),
-        ("linear amplitude, from sweep C", "in", A_LINEAR_PRINTED, linear[2], nan, nan, "A_m 90/F_e", "E43-5"),
-        ("power law amplitude, p = 1.859", "in", A_POWER_PRINTED, from_c, nan, nan, "through sweep C", "E43-1, E43-5"),
+        ("linear amplitude, from sweep C", "in", example["linear"], linear[2], nan, nan, "A_m 90/F_e", "E43-5"),
+        ("power law amplitude, p = 1.859", "in", example["power"], from_c, nan, nan, "through sweep C", "E43-1, E43-5"),
         ("power law amplitude, p refitted", "in", nan, power, low, high, f"p = {line.p:.3f}, least squares", "E43-5"),
         ("amplitude over all laws", "in", nan, *whole, "laws by weight", ""),
         ("error of linear, p = 1.859", "per cent", 67.0, excess[0], nan, nan, "both through sweep C", "E43-5"),
@@ -130,24 +116,26 @@ def average_laws(ranking: Ranking) -> Loads:
 
 
 @dataclass(frozen=True)
-class ForceAmplitudeLines:
-    """Fig. 4.10 for one mode, over amplitudes from below the test to the force of the example or three times the test.
+class SweepLines:
+    """The three sweeps of a mode, ``points``, with the lines through them, ``lines``: a figure's data.
+
+    ``exponents``: of the refitted power law and of the printed one, for the figure of forces.
+    """
+
+    mode: int
+    points: pd.DataFrame
+    lines: pd.DataFrame
+    exponents: tuple[float, float] = (np.nan, np.nan)
+
+
+def force_amplitude_lines(mode: int) -> SweepLines:
+    """Fig. 4.10 for a mode, over amplitudes from below the test to the force of the example or three times the test.
 
     ``points``: ``sweep, force_lb, amplitude_in``. ``lines``: ``force_lb``, amplitude of the refitted line with its t
     interval (``low``, ``high``), of the printed slope through sweep C, and of slope 1 (linear) through sweep C, all in.
     """
-
-    mode: int
-    law: PowerLaw
-    p_printed: float
-    points: pd.DataFrame
-    lines: pd.DataFrame
-
-
-def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
-    """Resonant force against amplitude of a mode with the lines through it, from the corrected tables."""
     F, A, _ = resonances(mode, "corrected")
-    law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED_EXPONENTS["velocity-power", mode][0]
+    law, p = fit_mode(mode, "velocity-power", "corrected"), PRINTED["power_laws"][mode - 1]["p"]
     force = np.geomspace(0.85 * F.min(), 1.05 * max(F_EXAMPLE, 3.0 * F.max()), 80)
     interval = np.array([law.amplitude_interval(float(f)) for f in force])
     lines = {
@@ -159,7 +147,7 @@ def force_amplitude_lines(mode: int) -> ForceAmplitudeLines:
         "linear": A[2] * force / F[2],
     }
     points = pd.DataFrame({"sweep": list("ABC"), "force_lb": F, "amplitude_in": A})
-    return ForceAmplitudeLines(mode, law, p, points, pd.DataFrame(lines))
+    return SweepLines(mode, points, pd.DataFrame(lines), (law.p, p))
 
 
 @dataclass(frozen=True)
@@ -177,11 +165,6 @@ class CoefficientModel:
 IV = CoefficientModel("C_01 + C_11 A", "I + IV", 1, "displacement-velocity", 0.75 * pi, ("lb s/in", "lb s/in^2"))
 V = CoefficientModel("C_01 + C_11 A^2", "I + V", 2, "quadratic-displacement", 4.0, ("lb s/in", "lb s/in^3"))
 MODELS = (IV, V)
-
-#: Printed C_01 and C_11 by model and mode (4.1.10), printed force coefficients (4.1.14, 4.1.15, 4.2.11), erratum.
-PRINTED_LINES = {(IV.name, 1): (0.506, 0.800), (IV.name, 2): (3.715, 5.127)}
-PRINTED_FORCES = {(IV.name, 1): (0.506, 1.886), (IV.name, 2): (3.715, 12.08), (V.name, 1): (0.5486, 0.5486)}
-ERRATA = {(IV.name, 1): "E41-3", (IV.name, 2): "E41-3", (V.name, 1): "E4-1"}
 
 
 def tabulate_linear_coefficients() -> pd.DataFrame:
@@ -217,10 +200,10 @@ def report_method(model: CoefficientModel, A: FloatArray, C_1: FloatArray) -> Fl
 
 def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) -> pd.DataFrame:
     A, C_1 = coefficients_against_amplitude(mode, inputs)
-    line, key = fit_model(model, A, C_1), (model.name, mode)
+    line = fit_model(model, A, C_1)
+    printed = next(row for row in PRINTED["lines"] if (row["mode"], row["power"]) == (mode, model.power))
     half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, line.n - line.k)) * line.std_errors
-    factors, nothing = np.array([1.0, model.factor]), (np.nan, np.nan)
-    by_hand = report_method(model, A, C_1)
+    factors, by_hand = np.array([1.0, model.factor]), report_method(model, A, C_1)
     return pd.DataFrame(
         {
             "mode": mode,
@@ -235,39 +218,30 @@ def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) 
             "low": line.coefficients - half,
             "high": line.coefficients + half,
             "report_method": by_hand,
-            "printed": PRINTED_LINES.get(key, nothing),
+            "printed": printed["line"],
             "cases": model.cases,
             "force": ["viscous", model.force],
             "force_coefficient": factors * line.coefficients,
             "force_std_error": factors * line.std_errors,
             "force_report_method": factors * by_hand,
-            "printed_force": PRINTED_FORCES.get(key, nothing),
+            "printed_force": printed["forces"],
             "rms_error_lb_s_per_in": line.rms_error,
             "r_squared_centred": line.r_squared_centred,
             "degrees_of_freedom": line.n - line.k,
-            "erratum": ERRATA.get(key, ""),
+            "erratum": printed["erratum"],
         }
     )
 
 
-@dataclass(frozen=True)
-class CoefficientLines:
-    """Fig. 4.1 or 4.2 with what the lines are worth.
+def coefficient_lines(mode: int) -> SweepLines:
+    """Fig. 4.1 or 4.2: linear coefficient of a mode against amplitude, from rest to half as far again as tested.
 
     ``points``: ``sweep, amplitude_in, C_1_lb_s_per_in``. ``lines``: ``amplitude_in`` and, for each model by its cases,
     fitted C_1 with the t interval of the line (``low``, ``high``); ``printed`` is Eq. 4.1.10.
     """
-
-    mode: int
-    points: pd.DataFrame
-    lines: pd.DataFrame
-
-
-def coefficient_lines(mode: int) -> CoefficientLines:
-    """Linear coefficient of a mode against resonant amplitude, from rest to half as far again as tested."""
     A, C_1 = coefficients_against_amplitude(mode, "corrected")
     grid = np.linspace(0.0, 1.5 * A.max(), 100)
-    C_01, C_11 = PRINTED_LINES[IV.name, mode]
+    C_01, C_11 = PRINTED["lines"][mode - 1]["line"]
     parts = []
     for model in MODELS:
         fitted = fit_model(model, A, C_1)
@@ -279,4 +253,4 @@ def coefficient_lines(mode: int) -> CoefficientLines:
         parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
     printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})
     points = pd.DataFrame({"sweep": list("ABC"), "amplitude_in": A, "C_1_lb_s_per_in": C_1})
-    return CoefficientLines(mode, points, pd.concat([*parts, printed], ignore_index=True))
+    return SweepLines(mode, points, pd.concat([*parts, printed], ignore_index=True))

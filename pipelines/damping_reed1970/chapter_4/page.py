@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 
 from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
 from damping.report.page import Table
-from damping_reed1970.chapter_4 import A_LINEAR_PRINTED, A_POWER_PRINTED, F_EXAMPLE
+from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
-from damping_reed1970.chapter_4.lines import IV, CoefficientLines, ForceAmplitudeLines, V
+from damping_reed1970.chapter_4.lines import IV, SweepLines, V
 from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
@@ -28,23 +28,22 @@ KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 def write_chapter_4(results: ReportResults) -> ReportPart:
     """The page: three ways from the resonances of three levels to a force, printed and recomputed."""
     studies, every, named = results.studies, results.studies.tables(4), results.tables
-    lines, variations = named["linear_coefficients"], every["level_variations"]
+    lines, variations, predictions = named["linear_coefficients"], every["level_variations"], every["level_predictions"]
+    bases, pairs = "base " + variations["base"], predictions["base"] + " → " + predictions["sweep"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
     shown = {
         "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
         "spreads": chapter_table(4, "level_variations", tabulate_spreads(variations)),
-        "by_base": chapter_table(4, "level_variations", _tabulate_by_base(variations)),
-        "predictions": chapter_table(4, "level_predictions", _tabulate_errors(every["level_predictions"])),
+        "by_base": chapter_table(4, "level_variations", _widen(variations, "largest_percent", bases)),
+        "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
-    cautions = dict.fromkeys(caution for level in studies.levels.values() for caution in level.cautions)
     values = {
         "models": (IV.name, V.name),
         "hertz": studies.curves.omega_n / (2.0 * np.pi),
-        "printed": response.PRINTED,
+        "printed": PRINTED["curves"],
         "least": _list_least(variations),
         "held": HELD,
         "kept": list(studies.levels),
-        "cautions": "; ".join(cautions).capitalize(),
         "example_force": F_EXAMPLE,
     }
     figures = collect_figures(studies)
@@ -78,17 +77,9 @@ def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
-def _tabulate_by_base(variations: pd.DataFrame) -> pd.DataFrame:
-    wide = variations.pivot_table("largest_percent", ["mode", "kept", "case"], "base", aggfunc="first")
-    wide.columns = pd.Index([f"base {base}" for base in wide.columns])
-    return _tabulate_named(wide.reset_index())
-
-
-def _tabulate_errors(predictions: pd.DataFrame) -> pd.DataFrame:
-    labelled = predictions.assign(
-        pair=[f"{base} → {sweep}" for base, sweep in predictions[["base", "sweep"]].to_numpy()]
-    )
-    wide = labelled.pivot_table("percent_error", ["mode", "kept", "case"], "pair", aggfunc="first")
+def _widen(table: pd.DataFrame, value: str, columns: pd.Series) -> pd.DataFrame:
+    """A value of each case by mode and what is kept, side by side under the names ``columns`` of its rows."""
+    wide = table.assign(column=columns).pivot_table(value, ["mode", "kept", "case"], "column", aggfunc="first")
     return _tabulate_named(wide.reset_index().rename_axis(columns=None))
 
 
@@ -99,7 +90,7 @@ def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     """How each figure of the chapter is drawn, by name."""
     curves = studies.curves
-    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0, alphas=())  # heavy damping shows most
+    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
     return {
         "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
         "response-explained": lambda: response.draw_response_explained(explained),
@@ -124,7 +115,7 @@ _COEFFICIENT_LINES = {
 
 
 @styled
-def draw_linear_coefficients(modes: Sequence[CoefficientLines]) -> Figure:
+def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
     figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
     for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
@@ -149,17 +140,17 @@ def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
 
 
 @styled
-def draw_force_amplitude(modes: Sequence[ForceAmplitudeLines]) -> Figure:
+def draw_force_amplitude(modes: Sequence[SweepLines]) -> Figure:
     """Draw resonant force against amplitude on logarithmic axes (Fig. 4.10), with the extrapolation of section 4.3."""
     figure = Figure(figsize=(WIDTH, 3.1 * len(modes)))
     for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
         lines, force = data.lines, data.lines["force_lb"]
         axes.set(xscale="log", yscale="log")
-        band = "90 % t interval of the line"
+        band, (refitted, as_printed) = "90 % t interval of the line", data.exponents
         axes.fill_betweenx(force, lines["low"], lines["high"], color=PREDICTIVE, linewidth=0, label=band)
         for name, colour, line, label in (
-            ("refitted", AVERAGE, "-", f"least squares, p = {data.law.p:.3f}"),
-            ("printed_slope", ALERT, (0, (4, 2)), f"printed p = {data.p_printed:.3f}"),
+            ("refitted", AVERAGE, "-", f"least squares, p = {refitted:.3f}"),
+            ("printed_slope", ALERT, (0, (4, 2)), f"printed p = {as_printed:.3f}"),
             ("linear", LINEAR, (0, (1, 1.2)), "linear, p = 1"),
         ):
             axes.plot(lines[name], force, color=colour, linestyle=line, label=label)
@@ -170,7 +161,7 @@ def draw_force_amplitude(modes: Sequence[ForceAmplitudeLines]) -> Figure:
         plain_log(axes.yaxis)
         axes.set(title=_MODES[data.mode], xlabel="resonant amplitude (in)", ylabel="modal force (lb)")
         if data.mode == 1:
-            example = [A_LINEAR_PRINTED, A_POWER_PRINTED], [F_EXAMPLE, F_EXAMPLE]
-            axes.plot(*example, "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
+            amplitudes = [PRINTED["example"]["linear"], PRINTED["example"]["power"]]
+            axes.plot(amplitudes, [F_EXAMPLE] * 2, "s", color=ALERT, markersize=5, zorder=4, label="printed at 90 lb")
         axes.legend(loc="lower right", fontsize=7)
     return figure

@@ -160,7 +160,7 @@ def table_5_iii() -> dict[str, float]:
         **by_point("tab5III.E1", polynomial(E_1.printed, A, omega)),
         **by_point("tab5III.E2", polynomial(E_2.printed, A, omega)),
         **by_point("tab5III.dev", 100.0 * (E - fitted) / E),
-        **{f"tab5III.E_vs_3IV[{k}]": float(energies["energy_input_in_lb"].iloc[k - 1]) for k in (4, 9)},
+        **by_point("tab5III.E_vs_3IV", energies["energy_input_in_lb"].iloc[[3, 8]], (4, 9)),
     }
 
 
@@ -177,9 +177,11 @@ def table_5_iv(version: Version) -> dict[str, float]:
     E3, E4 = (f.printed if version == "printed" else f.coefficients(version) for f in (E_3, E_4))
     A, omega, E = E_4.data(version)
     deviation = 100.0 * (E - load_table("5_IV")["E4_in_lb"].to_numpy()[E_4.rows]) / E
-    columns_4 = {"E4": polynomial(E4, A, omega), "dev": deviation}
-    points_4 = {f"tab5IV.{n}[{k}]": float(x) for n, values in columns_4.items() for k, x in enumerate(values, start=4)}
-    return by_point("tab5IV.E3", polynomial(E3, *E_3.data(version)[:2])) | points_4
+    return {
+        **by_point("tab5IV.E3", polynomial(E3, *E_3.data(version)[:2])),
+        **by_point("tab5IV.E4", polynomial(E4, A, omega), range(4, 13)),
+        **by_point("tab5IV.dev", deviation, range(4, 13)),
+    }
 
 
 def fitted_coefficients() -> dict[str, float]:

@@ -7,20 +7,12 @@ from collections.abc import Callable
 import pandas as pd
 from matplotlib.figure import Figure
 
-from damping.report import format_between, number
 from damping.report.page import Table
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, draw_false_terms
 from damping_reed1970.chapter_5.nine_terms import draw_energy_surfaces, draw_terms_against_error
 from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
-
-#: A coefficient comes out where it is this close to the print, relative: half a unit of a second digit.
-CLOSE = 0.005
-#: Noise, per cent, at which sentences speak of the simulations: about that of the energies of Configuration I.
-NOISE = 3.0
-#: Subsets of nine terms.
-SUBSETS = 511
 
 
 def write_chapter_5(results: ReportResults) -> ReportPart:
@@ -33,19 +25,7 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         ),
         "measured": chapter_table(5, "circular_claims", measured),
     }
-    values = {
-        "surface": studies.surface,
-        "span": _describe_span,
-        "subsets": SUBSETS,
-        "noise": NOISE,
-        "close": CLOSE,
-        "methods": list(METHODS),
-        "replicates": studies.false.replicates,
-        "farther": FARTHER,
-        "circular": studies.circular,
-        "routes": ROUTES,
-        "measured": measured,
-    }
+    values = {"studies": studies, "methods": list(METHODS), "farther": FARTHER, "routes": ROUTES, "measured": measured}
     figures = collect_figures(studies)
     return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
 
@@ -65,28 +45,12 @@ def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
 
     The check-out data have no recovered inputs but the law that made them.
     """
-    rows = []
-    for (fit, equation, term), rows_of_term in regressions.groupby(["fit", "equation", "term"], sort=False):
-        values, last = rows_of_term.set_index("inputs")["coefficient"], rows_of_term.iloc[-1]
-        rows.append(
-            {
-                "fit": fit,
-                "equation": equation,
-                "term": term,
-                "printed": last["printed"],
-                "from printed inputs": values["printed"],
-                "from corrected": values["corrected"],
-                "from recovered or made": last["coefficient"],
-                "T-ratio": last["t_ratio"],
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _describe_span(values: pd.Series, digits: int = 2) -> str:
-    """``4 to 5``; one number where all are equal."""
-    low, high = values.min(), values.max()
-    return number(low, digits) if low == high else format_between(low, high, digits=digits)
+    keys, shown = ["fit", "equation", "term"], ["printed", "coefficient", "t_ratio"]
+    values = regressions.pivot_table("coefficient", keys, "inputs")[["printed", "corrected"]].add_prefix("from ")
+    rows = regressions.groupby(keys, sort=False)[shown].last().join(values).reset_index()
+    names = {"coefficient": "from recovered or made", "t_ratio": "T-ratio", "from printed": "from printed inputs"}
+    rows = rows.rename(columns=names)
+    return rows[[*keys, "printed", "from printed inputs", "from corrected", "from recovered or made", "T-ratio"]]
 
 
 def _tabulate_measured(circular: Circularity) -> pd.DataFrame:

@@ -19,8 +19,12 @@ from matplotlib.ticker import MaxNLocator
 from damping import plots as look
 from damping.plots import build_panel, describe_short, describe_with_unit, distinguish, law_style, styled
 
-#: Line of a median beyond the test.
-_DASHED = (0, (4, 1.5))
+#: The median within the test.
+_MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}
+#: The same beyond it.
+_MEDIAN_BEYOND: Any = _MEDIAN | {"linestyle": (0, (4, 1.5))}
+#: The prediction of linear damping beyond the test.
+_LINEAR: Any = {"color": look.LINEAR, "linewidth": 1.4, "linestyle": (0, (7, 2))}
 
 
 @styled
@@ -36,7 +40,12 @@ def damping_curve(
     figure, panel = build_panel(3.7, describe_with_unit("resonant amplitude", unit), "damping ratio (%)", axes=axes)
     _draw_damping_ratio(panel, table, tested)
     if axes is None:
-        marks = _build_curve_marks(level, 0 if tested is None else len(tested))
+        marks = [
+            *_build_median_marks(),
+            Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % band"),
+            Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
+            *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
+        ]
         figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
@@ -54,8 +63,8 @@ def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | 
     shade_beyond(axes, edge, float(A.max()))
     within = edge >= A
     beyond = (edge <= A) if inside.any() else np.full(len(A), True)
-    axes.plot(A[within], ratio[within], color=look.AVERAGE, linewidth=2.2)
-    axes.plot(A[beyond], ratio[beyond], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED)
+    axes.plot(A[within], ratio[within], **_MEDIAN)
+    axes.plot(A[beyond], ratio[beyond], **_MEDIAN_BEYOND)
     axes.plot(A, low, color=look.LINEAR, linewidth=1.2)
     if tested is not None:
         axes.plot(tested["amplitude"], 100.0 * tested["damping_ratio"], "o", color=look.MEASURED, mec="white", zorder=5)
@@ -94,16 +103,13 @@ def shade_beyond(axes: Axes, edge: float, end: float) -> None:
         axes.axvspan(edge, end, facecolor=look.BEYOND, edgecolor=look.GRID, hatch="///", linewidth=0, zorder=0)
 
 
-def _build_curve_marks(level: float, tested: int) -> list[Line2D | Patch]:
-    marks: list[Line2D | Patch] = [
-        Line2D([], [], color=look.AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED, label="median, beyond (hatched)"),
-        Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % band"),
-        Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
-    ]
-    if tested:
-        marks.append(Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {tested})"))
-    return marks
+def _build_median_marks() -> list[Artist]:
+    within = Line2D([], [], **_MEDIAN, label="median, tested")
+    return [within, Line2D([], [], **_MEDIAN_BEYOND, label="median, beyond (hatched)")]
+
+
+def _build_measured_mark(n: int) -> Artist:
+    return Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {n})")
 
 
 #: Sweeps named beside their curves; more hide them.
@@ -168,9 +174,6 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     return figure
 
 
-_LONG_DASH = (0, (7, 2))
-
-
 @styled
 def design_loads(
     band: pd.DataFrame,
@@ -198,7 +201,13 @@ def design_loads(
         panel.axvline(limit, color=look.MUTED, linewidth=0.8)
         panel.text(limit, 0.02, " no prediction", transform=panel.get_xaxis_transform(), color=look.MUTED, fontsize=8)
     if axes is None:
-        marks = _build_load_marks(level, len(tested))
+        marks = [
+            _build_measured_mark(len(tested)),
+            *_build_median_marks(),
+            Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
+            Line2D([], [], **_LINEAR, label="linear, from the top level"),
+            Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
+        ]
         figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
     return figure
 
@@ -208,10 +217,10 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     edge = float(tested["force"].max())
     shade_beyond(axes, edge, float(force[-1]))
     axes.fill_between(force, band["low"], band["high"], facecolor=look.PREDICTIVE, linewidth=0)
-    axes.plot(force, band["linear"], color=look.LINEAR, linewidth=1.4, linestyle=_LONG_DASH)
+    axes.plot(force, band["linear"], **_LINEAR)
     inside = force <= edge
-    axes.plot(force[inside], band["median"][inside], color=look.AVERAGE, linewidth=2.2)
-    axes.plot(force[~inside], band["median"][~inside], color=look.AVERAGE, linewidth=2.2, linestyle=_DASHED)
+    axes.plot(force[inside], band["median"][inside], **_MEDIAN)
+    axes.plot(force[~inside], band["median"][~inside], **_MEDIAN_BEYOND)
     axes.plot(tested["force"], tested["amplitude"], "o", color=look.MEASURED, ms=5, mec="white", mew=0.6, zorder=5)
     if len(tested) <= MOST_NAMED:
         for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
@@ -227,14 +236,3 @@ def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) ->
     values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
     likely = np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])
     return float(1.12 * np.nanmax([*values, likely]))
-
-
-def _build_load_marks(level: float, sweeps: int) -> list[Artist]:
-    return [
-        Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {sweeps})"),
-        Line2D([], [], color=look.AVERAGE, linewidth=2.2, label="median, tested"),
-        Line2D([], [], color=look.AVERAGE, linewidth=2.2, ls=_DASHED, label="median, beyond (hatched)"),
-        Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
-        Line2D([], [], color=look.LINEAR, linewidth=1.4, ls=_LONG_DASH, label="linear, from the top level"),
-        Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
-    ]

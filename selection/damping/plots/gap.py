@@ -75,8 +75,8 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     """
     sweeps = list(measured["sweep"].unique())
     with_phase = bool(measured["phase"].notna().any())
-    bands = -(-len(sweeps) // _PER_ROW)
-    kinds = 2 if with_phase else 1
+    quantities = ("amplitude", "phase") if with_phase else ("amplitude",)
+    kinds, bands = len(quantities), -(-len(sweeps) // _PER_ROW)
     ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
     figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
     axes = figure.subplots(bands * kinds, min(_PER_ROW, len(sweeps)), squeeze=False, height_ratios=ratios)
@@ -85,18 +85,16 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     for number, sweep in enumerate(sweeps):
         band, column = divmod(number, _PER_ROW)
         points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
-        upper = axes[band * kinds, column]
-        _draw_panel(upper, points, curves, "amplitude")
-        upper.set_title(f"sweep {sweep}")
+        panels = axes[band * kinds : (band + 1) * kinds, column]
+        for ax, quantity in zip(panels, quantities, strict=True):
+            _draw_panel(ax, points, curves, quantity)
+        panels[0].set_title(f"sweep {sweep}")
         if column == 0:
-            upper.set_ylabel(describe_with_unit("amplitude", length))
-        lowest = upper
+            panels[0].set_ylabel(describe_with_unit("amplitude", length))
         if with_phase:
-            lowest = axes[band * kinds + 1, column]
-            _draw_panel(lowest, points, curves, "phase")
-            upper.tick_params(axis="x", labelbottom=False)
-            if column == 0:
-                lowest.set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
+            panels[0].tick_params(axis="x", labelbottom=False)
+        if with_phase and column == 0:
+            panels[1].set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 

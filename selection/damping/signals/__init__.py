@@ -71,25 +71,13 @@ class NodeCorrection:
         return result
 
 
-def modal_force(F: Floats, phi: float) -> Floats:
-    """F_e = phi F (Eqs. 2.2.3, 3.1.11)."""
-    return phi * F
-
-
-def undamped_amplitude(mode: NodeMode, F: Floats, omega: Floats) -> Floats:
-    """Q_j = phi F/(M_j (omega_j^2 - omega^2)): Eqs. 3.1.13 and 3.1.14, with sign."""
-    return modal_force(F, mode.phi) / (mode.mass * (mode.omega**2 - omega**2))
-
-
-def rigid_body_amplitude(F: Floats, omega: Floats, r2_over_i: float, omega_r: float) -> Floats:
-    """X^R = (R^2/I) F/(omega_R^2 - omega^2): Eq. 3.1.16, with sign (negative above omega_R)."""
-    return r2_over_i * F / (omega_r**2 - omega**2)
-
-
 def node_correction(
     mode: NodeMode, others: Sequence[NodeMode], F: Floats, omega: Floats, r2_over_i: float = 0.0, omega_r: float = 0.0
 ) -> NodeCorrection:
     """C_t = (-X^R - sum_j phi_j Q_j)/phi over the other modes j: Eq. 3.1.20, part by part.
+
+    Q_j = phi_j F/(M_j (omega_j^2 - omega^2)) (Eqs. 3.1.13, 3.1.14) and X^R = (R^2/I) F/(omega_R^2 - omega^2) (3.1.16),
+    both with sign: X^R is negative above omega_R.
 
     Args:
         mode: the mode of interest.
@@ -99,9 +87,9 @@ def node_correction(
         r2_over_i: R^2/I of rigid-body rotation, 1/mass; 0 where the body is held.
         omega_r: frequency of rigid-body rotation, rad/s.
     """
-    adjacent = tuple(np.asarray(-other.phi * undamped_amplitude(other, F, omega) / mode.phi) for other in others)
-    rigid = np.asarray(-rigid_body_amplitude(F, omega, r2_over_i, omega_r) / mode.phi)
-    return NodeCorrection(adjacent, rigid)
+    undamped = (other.phi * F / (other.mass * (other.omega**2 - omega**2)) for other in others)
+    adjacent = tuple(np.asarray(-other.phi * Q / mode.phi) for other, Q in zip(others, undamped, strict=True))
+    return NodeCorrection(adjacent, np.asarray(-(r2_over_i * F / (omega_r**2 - omega**2)) / mode.phi))
 
 
 def modal_phase(X: Floats, phi_x: Floats, C_t: Floats, phi: float) -> Floats:
@@ -172,22 +160,22 @@ def input_energy(X: Floats, F: Floats, phi: Floats) -> Floats:
     return np.pi * X * F * np.sin(phi)
 
 
-def viscous_amplitude(F: Floats, M: float, omega_j: float, xi: Floats, omega: Floats) -> Floats:
-    """A = |F|/(M omega_j^2 sqrt((1 - r^2)^2 + (2 xi r)^2)), r = omega/omega_j (Eqs. 3.1.8, 3.2.12)."""
-    r = omega / omega_j
-    return np.abs(F) / (M * omega_j**2 * np.hypot(1.0 - r**2, 2.0 * xi * r))
-
-
 def viscous_energy(A: Floats, M: float, omega_j: float, xi: Floats, omega: Floats) -> Floats:
     """Delta W per cycle = 2 pi M omega_j xi A^2 omega (Eq. 3.2.11; with 3.2.12 it is 3.2.13, erratum E3213)."""
     return 2.0 * np.pi * M * omega_j * xi * A**2 * omega
 
 
 def plane_motion(planes: PrincipalPlanes, F: Floats, omega: Floats, xi: Floats) -> PlaneMotion:
-    """Amplitudes (Eq. 3.2.12) and energy losses (Eqs. 3.2.13, 3.2.14) in both principal planes."""
-    A = [viscous_amplitude(g * F, planes.mass, omega_j, xi, omega) for omega_j, g in planes.planes]
-    E = [viscous_energy(a, planes.mass, p[0], xi, omega) for a, p in zip(A, planes.planes, strict=True)]
-    return PlaneMotion(A[0], A[1], E[0], E[1])
+    """Motion in both principal planes, with r = omega/omega_j.
+
+    Amplitudes |F|/(M omega_j^2 sqrt((1 - r^2)^2 + (2 xi r)^2)) (Eqs. 3.1.8, 3.2.12), energy losses (3.2.13, 3.2.14).
+    """
+    A, E = [], []
+    for omega_j, g in planes.planes:
+        r = omega / omega_j
+        A.append(np.abs(g * F) / (planes.mass * omega_j**2 * np.hypot(1.0 - r**2, 2.0 * xi * r)))
+        E.append(viscous_energy(A[-1], planes.mass, omega_j, xi, omega))
+    return PlaneMotion(*A, *E)
 
 
 def energy_loss(planes: PrincipalPlanes, F: Floats, omega: Floats, xi: Floats) -> Floats:

@@ -124,9 +124,7 @@ def to_mode(table: pd.DataFrame, raw: pd.DataFrame, description: Description) ->
     """Node to modal displacement, X/phi (Eqs. 3.1.2-3.1.5); a negative phi turns the phase by pi."""
     phi = description.mode.phi
     after = table.assign(amplitude=_column(table, "amplitude") / abs(phi))
-    if phi < 0.0 and "phase" in after:
-        after["phase"] = _lag(_column(table, "phase") + np.pi)
-    return _step("mode factor", "Eqs. 3.1.2-3.1.5", table, after)
+    return _step("mode factor", "Eqs. 3.1.2-3.1.5", table, _turn(after, phi))
 
 
 def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
@@ -174,10 +172,8 @@ def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
 def to_modal_force(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """F_e = phi F (Eqs. 2.2.3, 3.1.11); a negative phi at the drive turns the phase by pi."""
     phi = description.mode.drive
-    after = table.assign(force=signals.modal_force(_column(table, "force"), abs(phi)))
-    if phi < 0.0 and "phase" in after:
-        after["phase"] = _lag(_column(table, "phase") + np.pi)
-    return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, after)
+    after = table.assign(force=abs(phi) * _column(table, "force"))
+    return _step("modal force", "Eqs. 2.2.3, 3.1.11", table, _turn(after, phi))
 
 
 def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
@@ -247,6 +243,12 @@ def _in_phase(
     amplitude = signals.modal_amplitude(A, phi, C_t, 1.0, after_phi)
     after = table.assign(amplitude=amplitude, phase=_lag(np.asarray(after_phi)))
     return _step(name, equation, table, after, {part: -C for part, C in parts.items()}, constants)
+
+
+def _turn(table: pd.DataFrame, phi: float) -> pd.DataFrame:
+    """The table with its phase, where it has one, turned by pi if ``phi`` is negative."""
+    turned = phi < 0.0 and "phase" in table
+    return table.assign(phase=_lag(_column(table, "phase") + np.pi)) if turned else table
 
 
 def _step(

@@ -9,9 +9,8 @@ by least squares with
 
     x(t) = Re[(X + X' u) exp(i theta) + X_3 exp(3 i theta)] + constant,
 
-so that X is its amplitude in the middle although the amplitude grows, theta' the frequency and theta'' its rate. What
-is left over is the noise, and with it the uncertainty of X. Samples are kept for the window at hand alone: a record of
-any length takes the memory of its longest block.
+so that X is its amplitude in the middle although the amplitude grows, theta' the frequency and theta'' its rate.
+Samples are kept for the window at hand alone: a record of any length takes the memory of its longest block.
 """
 
 from __future__ import annotations
@@ -154,8 +153,7 @@ class TrackedSine:
     """Rows of a driven test in the order of time.
 
     ``frequency`` Hz, ``rate`` Hz/s, ``time`` s, amplitude of the ``drive`` (n,); ``response``, ``third`` (channels, n)
-    complex amplitudes of x = Re[X exp(i theta) + X_3 exp(3 i theta)], theta the phase of the drive; ``response_sd``
-    (channels, n) of each part of X, from what the window leaves.
+    complex amplitudes of x = Re[X exp(i theta) + X_3 exp(3 i theta)], theta the phase of the drive.
     """
 
     frequency: FloatArray
@@ -164,7 +162,6 @@ class TrackedSine:
     drive: FloatArray
     response: ComplexArray
     third: ComplexArray
-    response_sd: FloatArray
 
 
 def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> TrackedSine:
@@ -200,9 +197,9 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         kept, start = kept[:, used:], start + used
     if not rows:
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
-    frequency, rate, time, size, response, third, sd, dwells = (np.array(values) for values in zip(*rows, strict=True))
+    frequency, rate, time, size, response, third, dwells = (np.array(values) for values in zip(*rows, strict=True))
     rate = np.where(dwells, rate, _smooth_rate(time, frequency, rate))
-    return TrackedSine(frequency, rate, time, size, response.T, third.T, sd.T)
+    return TrackedSine(frequency, rate, time, size, response.T, third.T)
 
 
 def _find_crossings(x: FloatArray) -> FloatArray:
@@ -226,7 +223,6 @@ class _Row(NamedTuple):
     drive: float
     response: ComplexArray
     third: ComplexArray
-    sd: FloatArray
     is_dwell: bool = False
 
 
@@ -241,24 +237,19 @@ def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, s
     theta = 2.0 * pi * cycle - np.array([0.5 * pi, 0.0, 0.0])  # the drive is a sine, and Re exp(i theta) a cosine
     samples = x[:, a:b]
     for _ in range(_REFINED):
-        phase = np.polynomial.polynomial.polyval(u, theta)
-        wave = np.exp(1j * phase)
+        wave = np.exp(1j * np.polynomial.polynomial.polyval(u, theta))
         basis = np.column_stack([wave, wave * u, wave * u**2])
         d, left = _fit_real(basis, samples[drive : drive + 1])
         grown = d[0] / d[0, 0]
         theta = theta + np.array([np.angle(d[0, 0]), grown[1].imag, grown[2].imag - (grown[1] ** 2).imag / 2.0])
     if float(np.sqrt(np.mean(left**2))) > PURITY * abs(d[0, 0]) / 2.0**0.5:
         return None
-    phase = np.polynomial.polynomial.polyval(u, theta)
-    wave = np.exp(1j * phase)
-    amplitudes, left = _fit_real(np.column_stack([wave, wave * u, wave**3]), samples)
-    long = (b - a) * step
-    others = [k for k in range(len(x)) if k != drive]
-    sd = np.std(left, axis=1) * np.sqrt(2.0 / (b - a))
+    wave = np.exp(1j * np.polynomial.polynomial.polyval(u, theta))
+    amplitudes, _ = _fit_real(np.column_stack([wave, wave * u, wave**3]), samples)
+    long, time = (b - a) * step, start * step + middle * step
     frequency, rate = theta[1] / (2.0 * pi * long), theta[2] / (pi * long**2)
-    size = float(abs(amplitudes[drive, 0]))
-    time = start * step + middle * step
-    return _Row(frequency, rate, time, size, amplitudes[others, 0], amplitudes[others, 2], sd[others])
+    others = np.delete(amplitudes, drive, axis=0)
+    return _Row(frequency, rate, time, float(abs(amplitudes[drive, 0])), others[:, 0], others[:, 2])
 
 
 def _fit_real(basis: ComplexArray, samples: FloatArray) -> tuple[ComplexArray, FloatArray]:

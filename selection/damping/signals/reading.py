@@ -122,9 +122,7 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
     table = read_table(path, required=[*d.columns, *labels], text_columns=text, max_size=max_size)
     for name in d.raw.keep:
         require_column(table, name, path, line=1, why=" to keep")
-    problem = _find_out_of_range(table, d)
-    if problem is not None:
-        row, name, expected = problem
+    for row, name, expected in _find_out_of_range(table, d):
         line = _lines(path, max_size)[row]
         raise InputError(f"{table[name].iloc[row]:g}", file=path, line=line, column=name, expected=expected)
     return table
@@ -141,37 +139,29 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
         require_column(table, name)
     raw = table.reset_index(drop=True)
-    problem = _find_out_of_range(raw, d)
-    if problem is not None:
-        row, name, expected = problem
+    for row, name, expected in _find_out_of_range(raw, d):
         raise InputError(f"{raw[name].iloc[row]:g} in row {row}", column=name, expected=expected)
     return raw
 
 
-def _find_out_of_range(table: pd.DataFrame, description: Description) -> tuple[int, str, str] | None:
-    """Row, column and what was expected of the first row, then column, that holds a number out of range."""
+def _find_out_of_range(table: pd.DataFrame, description: Description) -> list[tuple[int, str, str]]:
+    """Row, column and what was expected of the first number out of range of each column, first rows first."""
     d = description
     divided = {d.node.sensor, *(name for yaw in d.yaw for name in (yaw.tip_pitch, yaw.pitch))}
     bad: dict[str, tuple[pd.Series, str]] = {}
     for sensor in d.sensors:
-        amplitude = table[sensor.column]
-        if sensor.name in divided:
-            bad[sensor.column] = amplitude <= 0.0, "an amplitude > 0"
-        else:
-            bad[sensor.column] = amplitude < 0.0, "an amplitude >= 0"
-    for column in d.uncertainties.values():
-        bad[column] = table[column] < 0.0, "a standard uncertainty >= 0"
+        amplitude, positive = table[sensor.column], sensor.name in divided
+        wrong = amplitude <= 0.0 if positive else amplitude < 0.0
+        bad[sensor.column] = wrong, f"an amplitude {'>' if positive else '>='} 0"
+    bad |= {name: (table[name] < 0.0, "a standard uncertainty >= 0") for name in d.uncertainties.values()}
     bad[d.raw.frequency] = table[d.raw.frequency] <= 0.0, "a frequency > 0"
     bad[d.raw.force] = table[d.raw.force] <= 0.0, "a force amplitude > 0"
     if d.node.phase:
         turn = 2.0 * np.pi / d.units.rad
         bad[d.node.phase] = table[d.node.phase].abs() > turn, f"a phase within one turn ({d.units.phase})"
-    order = list(table.columns)
-    places = [(int(np.argmax(wrong)), order.index(name), name) for name, (wrong, _) in bad.items() if wrong.any()]
-    if not places:
-        return None
-    row, _, name = min(places)
-    return row, name, bad[name][1]
+    in_order = ((name, *bad[name]) for name in map(str, table) if name in bad)
+    places = [(int(np.argmax(wrong)), name, expected) for name, wrong, expected in in_order if wrong.any()]
+    return sorted(places, key=lambda place: place[0])
 
 
 def check_repeats(record: pd.DataFrame, raw: Path, max_size: int) -> None:
