@@ -13,7 +13,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, Unit, unit
-from damping.formats.series import FileFacts, Series, Stated, Summary
+from damping.formats.series import NAMES, FileFacts, Series, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
@@ -31,6 +31,8 @@ _STATED = "stated"
 _FOUND = "found in the file"
 _FOLLOWS = "follows"
 _OF_ROLE = "of the role, or found in the file"
+#: A unit of each response type.
+_EXAMPLES: dict[str, str] = NAMES["unit"]
 
 
 @dataclass(frozen=True)
@@ -149,16 +151,6 @@ def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit
     if whole.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
         raise InputError(f"{units['response'].text} is no unit of {name}", expected=f"such as {_EXAMPLES[name]}")
     return whole
-
-
-_EXAMPLES = {
-    "receptance": "m/N",
-    "mobility": "(m/s)/N",
-    "accelerance": "(m/s^2)/N",
-    "displacement": "mm",
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-}
 
 
 def ask(known: Statements, *, force: bool | None) -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from damping import report as words
 from damping.arrays import FloatArray
-from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
@@ -120,20 +120,13 @@ def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-#: Columns of loads in the files of a study, which keep their shorter names.
-_FILE_NAMES = {
-    "linear_overprediction_percent": "overprediction",
-    "linear_overprediction_low": "overprediction_low",
-    "linear_overprediction_high": "overprediction_high",
-}
-
-
 def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
-    """One row for each force, as the files of a study name the columns; empty without loads."""
+    """One row for each force, empty without loads; of a linear overprediction the shorter names that files keep."""
     if loads is None:
         return pd.DataFrame()
-    table = forms.tabulate_loads(loads)
-    return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
+    return forms.tabulate_loads(loads).rename(
+        columns=lambda name: name.removeprefix("linear_").removesuffix("_percent")
+    )
 
 
 def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
@@ -225,11 +218,8 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
 
 def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
     """Damping force C(A, omega) of a candidate that could be fitted, as its errors are computed; shape of ``A``."""
-    assert candidate.coordinates is not None  # a candidate with a rank was fitted
-    assert candidate.evidence is not None
-    assert candidate.fit is not None
-    force = candidate.fit.force
-    return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)
+    assert candidate.fit is not None  # a candidate with a rank was fitted
+    return np.asarray(np.broadcast_to(candidate.fit.force.quadrature(A, omega), np.shape(A)), dtype=float)
 
 
 def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
@@ -261,9 +251,3 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table
-
-
-def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """What the band is made of: one row for each force, one column for each part (sd, per cent of amplitude)."""
-    force = [words.format_force_text(force, result.mode.units.force) for force in design.force]
-    return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
