@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from damping import __version__
 from damping.errors import InputError
@@ -38,10 +38,8 @@ _MOST_FILE = 1_000_000_000
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class Manifest(BaseModel):
+class Manifest(BaseModel, extra="ignore", frozen=True):
     """``inputs`` and ``outputs``: SHA-256 by name; outputs relative to the folder, inputs to the settings."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
 
     format: Literal["manifest/1"] = "manifest/1"
     seed: int

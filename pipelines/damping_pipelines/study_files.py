@@ -27,7 +27,7 @@ from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, Field, field_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
@@ -49,11 +49,7 @@ from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_jso
 DEFAULT_SEED = 1970
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RecordSettings(_Table):
+class RecordSettings(BaseModel, extra="forbid", frozen=True):
     """One record of a study."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]
@@ -76,7 +72,7 @@ class RecordSettings(_Table):
         return laws
 
 
-class StudySettings(_Table):
+class StudySettings(BaseModel, extra="forbid", frozen=True):
     """A study: its records in order."""
 
     title: str
