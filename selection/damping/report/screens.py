@@ -47,7 +47,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
         "records": records,
         "several": len(records) > 1,
         "lead": next((record for record in records if record["load"]), records[0]),
-        "asked": [record for record in records if "content" in record],
+        "asked": [record for record in records if record["design"]],
         "gravest": collect_holders(study, _list_gravest),
     }
     sections = write_sections(Path(__file__).with_name("screens.txt"), values, parts)
@@ -62,14 +62,11 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
     """What the sentences say of a record, by name."""
     i, design, ranking = find_largest(result.design), result.design, result.ranking
     rest = len(ranking.candidates) - len(_list_shown_laws(result))
-    described = {
-        "title": result.title,
-        "stem": result.name,
-        "points": len(result.data.A),
+    return {
+        **vars(result),
         "levels": _count_levels(result),
         "ratio": design.ratio[i] if design is not None and i is not None else 0.0,
         "fitting": len(ranking.weighted(LEAST_SHOWN)),
-        "note": result.note,
         "best": ranking.weighted()[0],
         "load": _describe_load(result),
         "top": _describe_top(result),
@@ -77,13 +74,8 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         "measured": "sweeps" if result.data.has_repeats else "resonances",
         "verdict": ranking.fit.sentence or "The leading law fits to the noise",
         "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
-        "next_level": result.next_level,
-        "force_unit": result.mode.units.force,
+        "refusals": dict.fromkeys(caution[0] for caution in design.cautions if caution) if design else (),
     }
-    if design is not None:
-        described["content"] = f"{100 * design.level:g}"
-        described["refusals"] = dict.fromkeys(caution[0] for caution in design.cautions if caution)
-    return described
 
 
 def _describe_load(result: RecordResult) -> dict[str, str]:

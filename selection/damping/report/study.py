@@ -75,7 +75,7 @@ MOST_COLUMNS = 24
 
 def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     """Data, every law, posteriors, predictions of each law, by the text ``details.txt``."""
-    best, failed, design = leading(result), describe_failed_chains(result), result.design
+    best, design = leading(result), result.design
     notes = list(dict.fromkeys(caution for law in result.ranking.candidates for caution in law.cautions))
     observations, checks = tables.tabulate_observations(result), tables.tabulate_checks(result)
     points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
@@ -95,25 +95,16 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     units = result.mode.units
     mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
     values = {
-        "mode": result.mode,
+        **vars(result),
         "mass": words.format_quantity(result.mode.mass, mass_unit, 4),
         "file": Path(result.record.source).name,
-        "points": len(result.record),
-        "sweeps": len(result.record.sweeps),
-        "has_energy": "energy" in result.record.table.columns,
-        "has_phase": result.record.has_phase,
-        "units": units,
         "used": len(observations),
         "shown": min(len(observations), MOST_POINTS),
-        "levels": len(result.data.sweeps),
-        "criterion": result.ranking.criterion,
         "notes": notes,
-        "posteriors": result.posteriors,
-        "failed": failed,
+        "failed": describe_failed_chains(result),
         "leading": best.law.name if best else "",
         "content": 100 * INTERVAL,
         "left_out": list(dict.fromkeys(checks["unit_left_out"])) if result.posteriors else [],
-        "level": 100 * design.level if design else None,
     }
     return write_blocks(Path(__file__).with_name("details.txt"), values, page.take_parts(parts))
 
