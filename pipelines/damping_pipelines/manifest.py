@@ -94,13 +94,9 @@ def publish(
     """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
 
     Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
-    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last.
-
-    Args:
-        kept: names of files that the run has written into the folder already, to be sealed with the others.
-
-    InputError: a file cannot be written, or one stands there that no run has written; the earlier results are as they
-    were.
+    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last. ``kept``: names
+    of files that the run has written into the folder already, to be sealed with the others. InputError: a file cannot
+    be written, or one stands there that no run has written; the earlier results are as they were.
     """
     refuse_foreign(folder, files)
     outputs = {name: digest(content) for name, content in files.items()}
@@ -181,12 +177,9 @@ def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
 
     The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
-    move finished results into place, that is done first.
-
-    Args:
-        names: outputs that are known beforehand, so that a file in their way is told before the work.
-
-    InputError: the folder cannot be written, another run holds it, or a user's own file is in the way.
+    move finished results into place, that is done first. ``names``: outputs that are known beforehand, so that a file
+    in their way is told before the work. InputError: the folder cannot be written, another run holds it, or a user's
+    own file is in the way.
     """
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)

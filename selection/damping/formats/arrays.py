@@ -31,13 +31,12 @@ _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside thre
 
 @dataclass(frozen=True)
 class Arrays:
-    """Arrays by name (several where a name stands for several), the units that the file gives for them, the shape of
-    every array in the file by name, and start and step in s of those that are channels against time."""
+    """Arrays of a file, and what is in it."""
 
-    arrays: dict[str, list[Samples]]
-    units: dict[str, str]
-    known: dict[str, tuple[int, ...]]
-    steps: dict[str, tuple[float, float]]
+    arrays: dict[str, list[Samples]]  #: by name, several where a name stands for several
+    units: dict[str, str]  #: that the file gives for them
+    known: dict[str, tuple[int, ...]]  #: shape of every array in the file
+    steps: dict[str, tuple[float, float]]  #: start and step in s of those that are channels against time
 
 
 def read_arrays(

@@ -37,16 +37,12 @@ _EXAMPLES: dict[str, str] = NAMES["unit"]
 
 @dataclass(frozen=True)
 class Conversion:
-    """How values become displacement and force of the system.
+    """How values become displacement and force of the system."""
 
-    ``order`` of the time derivative, ``per_force`` whether the response is a ratio; ``response`` and ``force`` are
-    factors to units of the system (``force`` None: its unit is unknown).
-    """
-
-    order: int
-    per_force: bool
-    response: float
-    force: float | None
+    order: int  #: of the time derivative
+    per_force: bool  #: whether the response is a ratio
+    response: float  #: factor to the unit of the system
+    force: float | None  #: likewise; None: its unit is unknown
 
 
 @dataclass(frozen=True)

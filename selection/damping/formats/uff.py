@@ -67,18 +67,15 @@ def read_uff(
 
 @dataclass(frozen=True)
 class Function:
-    """A data set 58 as it stands: ID line, response and reference (node, direction), type, abscissa and ordinate.
+    """A data set 58 as it stands."""
 
-    ``quantity`` is what the ordinate is, ``per`` what it is divided by ('' where nothing), ``units`` their labels.
-    """
-
-    title: str
-    response: tuple[int, int]
-    reference: tuple[int, int]
+    title: str  #: ID line
+    response: tuple[int, int]  #: node, direction
+    reference: tuple[int, int]  #: likewise
     is_time: bool
-    quantity: str
-    per: str
-    units: tuple[str, str]
+    quantity: str  #: what the ordinate is
+    per: str  #: what it is divided by, '' where nothing
+    units: tuple[str, str]  #: labels of both
     x: FloatArray
     y: Samples
 

@@ -22,6 +22,7 @@ from damping.report.results import RecordResult, posterior_draws, prior_draws
 _CHAIN = ("converged", "failure", "steps", "acceptance", "log_z")
 _CONVERGENCE = ("mean", "sd", "monte_carlo_error", "r_hat", "effective_size", "autocorrelation", "lengths")
 _POWER_LAW = ("form", "p", "std_error", "degrees_of_freedom", "level", "p_low", "p_high")
+_ENDS = ("low", "median", "high")
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
 
@@ -69,20 +70,16 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
         prior = prior_draws(sampled.posterior.coordinates)
         converged = sampled.posterior.converged
         for name, draws in posterior_draws(sampled).items():
-            low, median, high = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
-            prior_low, prior_median, prior_high = np.percentile(prior[name], _TAILS)
+            believed = np.percentile(prior[name], _TAILS)
+            known = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
             rows.append(
                 {
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
                     "unit": words.format_parameter_unit(name, result.mode.units),
-                    "prior_low": prior_low,
-                    "prior_median": prior_median,
-                    "prior_high": prior_high,
-                    "low": low,
-                    "median": median,
-                    "high": high,
+                    **{f"prior_{end}": value for end, value in zip(_ENDS, believed, strict=True)},
+                    **dict(zip(_ENDS, known, strict=True)),
                     "converged": converged,
                 }
             )
