@@ -121,9 +121,8 @@ def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
     """One row for each force, empty without loads; of a linear overprediction the shorter names that files keep."""
     if loads is None:
         return pd.DataFrame()
-    return forms.tabulate_loads(loads).rename(
-        columns=lambda name: name.removeprefix("linear_").removesuffix("_percent")
-    )
+    table = forms.tabulate_loads(loads)
+    return table.set_axis([name.removeprefix("linear_").removesuffix("_percent") for name in table.columns], axis=1)
 
 
 def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
