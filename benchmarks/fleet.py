@@ -29,9 +29,9 @@ from benchmarks._structures import simulated_levels, structures
 from damping.plots import AVERAGE, LINEAR, WIDTH, styled, to_svg
 from damping.records.record import record_to_csv
 from damping_pipelines import fleet as command
+from damping_pipelines.fleet import runners
 from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask, row_of
-from damping_pipelines.fleet.runners import distributed
 from damping_pipelines.store import write_text
 from damping_validation.truths import OMEGA
 
@@ -133,7 +133,7 @@ def answered(task: FleetTask) -> FleetResult:
 
 def machinery(source: str, out: str, workers: str) -> None:
     """``damping fleet --fast`` with ``answered`` in place of the analysis."""
-    vars(command)["distributed"] = partial(distributed, work=answered)
+    vars(runners)["distributed"] = partial(runners.distributed, work=answered)
     command.fleet(Path(source), Path(out), fast=True, workers=int(workers), max_size=1_000_000)
 
 

@@ -197,12 +197,9 @@ def _show(answer: Campaign, out: Path) -> None:
             table.add_row(mode.name, sensor, number(at.frequency), number(at.level), *ratio, *peak)
     to.print(table)
     for mode in answer.modes:
-        for name, why in mode.left_out.items():
-            to.print(f"- {mode.name} without {name}: {why}")
-        for notch in mode.notches:
-            to.print(f"- {notch}")
-        for finding in mode.findings:
-            to.print(f"- {mode.name}: {finding}")
+        left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
+        for line in (*left_out, *mode.notches, *(f"{mode.name}: {finding}" for finding in mode.findings)):
+            to.print(f"- {line}")
     for outcome in answer.outcomes:
         to.print(f"- {outcome}")
     to.print(f"written to {out}")

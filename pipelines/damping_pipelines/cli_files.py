@@ -102,27 +102,33 @@ def campaign(
 def import_(
     file: Annotated[Path, Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in data.")],
     out: RecordOut,
-    file_format: Annotated[
+    format: Annotated[
         str, Option("--format", help="auto, uff, mat, hdf5, tdms, lvm, csv or lock-in; auto looks inside.")
     ] = "auto",
-    column: Annotated[list[str], Option(metavar="ROLE=NAME", help="Column or array of a role; repeat.")] = NONE,
+    columns: Annotated[
+        list[str], Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeat.")
+    ] = NONE,
     response: Annotated[
         str | None, Option(help="receptance, mobility, accelerance, displacement, velocity or acceleration.")
     ] = None,
     scaling: Annotated[
         list[str], Option(metavar="[force=]X", help="Amplitudes are peak, rms or peak-to-peak; of the force.")
     ] = NONE,
-    unit: Annotated[
-        list[str], Option(metavar="WHAT=UNIT", help="Unit of force, response or another (above); repeat.")
+    units: Annotated[
+        list[str], Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response or another (above); repeat.")
     ] = NONE,
     consistent: Annotated[
         bool, Option("--consistent", help="All values are of one system of units: take them as they are.")
     ] = False,
     scale: Annotated[list[str], Option(metavar="WHAT=X", help="Factor of force or response; repeat.")] = NONE,
-    to: Annotated[str, Option(metavar="si|us", help="Units of the record: N and m, or lbf and in.")] = "si",
-    force: Annotated[list[float], Option(metavar="F", help="Force amplitude: one, or one for each sweep.")] = NONE,
-    label: Annotated[list[str], Option(metavar="L", help="Label of each sweep.")] = NONE,
-    dataset: Annotated[list[int], Option(metavar="N", help="Data set 58 to take, from 1; repeat.")] = NONE,
+    system: Annotated[str, Option("--to", metavar="si|us", help="Units of the record: N and m, or lbf and in.")] = "si",
+    forces: Annotated[
+        list[float], Option("--force", metavar="F", help="Force amplitude: one, or one for each sweep.")
+    ] = NONE,
+    labels: Annotated[list[str], Option("--label", metavar="L", help="Label of each sweep.")] = NONE,
+    datasets: Annotated[
+        list[int], Option("--dataset", metavar="N", help="Data set 58 to take, from 1; repeat.")
+    ] = NONE,
     band: Annotated[str | None, Option(metavar="LO:HI", help="Frequencies to take, Hz.")] = None,
     reverse: Annotated[bool, Option("--reverse", help="The sensor is mounted against the force.")] = False,
     delimiter: Annotated[str, Option(help="comma, semicolon, tab, space or auto.")] = "auto",

@@ -37,27 +37,22 @@ RATIOS_PER_LINE = 6
 
 @dataclass(frozen=True)
 class Point:
-    """One mode at one load level: frequency in Hz, damping ratio (median and low), and the words that describe it.
-
-    ``force`` and ``amplitude`` are those of the resonance, NaN where the form does not hold them.
-    """
+    """One mode at one load level: frequency in Hz, damping ratio (median and low), and the words that describe it."""
 
     mode: str
     frequency: float
     median: float
     low: float
-    force: float
+    force: float  #: at the resonance, as the amplitude; NaN where the form does not hold them
     amplitude: float
     remark: str
 
 
 def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str:
-    """The damping of a form as text for a structural code (``decks.txt``).
+    """The damping of a form as text for a structural code, one of ``COMMENTS`` (``decks.txt``).
 
-    Args:
-        code: one of ``COMMENTS``. content: the form as it was read, whose hash goes into the comments.
-
-    InputError: an unknown code. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
+    ``content``: the form as it was read, whose hash goes into the comments. InputError: an unknown code. AnalysisError:
+    no level of the form has a damping ratio, or not what the code needs.
     """
     if code not in COMMENTS:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))

@@ -57,7 +57,10 @@ def export(
     inputs = [path for path in (source, mode) if path is not None]
     check_outputs({"--out": out, "--mode-out": mode_out}, *inputs)
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
-        _only_of_records(source, out, mode_out)
+        if kind in _UFF:
+            raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
+        if mode_out:
+            raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
         _export_form(source, out, units, given, mode, max_size)
         return
     record = read_record(source, max_size=max_size)
@@ -78,50 +81,35 @@ def export(
     _write_record(record, names, out, notes, text=text)
 
 
-def export_deck(source: Path, out: Path, code: str, max_size: int = MAX_FORM_SIZE) -> None:
+def export_deck(source: Path, out: Path, code: str) -> None:
     """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
 
     InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
     """
     check_outputs({"--out": out}, source)
-    content = read_bytes(source, max_size)
+    content = read_bytes(source, MAX_FORM_SIZE)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
     write_text(out, write_deck(code, content, form, str(source)))
     console().print(f"{out} written: damping for {code}")
 
 
 def _names(mode: Mode | None, given: str | None) -> Units:
-    """Units of the record: as stated, else of its mode."""
+    """Units of the record: as stated, else of its mode. InputError where the mode names others than ``--from`` says."""
     if given is None:
         return mode.units if mode else Units()
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
     stated = Units(*SYSTEMS[given], "s")
-    if mode is not None:
-        _agree(mode, stated, given)
-    return stated
-
-
-def _agree(mode: Mode, stated: Units, given: str) -> None:
-    """InputError where the mode names other units than ``--from`` says."""
-    for what, text in vars(mode.units).items():
-        if not text:
-            continue
-        named, meant = unit(text, what=f"unit of {what}"), unit(getattr(stated, what))
+    for what, text in vars(mode.units).items() if mode else ():
+        meant = unit(getattr(stated, what))
+        named = unit(text, what=f"unit of {what}") if text else meant
         if (named.powers, named.factor) != (meant.powers, meant.factor):
             raise InputError(
-                f"the mode has {what} in {text} and --from {given} says {getattr(stated, what)}",
+                f"the mode has {what} in {text} and --from {given} says {meant.text}",
                 file=mode.source,
                 expected="one of them, or both alike",
             )
-
-
-def _only_of_records(source: Path, out: Path, mode_out: Path | None) -> None:
-    """InputError for what is asked of a form and only a record has."""
-    if out.suffix.lower() in _UFF:
-        raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
-    if mode_out:
-        raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
+    return stated
 
 
 def _export_form(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, Field, RootModel, ValidationError
 
 from damping.errors import InputError
 from damping.records.text import unguarded
@@ -13,10 +13,8 @@ from damping.records.text import unguarded
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-class FormPart(BaseModel):
+class FormPart(BaseModel, extra="ignore", frozen=True, allow_inf_nan=False):
     """A part of a form: keys that are not named are passed over, and no number is NaN or infinite."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
 AnyForm = TypeVar("AnyForm", bound=BaseModel)
@@ -55,10 +53,9 @@ class ParameterForm(FormPart):
     high: float | None = None
 
 
-class ForceForm(ParameterForm):
+class ForceForm(ParameterForm, extra="allow"):
     """A force of a candidate: its coefficient, and its shape parameters by name as further keys."""
 
-    model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, ParameterForm | float | str | None]
 
     name: str

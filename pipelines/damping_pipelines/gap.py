@@ -27,18 +27,6 @@ from damping_pipelines.terminal import console, end_with_parent, progress, repor
 FORMAT = "gap/1"
 
 
-def pair_states(records: Sequence[Path], models: Sequence[Path]) -> tuple[Path | None, tuple[tuple[Path, Path], ...]]:
-    """The first record, if any, and each model of ``--with`` with the record that follows it.
-
-    InputError: not one record a model.
-    """
-    if len(records) != len(models) + bool(records):
-        raise InputError(
-            f"{len(records)} records for {1 + len(models)} models", expected="MODEL.toml RECORD.csv, also after --with"
-        )
-    return next(iter(records), None), tuple(zip(models, records[1:], strict=True))
-
-
 def gap(
     model: Path,
     records: Sequence[Path],
@@ -60,9 +48,12 @@ def gap(
     structure, whose records follow the first. ``simulator``: ``MODULE:FUNCTION``. InputError: bad usage or input.
     AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
-    record, further = pair_states(records, states)
-    if record is None:
-        if further or simulator is not None or plot is not None:
+    if len(records) != len(states) + bool(records):
+        raise InputError(
+            f"{len(records)} records for {1 + len(states)} models", expected="MODEL.toml RECORD.csv, also after --with"
+        )
+    if not records:
+        if simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
         if report is not None or model_out is not None:
             raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
@@ -71,14 +62,16 @@ def gap(
         if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
-    inputs = (model, record, *chain.from_iterable(further))
+    record, *further = records
+    pairs = list(zip(states, further, strict=True))
+    inputs = (model, record, *chain.from_iterable(pairs))
     check_outputs({"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}, *inputs)
     measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
     report_findings(measured, mode, despite)
     result = damping.diagnose(
         measured,
         mode,
-        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in further],
+        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs],
         simulate=None if simulator is None else import_simulator(simulator),
         posterior=posterior is not False,
         seed=seed,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,20 +19,9 @@ from damping.formats.steady import Imported, steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
-from damping.signals.ringdown import LEVELS, PERIODS, Decay, ring_down
+from damping.signals.ringdown import Decay, ring_down
 from damping_pipelines.store import check_outputs, write_json, write_text
 from damping_pipelines.terminal import PlainTable, console, parse_number, report_findings
-
-
-@dataclass(frozen=True)
-class RingDown:
-    """How free decays are taken: the mode (its mass and frequency), periods of the window, levels, part in s."""
-
-    mode: Path
-    periods: float = PERIODS
-    levels: int = LEVELS
-    start: float | None = None
-    end: float | None = None
 
 
 def import_(
@@ -51,35 +39,32 @@ def import_(
     InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
     """
     parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
-    given = {name: value for name, value in parts.items() if value is not None}
+    window = {name: value for name, value in parts.items() if value is not None}
     stated = _as_stated(**options)
-    if not ring_down and (mode is not None or given):
-        name = "mode" if mode is not None else next(iter(given))
+    if not ring_down and (mode is not None or window):
+        name = "mode" if mode is not None else next(iter(window))
         raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
     if ring_down and mode is None:
         raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
-    decay = RingDown(mode, **given) if mode is not None else None
-    import_file(file, out, stated, decay, json_out, max_size, despite)
+    import_file(file, out, stated, mode, json_out, max_size, despite, **window)
 
 
 def _as_stated(
-    file_format: str, column: Sequence[str], unit: Sequence[str], scaling: Sequence[str], scale: Sequence[str], to: str,
-    force: Sequence[float], label: Sequence[str], dataset: Sequence[int], band: str | None, **others: Any,
+    columns: Sequence[str], units: Sequence[str], scaling: Sequence[str], scale: Sequence[str], band: str | None,
+    forces: Sequence[float], labels: Sequence[str], datasets: Sequence[int], **others: Any,
 ) -> Stated:  # fmt: skip
     """What the options say of a file; ``others`` are fields of ``Stated`` as they are."""
     of_response, of_force = scalings(scaling)
     return Stated(
-        format=file_format,
-        columns=pairs("--column", column),
+        columns=pairs("--column", columns),
         scaling=of_response,
         force_scaling=of_force,
-        units=pairs("--unit", unit),
+        units=pairs("--unit", units),
         scale=scales(scale),
-        system=to,
-        forces=tuple(force),
-        labels=tuple(label),
-        datasets=tuple(dataset),
         band=read_band(band),
+        forces=tuple(forces),
+        labels=tuple(labels),
+        datasets=tuple(datasets),
         **others,
     )
 
@@ -88,23 +73,34 @@ def import_file(
     file: Path,
     out: Path,
     stated: Stated,
-    decay: RingDown | None = None,
+    mode_file: Path | None = None,
     json_out: str | None = None,
     max_size: int = DEFAULT_MAX_SIZE,
     despite: Collection[str] = (),
+    **window: Any,
 ) -> None:
     """Read a file, write its record and print what was understood (form ``import/1`` where asked).
 
-    ``decay`` is for time histories, which are free decays of one mode; without it the file holds steady states.
-    InputError: a file that cannot be read, or something that neither the file nor the user says. Refused: the record
-    cannot be what it seems, and the check is not among ``despite``. AnalysisError: no decay that can be used.
+    ``mode_file`` is for time histories, which are free decays of that mode, taken as ``window`` tells
+    :func:`ring_down`; without it the file holds steady states. InputError: a file that cannot be read, or something
+    that neither the file nor the user says. Refused: the record cannot be what it seems, and the check is not among
+    ``despite``. AnalysisError: no decay that can be used.
     """
-    inputs = [file, *([decay.mode] if decay else [])]
-    check_outputs({"--out": out, "--json": json_out}, *inputs)
+    check_outputs({"--out": out, "--json": json_out}, *filter(None, (file, mode_file)))
     series, summary = read_file(file, stated, max_size=max_size)
+    mode = None
     with naming(file):
-        imported = _decays(series, stated, decay, file, summary) if decay else _steady(series, stated, file, summary)
-    findings = report_findings(imported.record, read_mode(decay.mode) if decay else None, despite)
+        if mode_file is not None:
+            if stated.forces:
+                raise InputError("--force beside --ring-down", expected="one of them: a free decay has no force")
+            mode = read_mode(mode_file)
+            imported = _decays(series, stated, mode, window, file, summary)
+        elif any(row.is_time for row in series):
+            expected = "--ring-down --mode MODE.toml where they are free decays"
+            raise InputError("the file holds time histories", expected=expected)
+        else:
+            imported = steady_record(series, stated, file, summary)
+    findings = report_findings(imported.record, mode, despite)
     write_text(out, record_to_csv(imported.record))
     if json_out is not None:
         form = {
@@ -165,41 +161,23 @@ def read_band(text: str | None) -> tuple[float, float] | None:
     return limits
 
 
-def _steady(series: list[Series], stated: Stated, file: Path, summary: Summary) -> Imported:
-    if any(row.is_time for row in series):
-        expected = "--ring-down --mode MODE.toml where they are free decays"
-        raise InputError("the file holds time histories", expected=expected)
-    return steady_record(series, stated, file, summary)
-
-
-def _decays(series: list[Series], stated: Stated, decay: RingDown, file: Path, summary: Summary) -> Imported:
+def _decays(
+    series: list[Series], stated: Stated, mode: Mode, window: Mapping[str, Any], file: Path, summary: Summary
+) -> Imported:
     """The record of free decays: each level a sweep of its own."""
-    if stated.forces:
-        raise InputError("--force beside --ring-down", expected="one of them: a free decay has no force")
-    mode = read_mode(decay.mode)
-    _same_system(mode, stated, decay.mode, summary)
+    _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
-    summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", str(decay.mode))
-    tables = [_levels(history, mode, decay, summary).table(history.label) for history in histories]
+    summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
+    tables = [_levels(history, mode, window, summary).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
-    labels = [motion.label for motion in histories]
-    if len(set(labels)) < len(labels):
+    if len({history.label for history in histories}) < len(histories):
         raise InputError("two time histories have one label", expected="--label of each, all different")
     return Imported(Record(table, str(file)), summary)
 
 
-def _levels(history: TimeHistory, mode: Mode, decay: RingDown, summary: Summary) -> Decay:
-    levels = ring_down(
-        history.t,
-        history.signal,
-        order=history.order,
-        mass=mode.mass,
-        frequency=mode.frequency,
-        periods=decay.periods,
-        levels=decay.levels,
-        start=decay.start,
-        end=decay.end,
-    )
+def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary) -> Decay:
+    known = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
+    levels = ring_down(history.t, history.signal, **known, **window)
     summary.add(
         f"decay {history.label!r}",
         f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "
@@ -212,7 +190,7 @@ def _levels(history: TimeHistory, mode: Mode, decay: RingDown, summary: Summary)
     return levels
 
 
-def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> None:
+def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
     """InputError where the mode names other units than the record will have: its mass would be of another size."""
     if stated.consistent:
         return
@@ -225,7 +203,7 @@ def _same_system(mode: Mode, stated: Stated, file: Path, summary: Summary) -> No
             other = next(key for key in SYSTEMS if key != stated.system)
             raise InputError(
                 f"the mode is in {text} and the record in {name}",
-                file=file,
+                file=mode.source,
                 expected=f"--to {other}, or a mode in {name}",
             )
 

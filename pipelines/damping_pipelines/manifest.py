@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from damping import __version__
 from damping.errors import InputError
@@ -38,10 +38,8 @@ _MOST_FILE = 1_000_000_000
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class Manifest(BaseModel):
+class Manifest(BaseModel, extra="ignore", frozen=True):
     """``inputs`` and ``outputs``: SHA-256 by name; outputs relative to the folder, inputs to the settings."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
 
     format: Literal["manifest/1"] = "manifest/1"
     seed: int
@@ -96,13 +94,9 @@ def publish(
     """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
 
     Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
-    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last.
-
-    Args:
-        kept: names of files that the run has written into the folder already, to be sealed with the others.
-
-    InputError: a file cannot be written, or one stands there that no run has written; the earlier results are as they
-    were.
+    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last. ``kept``: names
+    of files that the run has written into the folder already, to be sealed with the others. InputError: a file cannot
+    be written, or one stands there that no run has written; the earlier results are as they were.
     """
     refuse_foreign(folder, files)
     outputs = {name: digest(content) for name, content in files.items()}
@@ -183,12 +177,9 @@ def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
 
     The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
-    move finished results into place, that is done first.
-
-    Args:
-        names: outputs that are known beforehand, so that a file in their way is told before the work.
-
-    InputError: the folder cannot be written, another run holds it, or a user's own file is in the way.
+    move finished results into place, that is done first. ``names``: outputs that are known beforehand, so that a file
+    in their way is told before the work. InputError: the folder cannot be written, another run holds it, or a user's
+    own file is in the way.
     """
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)

@@ -86,22 +86,17 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
         )
 
 
-def refuse_twice(targets: Mapping[str, Path | str | None]) -> None:
-    """InputError where two outputs of one command, by option, are one file: the later would replace the earlier."""
-    seen: dict[str, str] = {}
-    for option, target in targets.items():
-        if target is None or target == "-":
-            continue
-        other = seen.setdefault(os.path.realpath(target), option)
-        if other != option:
-            raise InputError(f"{option} is the file of {other}", file=target, expected="another file for each output")
-
-
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
     """InputError before any work: an output, by option, is an input or another output, or ``--plot`` is no picture."""
     for option, target in targets.items():
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
-    refuse_twice(targets)
+    seen: dict[str, str] = {}
+    for option, target in targets.items():
+        if target is not None and target != "-":
+            other = seen.setdefault(os.path.realpath(target), option)
+            if other != option:  # the later would replace the earlier
+                expected = "another file for each output"
+                raise InputError(f"{option} is the file of {other}", file=target, expected=expected)
     plot = targets.get("--plot")
     if plot is not None and Path(plot).suffix.lower() not in PICTURES:
         raise InputError(f"--plot {Path(plot).name!r} is of no known format", expected="a name ending in .svg or .png")

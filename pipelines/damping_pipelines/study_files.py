@@ -27,7 +27,7 @@ from typing import Annotated, Any, Protocol, cast
 
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, Field, field_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
@@ -40,7 +40,7 @@ from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
-from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult, describe_file_stem
+from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
 from damping.report.study import render
 from damping_pipelines.manifest import publish
 from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_json
@@ -49,11 +49,7 @@ from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_jso
 DEFAULT_SEED = 1970
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RecordSettings(_Table):
+class RecordSettings(BaseModel, extra="forbid", frozen=True):
     """One record of a study."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]
@@ -76,7 +72,7 @@ class RecordSettings(_Table):
         return laws
 
 
-class StudySettings(_Table):
+class StudySettings(BaseModel, extra="forbid", frozen=True):
     """A study: its records in order."""
 
     title: str
@@ -263,7 +259,7 @@ def pictures(study: StudyResult, svgs: Iterable[str]) -> dict[str, bytes]:
     figures: dict[str, Figure] = {}
     for result in study.records:
         drawn = record_figures(result, study.level)
-        figures |= {describe_file_stem(result, name): figure.figure for name, figure in drawn.items()}
+        figures |= {result.stem(name): figure.figure for name, figure in drawn.items()}
     for exhibit in study.exhibits:
         figures |= {name: draw() for name, draw in exhibit.drawings.items()}
     return {str(path.with_suffix(".png")): to_png(figures[path.stem], PNG_DPI) for path in map(PurePosixPath, svgs)}

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from textwrap import wrap
 
 from rich.console import Console, ConsoleOptions
@@ -33,7 +34,14 @@ def progress(title: str, total: int) -> Iterator[Advance]:
     elif sys.stderr.isatty():
         yield from _bar(title, total)
     else:
-        yield from _lines(title, total)
+        done = 0
+
+        def advance(what: str, parts: int = 1) -> None:
+            nonlocal done
+            done += parts
+            print(f"{title}: {done}/{total} {what}", file=sys.stderr, flush=True)
+
+        yield advance
 
 
 def _bar(title: str, total: int) -> Iterator[Advance]:
@@ -49,17 +57,6 @@ def _bar(title: str, total: int) -> Iterator[Advance]:
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(title, total=total, what="")
         yield lambda what, parts=1: bar.update(task, advance=parts, what=what)
-
-
-def _lines(title: str, total: int) -> Iterator[Advance]:
-    done = 0
-
-    def advance(what: str, parts: int = 1) -> None:
-        nonlocal done
-        done += parts
-        print(f"{title}: {done}/{total} {what}", file=sys.stderr, flush=True)
-
-    yield advance
 
 
 class Notes:
@@ -160,11 +157,9 @@ class PlainTable:
 def _set_lines(cells: Sequence[Sequence[str]], widths: Sequence[int], names: int) -> list[str]:
     """The lines of a row of cells, names to the left and numbers to the right."""
     lines = []
-    for number in range(max(map(len, cells), default=0)):
-        parts = []
-        for column, (lines_of, size) in enumerate(zip(cells, widths, strict=True)):
-            text = lines_of[number] if number < len(lines_of) else ""
-            parts.append(_shorten(text, size).ljust(size) if column < names else text.rjust(size))
+    for texts in zip_longest(*cells, fillvalue=""):
+        sized = enumerate(zip(texts, widths, strict=True))
+        parts = [_shorten(text, size).ljust(size) if k < names else text.rjust(size) for k, (text, size) in sized]
         lines.append((" " * _GAP).join(parts).rstrip())
     return lines
 

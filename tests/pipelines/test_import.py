@@ -25,7 +25,7 @@ from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, read_answer
-from damping_pipelines.import_ import RingDown, import_file, pairs, read_band, scales
+from damping_pipelines.import_ import import_file, pairs, read_band, scales
 from damping_pipelines.store import write_json
 from damping_reed1970 import data_folder
 
@@ -79,7 +79,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     with pytest.raises(InputError, match="time histories; expected --ring-down --mode"):
         import_file(lab, out, Stated())
     assert not out.exists()
-    import_file(lab, out, Stated(), RingDown(mode, levels=6))
+    import_file(lab, out, Stated(), mode, levels=6)
     said = " ".join(capsys.readouterr().out.split())
     assert "decay 'release 2'" in said
     assert "'release 1': the start is lost to half the window: 0.3 s" in said
@@ -94,7 +94,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     assert best.name == "viscous"
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
-        import_file(lab, out, Stated(system="us"), RingDown(mode))
+        import_file(lab, out, Stated(system="us"), mode)
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:

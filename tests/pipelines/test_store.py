@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from damping.errors import InputError
-from damping_pipelines.store import plain, refuse_inputs, refuse_twice, to_json, write_bytes, write_json, write_text
+from damping_pipelines.store import check_outputs, plain, refuse_inputs, to_json, write_bytes, write_json, write_text
 
 
 def test_replaces_whole(tmp_path):
@@ -47,9 +47,9 @@ def test_outputs_are_different_files(tmp_path):
     other.symlink_to(one)
     for target in (str(tmp_path / "." / "one.csv"), other):
         with pytest.raises(InputError, match=r"--json is the file of --out; expected another file for each output"):
-            refuse_twice({"--out": one, "--page": None, "--json": target})
-    refuse_twice({"--out": one, "--page": None, "--json": tmp_path / "two.csv"})
-    refuse_twice({"--out": "-", "--page": None, "--json": "-", "--report": None})
+            check_outputs({"--out": one, "--page": None, "--json": target})
+    check_outputs({"--out": one, "--page": None, "--json": tmp_path / "two.csv"})
+    check_outputs({"--out": "-", "--page": None, "--json": "-", "--report": None})
 
 
 def test_plain_data(capsys):

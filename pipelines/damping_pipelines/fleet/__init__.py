@@ -16,19 +16,8 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
-from damping_pipelines.fleet import dataset
-from damping_pipelines.fleet.analyse import OUT_OF_TIME
+from damping_pipelines.fleet import dataset, runners
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
-from damping_pipelines.fleet.runners import (
-    DIED,
-    INTERNAL,
-    OTHER_CODE,
-    PATIENCE,
-    check_address,
-    connected,
-    distributed,
-    serial,
-)
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import console, progress
@@ -70,7 +59,7 @@ def fleet(
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     require_checks(despite)
     address = None if dashboard == "off" else dashboard
-    check_address(address)
+    runners.check_address(address)
     settings = dataset.FleetSettings(
         seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
@@ -88,13 +77,13 @@ def fleet(
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
             if not first or (scheduler is None and workers == 0):
-                book.keep(serial(tasks), done)
+                book.keep(map(runners.analyse, tasks), done)
             else:
-                with connected(scheduler, workers, address) as client:
+                with runners.connected(scheduler, workers, address) as client:
                     _greet(client, done, shown=scheduler is not None or address is not None)
                     if scheduler is not None:
                         _check_code(client)
-                    book.keep(distributed(client, tasks), done)
+                    book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
 
@@ -146,7 +135,7 @@ class _Book:
 def _final(kept: dataset.FleetDataSet) -> set[str]:
     """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
     table = kept.read(["reason"])
-    chance = table["reason"].fillna("").str.startswith((DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME))
+    chance = table["reason"].fillna("").str.startswith(runners.BY_CHANCE)
     final = set(table.loc[~chance, "key"])
     if chance.any():
         kept.keep(final)
@@ -162,7 +151,7 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
         if find_spec("bokeh") is None:
             sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
     if not client.ncores():
-        sentence += f", no worker yet (waiting {PATIENCE:g} s for one)"
+        sentence += f", no worker yet (waiting {runners.PATIENCE:g} s for one)"
     done(sentence, 0)
 
 

@@ -48,6 +48,8 @@ _LOADS = (
 )
 
 
+#: The way back from the page of a record.
+SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 #: Parts of the gap that a row holds.
 _GAP = ("nominal", "before", "after", "shrinkage")
 
@@ -92,9 +94,13 @@ def analyse(task: FleetTask) -> FleetResult:
 
 
 def failed(task: FleetTask, reason: str) -> FleetResult:
-    """The row and the page of a record that failed."""
+    """The row and the page of a record of which nothing could be done."""
     row = row_of(task) | {"reason": reason}
-    return FleetResult(row, {row["report"]: describe_failed_page(task, reason)})
+    method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
+    answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
+    return FleetResult(
+        row, {row["report"]: _describe_page(task, [answer, page.Section("fleet", "The fleet", [SUMMARY])])}
+    )
 
 
 def _analyse(task: FleetTask) -> FleetResult:
@@ -194,10 +200,6 @@ def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
     }
 
 
-#: The way back.
-SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
-
-
 def record_page(record: FleetRecord) -> str:
     """The page as HTML. Equal arguments give equal text."""
     loads, diagnosis = record.loads, record.diagnosis
@@ -216,13 +218,6 @@ def record_page(record: FleetRecord) -> str:
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
     return _describe_page(record.task, page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
-
-
-def describe_failed_page(task: FleetTask, reason: str) -> str:
-    """The page of a record of which nothing could be done."""
-    method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
-    answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
-    return _describe_page(task, [answer, page.Section("fleet", "The fleet", [SUMMARY])])
 
 
 def _describe_page(task: FleetTask, sections: Sequence[page.Section]) -> str:

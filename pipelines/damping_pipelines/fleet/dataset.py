@@ -38,22 +38,17 @@ TIME_LIMIT = 3600.0
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result.
-
-    ``fast``: few importance draws. ``forces``: design forces; empty for ``MULTIPLES`` of each record's own.
-    ``max_size``: largest input file, bytes. ``despite``: checks of the audit whose refusal is passed over. ``code``:
-    digest of versions and source. ``time_limit``: seconds that a record may take.
-    """
+    """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result."""
 
     seed: int
-    fast: bool
+    fast: bool  #: few importance draws
     level: float
-    forces: tuple[float, ...]
+    forces: tuple[float, ...]  #: design forces; empty for ``MULTIPLES`` of each record's own
     versions: dict[str, str]
-    max_size: int
-    despite: tuple[str, ...] = ()
-    code: str = ""
-    time_limit: float = TIME_LIMIT
+    max_size: int  #: largest input file, bytes
+    despite: tuple[str, ...] = ()  #: checks of the audit whose refusal is passed over
+    code: str = ""  #: digest of versions and source
+    time_limit: float = TIME_LIMIT  #: seconds that a record may take
 
     @property
     def digest(self) -> str:
@@ -80,17 +75,13 @@ class FleetCase:
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A record to analyse. Files go with it, so that workers need no folder in common.
-
-    ``key``: of content, name and settings. ``seed``: of the record. ``record_text``, ``model_text``: the files; None
-    where one cannot be read, and then ``problem`` says why.
-    """
+    """A record to analyse. Files go with it, so that workers need no folder in common."""
 
     name: str
-    key: str
-    seed: int
-    record_text: bytes | None
-    model_text: bytes | None
+    key: str  #: of content, name and settings
+    seed: int  #: of the record
+    record_text: bytes | None  #: None where the file cannot be read, and then ``problem`` says why
+    model_text: bytes | None  #: likewise
     is_model: bool
     settings: FleetSettings
     problem: str = ""

@@ -25,11 +25,7 @@ MOST_LAWS = 14
 
 @styled
 def leading_laws(counts: pd.Series) -> Figure:
-    """Bars of how many records each law leads.
-
-    Args:
-        counts: records by law, largest first.
-    """
+    """Bars of how many records each law leads; ``counts``: records by law, largest first."""
     shown = counts.head(MOST_LAWS)
     if len(counts) > MOST_LAWS:
         shown = pd.concat([shown, pd.Series({"others": counts.iloc[MOST_LAWS:].sum()})])
@@ -48,11 +44,7 @@ def leading_laws(counts: pd.Series) -> Figure:
 
 @styled
 def sorted_overprediction(table: pd.DataFrame) -> Figure:
-    """Overprediction of linear damping, largest first, with the interval of each record.
-
-    Args:
-        table: ``percent, low, high``, one row for each record, all finite.
-    """
+    """Overprediction of linear damping, largest first, with its interval: ``percent, low, high`` by record, finite."""
     ordered = table.sort_values("percent", ascending=False, ignore_index=True)
     chosen = np.unique(np.linspace(0, len(ordered) - 1, MOST_POINTS).round().astype(int))
     place, rows = 100.0 * (chosen + 0.5) / len(ordered), ordered.iloc[chosen]
@@ -88,10 +80,9 @@ _OVER = "linear_overprediction_percent"
 
 
 def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions: Mapping[str, str]) -> str:
-    """The page as HTML. Equal arguments give equal text.
+    """The page as HTML of ``COLUMNS`` by record; equal arguments give equal text.
 
-    Args:
-        table: ``COLUMNS``, by record. method: how posteriors were had. asked: the force that loads are for.
+    ``method``: how posteriors were had. ``asked``: the force that loads are for.
     """
     good = table[table["status"] != "failed"]
     over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)

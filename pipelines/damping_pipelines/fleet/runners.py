@@ -1,4 +1,4 @@
-"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
+"""Tasks on Dask, a bounded number under way."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
 
 from damping.errors import AnalysisError, InputError, escape_control
-from damping_pipelines.fleet.analyse import analyse, failed
+from damping_pipelines.fleet.analyse import OUT_OF_TIME, analyse, failed
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
@@ -37,15 +37,11 @@ _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 DIED = "workers died"
 INTERNAL = "internal error"
 OTHER_CODE = "a worker computes with other code"
+BY_CHANCE = (DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME)
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
 Work = Callable[[FleetTask], FleetResult]
-
-
-def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
-    """One after the other, in this process."""
-    return map(analyse, tasks)
 
 
 @contextmanager
@@ -65,7 +61,15 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
         warnings.filterwarnings("ignore", message="(?s).*Port .* already in use")
         warnings.filterwarnings("ignore", message="(?s).*Sending large graph")
         if scheduler is not None:
-            with _client(scheduler) as client:
+            try:
+                client = Client(scheduler, timeout=CONNECT)
+            except (OSError, ValueError) as error:
+                reason = str(error).splitlines()[0]
+                raise InputError(
+                    f"--scheduler {scheduler}: no scheduler answers ({reason})",
+                    expected="an address such as tcp://host:8786",
+                ) from error
+            with client:
                 yield client
             return
         with (
@@ -95,16 +99,6 @@ def check_address(dashboard: str | None) -> None:
         socket.getaddrinfo(host, int(port))
     except (OSError, UnicodeError) as error:
         raise InputError(f"--dashboard {dashboard!r}", expected="HOST:PORT of this machine, or off") from error
-
-
-def _client(address: str) -> Client:
-    try:
-        return Client(address, timeout=CONNECT)
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(
-            f"--scheduler {address}: no scheduler answers ({reason})", expected="an address such as tcp://host:8786"
-        ) from error
 
 
 def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse) -> Iterator[FleetResult]:

@@ -20,7 +20,7 @@ from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
-from damping.formats.series import ABSCISSAS, OWN_NAMES, ROLES, FileFacts, Series, Stated, Summary, require_response
+from damping.formats.series import ABSCISSAS, NAMES, ROLES, FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
 from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, read_bytes, read_start
 
@@ -50,20 +50,6 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         return _list_table_series(data, path, kind, stated, summary), summary
 
 
-#: Names that columns of readings have in the files of amplifiers, in lower case and without units, by role.
-_LOCKIN_NAMES: dict[str, tuple[str, ...]] = {
-    "frequency": ("frequency", "freq", "f", "ref frequency", "reference frequency"),
-    "x": ("x", "in-phase", "inphase", "x1", "ch1 x"),
-    "y": ("y", "quadrature", "y1", "ch1 y"),
-    "amplitude": ("r", "mag", "magnitude", "r1"),
-    "lead_deg": ("theta", "phase", "theta1"),
-    "force_x": ("x2", "ch2 x", "reference x", "force x"),
-    "force_y": ("y2", "ch2 y", "reference y", "force y"),
-    "force": ("force", "r2", "force r"),
-    "force_lead_deg": ("theta2", "force theta"),
-}
-
-
 def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
     twice = set()
@@ -75,7 +61,7 @@ def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
-    known = _LOCKIN_NAMES if kind == "lock-in" else OWN_NAMES
+    known = NAMES["amplifier" if kind == "lock-in" else "own"]
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
         by = "no header, columns by number" if columns.layout.numbered else "columns by name"
@@ -140,11 +126,10 @@ def _heeded(stated: Stated, kind: str) -> None:
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
     start = read_start(path, 2100)
-    hdf = any(start[place : place + len(_HDF5)] == _HDF5 for place in (0, 512, 1024, 2048))
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
     if start.startswith(b"MATLAB 5.0"):
         text = "mat5"
-    elif hdf:
+    elif any(start.startswith(_HDF5, place) for place in (0, 512, 1024, 2048)):
         text = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
     elif first == b"-1":
         text = "uff"
@@ -154,20 +139,15 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         text = "lvm"
     else:
         text = "csv"
-    if stated.format == "auto":
-        if text == "csv" and _is_binary(start):
-            raise InputError(
-                "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
-                expected="a file of one of these (save a MAT file of version 4 again with -v7)",
-            )
-        summary.add("format", _TITLES[text], "found in the file")
-        return text
+    if stated.format == "auto" and text == "csv" and _is_binary(start):
+        raise InputError(
+            "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
+            expected="a file of one of these (save a MAT file of version 4 again with -v7)",
+        )
     if stated.format == "mat" and text not in ("mat5", "mat73"):
         raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")
-    if stated.format == "hdf5":
-        text = "hdf5"
-    kind = text if stated.format == "mat" else stated.format
-    summary.add("format", _TITLES[kind], "stated")
+    kind = text if stated.format in ("auto", "mat") else stated.format
+    summary.add("format", NAMES["title"][kind], "found in the file" if stated.format == "auto" else "stated")
     return kind
 
 
@@ -175,15 +155,3 @@ def _is_binary(start: bytes) -> bool:
     """Whether these are no lines of text, of whatever encoding: one byte in twenty is a control character."""
     controls = len(start) - len(start.translate(None, _CONTROLS))
     return not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
-
-
-_TITLES = {
-    "uff": "universal file (UFF, UNV)",
-    "mat5": "MAT file, version 5",
-    "mat73": "MAT file, version 7.3",
-    "hdf5": "HDF5",
-    "tdms": "TDMS of National Instruments",
-    "lvm": "LabVIEW measurement file",
-    "csv": "CSV",
-    "lock-in": "readings of a lock-in amplifier",
-}

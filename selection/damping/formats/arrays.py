@@ -20,7 +20,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.formats.named import list_units, to_series
 from damping.formats.quantity import unit
-from damping.formats.series import OWN_NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
+from damping.formats.series import NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
 LONGEST = 60.0  #: seconds after which a file that is still being read is given up
@@ -31,13 +31,12 @@ _WORKING = 100_000_000  # bytes that libraries and buffers may take, beside thre
 
 @dataclass(frozen=True)
 class Arrays:
-    """Arrays by name (several where a name stands for several), the units that the file gives for them, the shape of
-    every array in the file by name, and start and step in s of those that are channels against time."""
+    """Arrays of a file, and what is in it."""
 
-    arrays: dict[str, list[Samples]]
-    units: dict[str, str]
-    known: dict[str, tuple[int, ...]]
-    steps: dict[str, tuple[float, float]]
+    arrays: dict[str, list[Samples]]  #: by name, several where a name stands for several
+    units: dict[str, str]  #: that the file gives for them
+    known: dict[str, tuple[int, ...]]  #: shape of every array in the file
+    steps: dict[str, tuple[float, float]]  #: start and step in s of those that are channels against time
 
 
 def read_arrays(
@@ -75,14 +74,16 @@ def read_arrays(
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "HDF5_PLUGIN_PATH": "::"},
         )
     except subprocess.TimeoutExpired:
-        raise InputError(f"not read within {LONGEST:g} s", file=path, expected=_EXPECTED[kind]) from None
+        raise InputError(f"not read within {LONGEST:g} s", file=path, expected=NAMES["whole"][kind]) from None
     head, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not head:
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
-        raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=_EXPECTED[kind])
+        raise InputError(
+            f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=NAMES["whole"][kind]
+        )
     answer = json.loads(head)
     if answer["problem"]:
-        raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=_EXPECTED[kind])
+        raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=NAMES["whole"][kind])
     if answer["missing"]:
         needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
         raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
@@ -117,19 +118,10 @@ def read_blocks(
         first += count
 
 
-_EXPECTED = {
-    "mat5": "a whole MAT file of version 5 to 7.2",
-    "mat73": "a whole MAT file of version 7.3",
-    "hdf5": "a whole HDF5 file with arrays of numbers",
-    "tdms": "a whole TDMS file of National Instruments",
-    "lvm": "a whole LabVIEW measurement file",
-}
-
-
 def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
-    own = [name for names in OWN_NAMES.values() for name in names]
+    own = [name for names in NAMES["own"].values() for name in names]
     wanted = [] if channels else list(stated.columns.values()) or own
     contents = read_arrays(path, kind, wanted, max_size)
     if channels or not contents.arrays:
@@ -148,7 +140,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
-        names = {role: name for role, own in OWN_NAMES.items() for name in own if name in arrays}
+        names = {role: name for role, own in NAMES["own"].items() for name in own if name in arrays}
         if not names:
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"

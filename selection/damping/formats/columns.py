@@ -40,26 +40,18 @@ _WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Layout:
-    """``delimiter`` and ``decimal`` by name; names of the columns; ``comments``: lines of comment are passed over.
+    """How a table of text is laid out."""
 
-    ``header`` counts the lines from the first looked at up to and with the header; ``names`` are numbers from 1 where
-    there is none.
-    """
-
-    delimiter: str
+    delimiter: str  #: by name, as the decimal
     decimal: str
-    names: tuple[str, ...]
-    header: int
-    comments: bool
+    names: tuple[str, ...]  #: of the columns; numbers from 1 where there is no header
+    header: int  #: lines from the first looked at up to and with the header
+    comments: bool  #: lines of comment are passed over
     numbered: bool
 
 
 def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | None:
-    """The layout of a table by its first lines, None where they hold nothing.
-
-    Args:
-        lines: from the line on which the header is expected. delimiter, decimal: names, or ``auto``.
-    """
+    """The layout of a table by its ``lines`` from the header on, None where they hold nothing; names, or ``auto``."""
     content = [(k, line.strip(" \r\n")) for k, line in enumerate(lines[:_LOOKED_AT]) if line.strip()]
     data = [(k, line) for k, line in content if not line.lstrip().startswith(_COMMENTS)]
     mark = delimiter if delimiter != "auto" else _describe_delimiter([line for _, line in data or content])
@@ -122,15 +114,12 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Columns that have a role: ``numbers`` (n,) and ``headers`` by role, text for the role ``sweep``.
+    """Columns that have a role."""
 
-    ``response`` is the type of response that a name says, ``layout`` how the table is laid out.
-    """
-
-    numbers: Mapping[str, FloatArray]
-    sweep: tuple[str, ...] | None
-    headers: Mapping[str, ColumnHeader]
-    response: str | None
+    numbers: Mapping[str, FloatArray]  #: (n,) by role
+    sweep: tuple[str, ...] | None  #: text of the role ``sweep``
+    headers: Mapping[str, ColumnHeader]  #: by role
+    response: str | None  #: the type of response that a name says
     layout: Layout
 
 

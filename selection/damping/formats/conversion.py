@@ -13,7 +13,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, Unit, unit
-from damping.formats.series import FileFacts, Series, Stated, Summary
+from damping.formats.series import NAMES, FileFacts, Series, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
@@ -31,20 +31,18 @@ _STATED = "stated"
 _FOUND = "found in the file"
 _FOLLOWS = "follows"
 _OF_ROLE = "of the role, or found in the file"
+#: A unit of each response type.
+_EXAMPLES: dict[str, str] = NAMES["unit"]
 
 
 @dataclass(frozen=True)
 class Conversion:
-    """How values become displacement and force of the system.
+    """How values become displacement and force of the system."""
 
-    ``order`` of the time derivative, ``per_force`` whether the response is a ratio; ``response`` and ``force`` are
-    factors to units of the system (``force`` None: its unit is unknown).
-    """
-
-    order: int
-    per_force: bool
-    response: float
-    force: float | None
+    order: int  #: of the time derivative
+    per_force: bool  #: whether the response is a ratio
+    response: float  #: factor to the unit of the system
+    force: float | None  #: likewise; None: its unit is unknown
 
 
 @dataclass(frozen=True)
@@ -149,16 +147,6 @@ def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit
     if whole.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
         raise InputError(f"{units['response'].text} is no unit of {name}", expected=f"such as {_EXAMPLES[name]}")
     return whole
-
-
-_EXAMPLES = {
-    "receptance": "m/N",
-    "mobility": "(m/s)/N",
-    "accelerance": "(m/s^2)/N",
-    "displacement": "mm",
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-}
 
 
 def ask(known: Statements, *, force: bool | None) -> None:

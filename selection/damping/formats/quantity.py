@@ -123,15 +123,10 @@ def _find_name(name: str) -> tuple[tuple[int, int, int], float]:
 
 #: Powers of (force, length) of the columns of a record; all times are in s. Other columns stay as they are.
 _COLUMNS = {
-    "force": (1, 0),
-    "force_sd": (1, 0),
-    "amplitude": (0, 1),
-    "amplitude_sd": (0, 1),
+    **dict.fromkeys(("force", "force_sd"), (1, 0)),
+    **dict.fromkeys(("amplitude", "amplitude_sd", "amplitude_3", "amplitude_y"), (0, 1)),
     "energy": (1, 1),
-    "mass": (1, -1),
-    "added_mass": (1, -1),
-    "amplitude_3": (0, 1),
-    "amplitude_y": (0, 1),
+    **dict.fromkeys(("mass", "added_mass"), (1, -1)),
 }
 _WITHOUT_UNIT = (
     *("sweep", "frequency", "phase", "phase_sd", "phase_3", "phase_y"),

@@ -7,9 +7,11 @@ the unit. What was understood of a file: a table of fact and whence, and notes o
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import pi
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy.typing as npt
@@ -33,19 +35,13 @@ ABSCISSAS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
 }  # fmt: skip
 
-#: Names of columns by role, in lower case, without unit; a response of a name is of that type.
-ROLE_NAMES: dict[str, tuple[str, ...]] = {
-    "sweep": ("sweep", "run", "level", "label"),
-    "frequency": ("frequency", "freq", "f", "frequenz"),
-    "omega": ("omega",),
-    "time": ("time", "t", "zeit"),
-    "force": ("force", "f", "kraft", "drive"),
-}
-RESPONSE_NAMES: dict[str, tuple[str, ...]] = {
-    "displacement": ("displacement", "disp", "weg", "auslenkung"),
-    "velocity": ("velocity", "vel", "v", "geschwindigkeit"),
-    "acceleration": ("acceleration", "accel", "acc", "a", "beschleunigung"),
-}
+#: Names of roles, columns and formats, by what they are names in.
+NAMES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
+#: Roles of arrays and columns, each with its meaning.
+ROLES: dict[str, str] = NAMES["meaning"]
+#: Names of columns by role in tables of laboratories.
+ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
+NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
 
 
 @dataclass(frozen=True)
@@ -90,7 +86,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
     response = None
     for place, header in enumerate(headers):
         name = header.name.lower()
-        motion = next((kind for kind, names in RESPONSE_NAMES.items() if name in names), None)
+        motion = next((kind for kind, names in NAMES["motion"].items() if name in names), None)
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
         # a phase whose unit is known, or that of a record
         is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
@@ -125,21 +121,15 @@ Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What a file says of a series; None where it says nothing.
+    """What a file says of a series; None where it says nothing."""
 
-    ``response`` is a name of ``RESPONSES``, ``per_force`` whether it is a ratio to force, ``scaling`` a name of
-    ``SCALINGS`` (``force_scaling`` of the force where it has its own), ``units`` are texts by ``force``,
-    ``response``, ``energy`` and ``mass``; ``turn``: whether the phase leads or lags is told by its turn alone;
-    ``degrees``: roles whose header says degrees.
-    """
-
-    response: str | None = None
-    per_force: bool | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    turn: bool = False
-    units: Mapping[str, str] = field(default_factory=dict)
-    degrees: Sequence[str] = ()
+    response: str | None = None  #: a name of ``RESPONSES``
+    per_force: bool | None = None  #: whether it is a ratio to force
+    scaling: str | None = None  #: a name of ``SCALINGS``
+    force_scaling: str | None = None  #: that of the force where it has its own
+    turn: bool = False  #: whether the phase leads or lags is told by its turn alone
+    units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
+    degrees: Sequence[str] = ()  #: roles whose header says degrees
 
 
 @dataclass(frozen=True)
@@ -163,42 +153,25 @@ class Series:
 
 @dataclass(frozen=True)
 class Stated:
-    """What the user says of a file.
+    """What the user says of a file."""
 
-    Attributes:
-        format: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``.
-        columns: name of the column or array of each role (``ROLES``).
-        response: a name of ``RESPONSES``, or None.
-        scaling: a name of ``SCALINGS``, or None; force_scaling: that of the force where it is another.
-        units: unit of ``force``, ``response``, ``energy``, ``mass`` as text; ``consistent``: all are of one system.
-        scale: factors that turn values of ``force`` and ``response`` into their units (sensitivities).
-        system: ``si`` or ``us``: the units of the record.
-        forces: force amplitude of every sweep, or one for all; in the unit of force.
-        labels: label of every sweep.
-        datasets: numbers (from 1) of the data sets to take; empty: all.
-        band: lowest and highest frequency to take, Hz.
-        reverse: turn the sign of the response (a sensor mounted against the force).
-        delimiter: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``, or ``auto``: as its lines show.
-        skip: lines before the header of a CSV file. decimal: ``point``, ``comma`` or ``auto``: mark in its numbers.
-    """
-
-    format: str = "auto"
-    columns: Mapping[str, str] = field(default_factory=dict)
-    response: str | None = None
-    scaling: str | None = None
-    force_scaling: str | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    consistent: bool = False
-    scale: Mapping[str, float] = field(default_factory=dict)
-    system: str = "si"
-    forces: tuple[float, ...] = ()
-    labels: tuple[str, ...] = ()
-    datasets: tuple[int, ...] = ()
-    band: tuple[float, float] | None = None
-    reverse: bool = False
-    delimiter: str = "auto"
-    skip: int = 0
-    decimal: str = "auto"
+    format: str = "auto"  #: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``
+    columns: Mapping[str, str] = field(default_factory=dict)  #: name of the column or array of each role (``ROLES``)
+    response: str | None = None  #: a name of ``RESPONSES``
+    scaling: str | None = None  #: a name of ``SCALINGS``
+    force_scaling: str | None = None  #: that of the force where it is another
+    units: Mapping[str, str] = field(default_factory=dict)  #: of ``force``, ``response``, ``energy``, ``mass`` as text
+    consistent: bool = False  #: all values are of one system of units
+    scale: Mapping[str, float] = field(default_factory=dict)  #: sensitivities of ``force`` and ``response``
+    system: str = "si"  #: ``si`` or ``us``: the units of the record
+    forces: tuple[float, ...] = ()  #: force amplitude of every sweep, or one for all; in the unit of force
+    labels: tuple[str, ...] = ()  #: of every sweep
+    datasets: tuple[int, ...] = ()  #: numbers (from 1) of the data sets to take; empty: all
+    band: tuple[float, float] | None = None  #: lowest and highest frequency to take, Hz
+    reverse: bool = False  #: turn the sign of the response (a sensor mounted against the force)
+    delimiter: str = "auto"  #: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``; ``auto``: as its lines show
+    skip: int = 0  #: lines before the header of a CSV file
+    decimal: str = "auto"  #: mark in its numbers: ``point``, ``comma`` or ``auto``
 
 
 @dataclass
@@ -223,38 +196,6 @@ class Summary:
         """The rows as a table."""
         return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
 
-
-#: Roles of arrays and columns. Each says its meaning, so that none has to be guessed.
-ROLES: dict[str, str] = {
-    "sweep": "label of the sweep of each row",
-    "frequency": "forcing frequency, Hz",
-    "omega": "forcing frequency, rad/s",
-    "time": "time of a time history, s",
-    "response": "complex response, or the signal of a time history",
-    "x": "real part of the response, or in-phase reading of a lock-in amplifier",
-    "y": "imaginary part of the response, or quadrature reading",
-    "amplitude": "amplitude of the response",
-    "phase": "lag of the response behind the force, rad",
-    "lag_deg": "lag of the response behind the force, degrees",
-    "lead": "lead of the response before the force or the reference, rad",
-    "lead_deg": "the same in degrees",
-    "angle": "angle between response and force, degrees or rad; whether it leads or lags is told by its turn",
-    "force": "amplitude of the force, or complex force",
-    "force_x": "real part or in-phase reading of the force",
-    "force_y": "imaginary part or quadrature reading of the force",
-    "force_lead_deg": "lead of the force before the reference, degrees",
-    "energy": "energy per cycle",
-    "mass": "generalized mass",
-    "amplitude_sd": "standard uncertainty of the amplitude",
-    "phase_sd": "standard uncertainty of the phase, rad",
-    "force_sd": "standard uncertainty of the force",
-}
-
-#: Names of columns and arrays by role where no map is stated: the role itself, and the parts of a complex number.
-OWN_NAMES: dict[str, tuple[str, ...]] = {role: (role,) for role in ROLES} | {
-    "x": ("x", "real", "re"),
-    "y": ("y", "imag", "im"),
-}
 
 #: Names of a column beside x and y that make them readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}

@@ -123,7 +123,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
     if row.facts.turn:
         X = _turned(row.response[keep], X, frequency[keep], label, known)
     X = X * (np.abs(F) if to.per_force else scaling(known))
-    columns: dict[str, FloatArray | list[str]] = {
+    columns = {
         "sweep": [label] * len(omega),
         "force": np.abs(F),
         "frequency": frequency[keep],
@@ -133,9 +133,17 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
         drive = np.ones_like(F) if to.per_force else F
         # within -pi/2..3 pi/2, so that noise about 0 and pi does not jump
         columns["phase"] = (np.angle(drive) - np.angle(X) + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
+    table = pd.DataFrame(columns)
     for name, values in row.extra.items():
-        columns[name] = _extra(name, values[keep], row, columns, keep, known)
-    return pd.DataFrame(columns)
+        table[name] = values[keep]
+        if name in _POWERS:
+            table[name] *= other_factor(name, _POWERS[name], known)
+        elif name in ("amplitude_sd", "force_sd"):  # it goes with what it belongs to
+            raw = row.response if name == "amplitude_sd" else row.force
+            if raw is None:
+                raise InputError("force_sd without a force", expected="a column of the force")
+            table[name] = table[name] / np.abs(raw[keep]) * table[name.removesuffix("_sd")]
+    return table
 
 
 def _usable(row: Series, label: str, known: Statements) -> BoolArray:
@@ -188,24 +196,6 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     assert row.force is not None  # checked above
     values: FloatArray = row.force[keep] * to.force * scaling(known, of_force=True)
     return values
-
-
-def _extra(
-    name: str,
-    values: FloatArray,
-    row: Series,
-    columns: dict[str, FloatArray | list[str]],
-    keep: BoolArray,
-    known: Statements,
-) -> FloatArray:
-    """A further column in units of the record: standard uncertainties go with what they belong to."""
-    if name == "amplitude_sd":
-        return np.asarray(values / np.abs(row.response[keep]) * columns["amplitude"])
-    if name == "force_sd":
-        if row.force is None:
-            raise InputError("force_sd without a force", expected="a column of the force")
-        return np.asarray(values / np.abs(row.force[keep]) * columns["force"])
-    return values * other_factor(name, _POWERS[name], known) if name in _POWERS else values
 
 
 def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:

@@ -15,23 +15,13 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import unit
-from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Summary
+from damping.formats.series import ABSCISSAS, NAMES, FileFacts, Samples, Series, Summary
 from damping.formats.uff_blocks import DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
 
-_FUNCTIONS = {
-    0: "general",
-    1: "time response",
-    2: "auto spectrum",
-    3: "cross spectrum",
-    4: "frequency response",
-    5: "transmissibility",
-    6: "coherence",
-    9: "power spectral density",
-    10: "energy spectral density",
-    12: "spectrum",
-}
+#: Function types of data set 58 by code.
+_FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["function"].items()}
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
@@ -77,18 +67,15 @@ def read_uff(
 
 @dataclass(frozen=True)
 class Function:
-    """A data set 58 as it stands: ID line, response and reference (node, direction), type, abscissa and ordinate.
+    """A data set 58 as it stands."""
 
-    ``quantity`` is what the ordinate is, ``per`` what it is divided by ('' where nothing), ``units`` their labels.
-    """
-
-    title: str
-    response: tuple[int, int]
-    reference: tuple[int, int]
+    title: str  #: ID line
+    response: tuple[int, int]  #: node, direction
+    reference: tuple[int, int]  #: likewise
     is_time: bool
-    quantity: str
-    per: str
-    units: tuple[str, str]
+    quantity: str  #: what the ordinate is
+    per: str  #: what it is divided by, '' where nothing
+    units: tuple[str, str]  #: labels of both
     x: FloatArray
     y: Samples
 
@@ -213,16 +200,6 @@ def _with_force(row: Series, entry: DataSet, data: bytes, summary: Summary) -> S
     return replace(row, force=force.response, facts=replace(row.facts, units={**row.facts.units, **of_force}))
 
 
-#: Length and force of the units codes of data set 164 that need no factors.
-_UNIT_CODES = {
-    1: ("m", "N"),
-    2: ("ft", "lbf"),
-    3: ("m", "kgf"),
-    5: ("mm", "mN"),
-    7: ("in", "lbf"),
-    8: ("mm", "kgf"),
-    10: ("mm", "N"),
-}
 _PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 _FREQUENCIES = ABSCISSAS["frequency"] | {"": 1.0, "hertz": 1.0, "rad/sec": ABSCISSAS["frequency"]["rad/s"]}
 
@@ -251,8 +228,8 @@ def _units(entry: DataSet, summary: Summary) -> dict[str, str]:
     if entry.function == 4 and entry.denominator.unit:
         texts["force"] = entry.denominator.unit
     code = entry.units_code
-    if code in _UNIT_CODES:
-        length, force = _UNIT_CODES[code]
+    if str(code) in NAMES["uff"]["units"]:
+        length, force = NAMES["uff"]["units"][str(code)]
         if entry.quantity in _PER_TIME and "response" not in texts:
             texts["response"] = length + _PER_TIME[entry.quantity]
             summary.note(f"units code {code} of data set 164 gives {length} and {force}")

@@ -37,17 +37,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class DataSet:
-    """One data set 58: its ``number`` from 1, the ``line`` it starts on, its header, and where its values are.
+    """One data set 58: its header, and where its values are. Points are (node, direction)."""
 
-    ``title`` is the first ID line, ``notes`` are the others; points are (node, direction). ``form`` is how a point is
-    stored as bytes (None: as text), ``closed``: a closing line was found; ``units_code`` is that of the data set 164
-    before it.
-    """
-
-    number: int
-    line: int
-    title: str
-    notes: tuple[str, ...]
+    number: int  #: from 1
+    line: int  #: on which it starts
+    title: str  #: the first ID line
+    notes: tuple[str, ...]  #: the other ID lines
     function: int
     response_point: tuple[int, int]
     reference_point: tuple[int, int]
@@ -59,11 +54,11 @@ class DataSet:
     abscissa: Axis
     numerator: Axis
     denominator: Axis
-    form: np.dtype[np.void] | None
+    form: np.dtype[np.void] | None  #: how a point is stored as bytes; None: as text
     start: int
     end: int
-    closed: bool
-    units_code: int
+    closed: bool  #: a closing line was found
+    units_code: int  #: that of the data set 164 before it
 
     @property
     def parts(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from math import isfinite, isnan
 from typing import Any, SupportsFloat
@@ -236,18 +236,9 @@ def _format_power(power: float) -> str:
     return f"{power:.0f}".translate(_SUPERSCRIPT) if power == round(power) else f"^{power:g}"
 
 
-#: Functions that the texts of a page may use: numbers and lists in words.
-WORDS = {
-    "between": format_between,
-    "count": count,
-    "counted": format_counted,
-    "force_text": format_force_text,
-    "joined": format_joined,
-    "number": number,
-    "numbers": format_numbers,
-    "percent": format_percent,
-    "points_text": format_points_text,
-    "quantity": format_quantity,
-    "share": format_share,
-    "signed": format_signed,
-}
+_IN_TEXTS: tuple[Callable[..., str], ...] = (
+    *(count, number, format_between, format_counted, format_force_text, format_joined, format_numbers),
+    *(format_percent, format_points_text, format_quantity, format_share, format_signed),
+)
+#: Functions that the texts of a page may use, without ``format_``: numbers and lists in words.
+WORDS = {function.__name__.removeprefix("format_"): function for function in _IN_TEXTS}

@@ -17,14 +17,7 @@ from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude, steady_state
 from damping.report import forms, tables
 from damping.report.page import Block, FigureBlock
-from damping.report.results import (
-    LawPosterior,
-    RecordResult,
-    Svgs,
-    describe_file_stem,
-    posterior_draws,
-    prior_draws,
-)
+from damping.report.results import LawPosterior, RecordResult, Svgs, posterior_draws, prior_draws
 
 #: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
 MOST_SWEEPS = 8
@@ -188,21 +181,19 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 class Explorer(FigureBlock):
     """A figure of design loads: the force moves, and the band with it, from predictions made beforehand.
 
-    Attributes:
-        name: an id on the page. level: content of the bands, such as ``90 %``.
-        data: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
-            prediction is given. jumps: positions of the design forces with their text, ascending; the last is shown.
+    ``data``: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
+    prediction is given.
     """
 
-    name: str
-    level: str
+    name: str  #: an id on the page
+    level: str  #: content of the bands, such as ``90 %``
     data: dict[str, Any]
-    jumps: tuple[tuple[int, str], ...]
+    jumps: tuple[tuple[int, str], ...]  #: positions of the design forces with their text, ascending; the last is shown
 
 
 def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
     """The figure of a record's design loads with its slider, by its file; nothing where there is no such figure."""
-    stem = describe_file_stem(result, "design_loads")
+    stem = result.stem("design_loads")
     if stem not in svgs or result.bands is None or result.design is None:
         return {}
     table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)

@@ -5,7 +5,6 @@ JSON, terminal, pages and data sets all take their numbers from here. A number t
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -84,18 +83,17 @@ def rank_form(ranking: Ranking) -> Form:
         "format": "rank/1",
         "criterion": ranking.criterion,
         "fit": {"verdict": ranking.fit.verdict, "p_value": ranking.fit.p_value},
-        "models": [_model(row, c) for row, c in zip(rows, ranking.candidates, strict=True)],
-    }
-
-
-def _model(row: Mapping[Hashable, Any], candidate: Candidate) -> Form:
-    return {
-        "rank": candidate.rank,
-        "name": row["law"],
-        "forces": _build_forces(candidate),
-        **{key: row[key] for key in _RANK_KEYS},
-        "cautions": list(candidate.cautions),
-        "equivalents": list(candidate.equivalents),
+        "models": [
+            {
+                "rank": candidate.rank,
+                "name": candidate.name,
+                "forces": _build_forces(candidate),
+                **{key: row[key] for key in _RANK_KEYS},
+                "cautions": list(candidate.cautions),
+                "equivalents": list(candidate.equivalents),
+            }
+            for row, candidate in zip(rows, ranking.candidates, strict=True)
+        ],
     }
 
 
@@ -160,9 +158,7 @@ def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
 #: Keys of a prediction of ``loads/1`` after the parts of its spread.
 _LINEAR_KEYS = (
     "linear",
-    "linear_overprediction_percent",
-    "linear_overprediction_low",
-    "linear_overprediction_high",
+    *(f"linear_overprediction_{end}" for end in ("percent", "low", "high")),
     "extrapolation_ratio",
 )
 

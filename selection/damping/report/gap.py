@@ -53,19 +53,13 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "leading": leading,
         "effects": [f"{CATALOGUE[name].sentence} ({name})" if name in CATALOGUE else name for name in leading.effects],
         "top": diagnosis.where[0],
-        "groups": [(group, _list_of_rig(group.effects)) for group in diagnosis.groups],
+        "of_rig": {name for name, effect in CATALOGUE.items() if effect.kind == "instrument"},
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
         "test": diagnosis.next_test,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in _list_sentences(block)] for section in sections}
-
-
-def _list_of_rig(effects: tuple[str, ...]) -> list[str]:
-    """Effects of the rig, where some of these are none."""
-    rig = [name for name in effects if CATALOGUE[name].kind == "instrument"]
-    return rig if len(rig) < len(effects) else []
 
 
 def _list_sentences(block: Block) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -44,15 +44,7 @@ class LawPosterior:
 
 @dataclass(frozen=True)
 class RecordResult:
-    """One record's results.
-
-    Attributes:
-        bands: predictions on a fine grid of forces, for the figure; design: at the design forces; None where the
-            study asks for none. power_laws: of both forms; empty with fewer than two levels.
-        findings: of the audit of the record. curve, design_curve: damping ratio over amplitude, and at the design
-            forces; None where laws could not be weighed. backbone: frequency and mass. next_level: what to test next.
-        note: what to know of where its numbers come from.
-    """
+    """One record's results."""
 
     name: str
     title: str
@@ -61,15 +53,19 @@ class RecordResult:
     data: Observations
     ranking: Ranking
     posteriors: tuple[LawPosterior, ...]
-    bands: Loads | None
-    design: Loads | None
-    power_laws: tuple[PowerLaw, ...]
-    findings: tuple[Finding, ...] = ()
-    curve: Curve | None = None
-    design_curve: Curve | None = None
-    backbone: Backbone | None = None
-    next_level: NextLevel | None = None
-    note: str = ""
+    bands: Loads | None  #: predictions on a fine grid of forces, for the figure
+    design: Loads | None  #: at the design forces; None, as the bands, where the study asks for none
+    power_laws: tuple[PowerLaw, ...]  #: of both forms; empty with fewer than two levels
+    findings: tuple[Finding, ...] = ()  #: of the audit of the record
+    curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
+    design_curve: Curve | None = None  #: the same at the design forces
+    backbone: Backbone | None = None  #: frequency and mass
+    next_level: NextLevel | None = None  #: what to test next
+    note: str = ""  #: what to know of where its numbers come from
+
+    def stem(self, name: str) -> str:
+        """Name of the file of a table or figure, without its ending."""
+        return f"{self.name}-{name.replace('_', '-')}"
 
 
 @dataclass(frozen=True)
@@ -83,21 +79,15 @@ class FurtherPage:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """What joins a study beside its records, such as the reproduction of a report. Files are named without endings.
+    """What joins a study beside its records, such as the reproduction of a report. Files are named without endings."""
 
-    Attributes:
-        sections: of the report's page. pages: of its own, which one of the sections links.
-        figures: SVG by file. drawings: how each of them is drawn, for other formats. tables: by file.
-        summary: what it adds to the summary of the study, by key. posteriors: by file, as ArviZ groups.
-    """
-
-    sections: Sequence[Section]
-    figures: Mapping[str, str] = field(default_factory=dict)
-    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
-    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
-    summary: Mapping[str, Any] = field(default_factory=dict)
-    posteriors: Mapping[str, Any] = field(default_factory=dict)
-    pages: Sequence[FurtherPage] = ()
+    sections: Sequence[Section]  #: of the report's page
+    figures: Mapping[str, str] = field(default_factory=dict)  #: SVG by file
+    drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)  #: how each is drawn, for other formats
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  #: by file
+    summary: Mapping[str, Any] = field(default_factory=dict)  #: what it adds to that of the study, by key
+    posteriors: Mapping[str, Any] = field(default_factory=dict)  #: by file, as ArviZ groups
+    pages: Sequence[FurtherPage] = ()  #: of its own, which one of the sections links
 
 
 @dataclass(frozen=True)
@@ -133,11 +123,6 @@ def posterior_draws(sampled: LawPosterior) -> dict[str, FloatArray]:
 Svgs = Mapping[str, str]
 
 
-def describe_file_stem(result: RecordResult, name: str) -> str:
-    """Name of the file of a record's table or figure, without its ending."""
-    return f"{result.name}-{name.replace('_', '-')}"
-
-
 def describe_failed_chains(result: RecordResult) -> list[str]:
     """Laws whose chain did not get there, and why."""
     return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]
@@ -154,14 +139,21 @@ def find_largest(loads: Loads | None) -> int | None:
 LEAST_WEIGHT = 0.01
 
 
-def build_cautions(study: StudyResult) -> list[Block]:
-    """Every caution, with the records it holds for."""
+def collect_holders(
+    study: StudyResult, collect: Callable[[RecordResult], Iterable[str]]
+) -> list[tuple[str, list[str]]]:
+    """Each caution that ``collect`` gives once, with the titles of the records it holds for."""
     holders: dict[str, list[str]] = {}
     for result in study.records:
-        for caution in dict.fromkeys(_collect_cautions(result)):
-            holders.setdefault(f"{caution[:1].upper()}{caution[1:]}", []).append(result.title)
+        for caution in dict.fromkeys(collect(result)):
+            holders.setdefault(caution, []).append(result.title)
+    return list(holders.items())
+
+
+def build_cautions(study: StudyResult) -> list[Block]:
+    """Every caution, with the records it holds for."""
     failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
-    values = {"failed": failed, "cautions": list(holders.items())}
+    values = {"failed": failed, "cautions": collect_holders(study, _collect_cautions)}
     return write_blocks(Path(__file__).with_name("cautions.txt"), values)
 
 

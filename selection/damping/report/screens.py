@@ -21,7 +21,7 @@ from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
-from damping.report.results import RecordResult, StudyResult, Svgs, describe_file_stem, find_largest
+from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest
 
 #: Laws with less weight are folded away.
 LEAST_SHOWN = 0.02
@@ -47,8 +47,8 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
         "records": records,
         "several": len(records) > 1,
         "lead": next((record for record in records if record["load"]), records[0]),
-        "asked": [record for record in records if "content" in record],
-        "gravest": _collect_gravest(study),
+        "asked": [record for record in records if record["design"]],
+        "gravest": collect_holders(study, _list_gravest),
     }
     sections = write_sections(Path(__file__).with_name("screens.txt"), values, parts)
     return [section for section in sections if section.blocks]
@@ -62,28 +62,20 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
     """What the sentences say of a record, by name."""
     i, design, ranking = find_largest(result.design), result.design, result.ranking
     rest = len(ranking.candidates) - len(_list_shown_laws(result))
-    described = {
-        "title": result.title,
-        "stem": result.name,
-        "points": len(result.data.A),
+    return {
+        **vars(result),
         "levels": _count_levels(result),
         "ratio": design.ratio[i] if design is not None and i is not None else 0.0,
         "fitting": len(ranking.weighted(LEAST_SHOWN)),
-        "note": result.note,
         "best": ranking.weighted()[0],
         "load": _describe_load(result),
         "top": _describe_top(result),
-        "drawn": describe_file_stem(result, "damping_curve") in svgs,
+        "drawn": result.stem("damping_curve") in svgs,
         "measured": "sweeps" if result.data.has_repeats else "resonances",
         "verdict": ranking.fit.sentence or "The leading law fits to the noise",
         "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
-        "next_level": result.next_level,
-        "force_unit": result.mode.units.force,
+        "refusals": dict.fromkeys(caution[0] for caution in design.cautions if caution) if design else (),
     }
-    if design is not None:
-        described["content"] = f"{100 * design.level:g}"
-        described["refusals"] = dict.fromkeys(caution[0] for caution in design.cautions if caution)
-    return described
 
 
 def _describe_load(result: RecordResult) -> dict[str, str]:
@@ -139,20 +131,14 @@ def _tabulate_answers(study: StudyResult) -> Table:
     return Table(pd.DataFrame(rows), "")
 
 
-def _collect_gravest(study: StudyResult) -> list[tuple[str, list[str]]]:
-    """The gravest cautions, each once with the records it holds for."""
-    holders: dict[str, list[str]] = {}
-    for result in study.records:
-        cautions = [str(finding) for finding in result.findings]
-        if result.ranking.fit.sentence:
-            cautions.append(result.ranking.fit.sentence)
-        i = find_largest(result.design)
-        if result.design is not None:
-            cautions += result.design.cautions[-1 if i is None else i]
-        for caution in list(dict.fromkeys(cautions))[:MOST_CAUTIONS]:
-            if not caution.startswith("beyond the test"):  # the conditions say it
-                holders.setdefault(caution, []).append(result.title)
-    return list(holders.items())
+def _list_gravest(result: RecordResult) -> list[str]:
+    """The gravest cautions of a record but that it goes beyond the test, which the conditions say."""
+    cautions = [*map(str, result.findings), *filter(None, [result.ranking.fit.sentence])]
+    i = find_largest(result.design)
+    if result.design is not None:
+        cautions += result.design.cautions[-1 if i is None else i]
+    gravest = list(dict.fromkeys(cautions))[:MOST_CAUTIONS]
+    return [caution for caution in gravest if not caution.startswith("beyond the test")]
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:
@@ -177,7 +163,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
         }
         for law in _list_shown_laws(result)
     ]
-    return Table(pd.DataFrame(rows), "", key=describe_file_stem(result, "ranking"))
+    return Table(pd.DataFrame(rows), "", key=result.stem("ranking"))
 
 
 def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
@@ -193,12 +179,13 @@ def _describe_equivalents(names: Sequence[str]) -> str:
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     """Amplitude and damping at the design forces, and what their band is made of."""
-    headings, key = {"band": f"{100 * design.level:g} % band"}, describe_file_stem(result, "design_loads")
+    headings, key = {"band": f"{100 * design.level:g} % band"}, result.stem("design_loads")
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
     of_parts |= {"discrepancy": "the law changing beyond the test, %"}
     formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
     predicted = tables.tabulate_design(result, design)
+    spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PARTS}})
     return {
         f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),
-        f"{result.name}-parts": Table(tables.tabulate_parts(result, design), "", formats, of_parts),
+        f"{result.name}-parts": Table(spread, "", formats, of_parts),
     }

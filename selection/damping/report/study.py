@@ -21,14 +21,7 @@ from damping.ranking import INTERVAL
 from damping.report import forms, page, tables
 from damping.report.figures import leading, record_figures
 from damping.report.page import Block, Fold, Section, Table, write_blocks
-from damping.report.results import (
-    RecordResult,
-    StudyResult,
-    Svgs,
-    build_cautions,
-    describe_failed_chains,
-    describe_file_stem,
-)
+from damping.report.results import RecordResult, StudyResult, Svgs, build_cautions, describe_failed_chains
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
 
@@ -49,9 +42,9 @@ def render(study: StudyResult) -> Rendered:
     tables: dict[str, pd.DataFrame] = {}
     for result in study.records:
         for name, drawn in record_figures(result, study.level).items():
-            stem = describe_file_stem(result, name)
+            stem = result.stem(name)
             figures[stem] = drawn.to_svg(stem)
-        tables |= {describe_file_stem(result, name): table for name, table in record_tables(result).items()}
+        tables |= {result.stem(name): table for name, table in record_tables(result).items()}
     further = [section for exhibit in study.exhibits for section in exhibit.sections]
     sections = [*build_screens(study, figures), *further, _build_details(study, figures)]
     for exhibit in study.exhibits:
@@ -82,53 +75,38 @@ MOST_COLUMNS = 24
 
 def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     """Data, every law, posteriors, predictions of each law, by the text ``details.txt``."""
-    best, failed, design = leading(result), describe_failed_chains(result), result.design
+    best, design = leading(result), result.design
     notes = list(dict.fromkeys(caution for law in result.ranking.candidates for caution in law.cautions))
     observations, checks = tables.tabulate_observations(result), tables.tabulate_checks(result)
-    shown = _tabulate_data(result, observations) | _tabulate_laws(result, notes)
+    points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
+    shown = {"levels": Table(forms.tabulate_tested(result.data), ""), "observations": Table(points[:MOST_POINTS], "")}
+    shown |= _tabulate_laws(result, notes)
     if result.posteriors:
         shown |= _tabulate_posteriors(result, checks)
     if design:
         shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force), "")
 
     parts: dict[str, Block] = {
-        name: replace(table, key="" if name == "levels" else describe_file_stem(result, name))
-        for name, table in shown.items()
+        name: replace(table, key="" if name == "levels" else result.stem(name)) for name, table in shown.items()
     }
-    stems = {f"{name}-figure": describe_file_stem(result, name) for name in ("ranking", "corner", "predictive_check")}
+    stems = {f"{name}-figure": result.stem(name) for name in ("ranking", "corner", "predictive_check")}
     parts |= {name: page.FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
     parts["notes"] = page.List(notes, numbered=True)
     units = result.mode.units
     mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
     values = {
-        "mode": result.mode,
+        **vars(result),
         "mass": words.format_quantity(result.mode.mass, mass_unit, 4),
         "file": Path(result.record.source).name,
-        "points": len(result.record),
-        "sweeps": len(result.record.sweeps),
-        "has_energy": "energy" in result.record.table.columns,
-        "has_phase": result.record.has_phase,
-        "units": units,
         "used": len(observations),
         "shown": min(len(observations), MOST_POINTS),
-        "levels": len(result.data.sweeps),
-        "criterion": result.ranking.criterion,
         "notes": notes,
-        "posteriors": result.posteriors,
-        "failed": failed,
+        "failed": describe_failed_chains(result),
         "leading": best.law.name if best else "",
         "content": 100 * INTERVAL,
         "left_out": list(dict.fromkeys(checks["unit_left_out"])) if result.posteriors else [],
-        "level": 100 * design.level if design else None,
     }
     return write_blocks(Path(__file__).with_name("details.txt"), values, page.take_parts(parts))
-
-
-def _tabulate_data(result: RecordResult, observations: pd.DataFrame) -> dict[str, Table]:
-    """Tested levels, and the points used."""
-    levels = forms.tabulate_tested(result.data)
-    points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
-    return {"levels": Table(levels, ""), "observations": Table(points.head(MOST_POINTS), "")}
 
 
 def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from damping import report as words
 from damping.arrays import FloatArray
-from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
 from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
@@ -22,6 +22,7 @@ from damping.report.results import RecordResult, posterior_draws, prior_draws
 _CHAIN = ("converged", "failure", "steps", "acceptance", "log_z")
 _CONVERGENCE = ("mean", "sd", "monte_carlo_error", "r_hat", "effective_size", "autocorrelation", "lengths")
 _POWER_LAW = ("form", "p", "std_error", "degrees_of_freedom", "level", "p_low", "p_high")
+_ENDS = ("low", "median", "high")
 _TAILS = (50.0 * (1.0 - INTERVAL), 50.0, 50.0 * (1.0 + INTERVAL))
 
 
@@ -69,20 +70,16 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
         prior = prior_draws(sampled.posterior.coordinates)
         converged = sampled.posterior.converged
         for name, draws in posterior_draws(sampled).items():
-            low, median, high = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
-            prior_low, prior_median, prior_high = np.percentile(prior[name], _TAILS)
+            believed = np.percentile(prior[name], _TAILS)
+            known = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
             rows.append(
                 {
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
                     "unit": words.format_parameter_unit(name, result.mode.units),
-                    "prior_low": prior_low,
-                    "prior_median": prior_median,
-                    "prior_high": prior_high,
-                    "low": low,
-                    "median": median,
-                    "high": high,
+                    **{f"prior_{end}": value for end, value in zip(_ENDS, believed, strict=True)},
+                    **dict(zip(_ENDS, known, strict=True)),
                     "converged": converged,
                 }
             )
@@ -120,20 +117,12 @@ def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-#: Columns of loads in the files of a study, which keep their shorter names.
-_FILE_NAMES = {
-    "linear_overprediction_percent": "overprediction",
-    "linear_overprediction_low": "overprediction_low",
-    "linear_overprediction_high": "overprediction_high",
-}
-
-
 def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
-    """One row for each force, as the files of a study name the columns; empty without loads."""
+    """One row for each force, empty without loads; of a linear overprediction the shorter names that files keep."""
     if loads is None:
         return pd.DataFrame()
     table = forms.tabulate_loads(loads)
-    return table.set_axis([_FILE_NAMES.get(name, name) for name in table.columns], axis=1)
+    return table.set_axis([name.removeprefix("linear_").removesuffix("_percent") for name in table.columns], axis=1)
 
 
 def tabulate_by_model(design: Loads, unit: str) -> pd.DataFrame:
@@ -225,11 +214,8 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
 
 def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
     """Damping force C(A, omega) of a candidate that could be fitted, as its errors are computed; shape of ``A``."""
-    assert candidate.coordinates is not None  # a candidate with a rank was fitted
-    assert candidate.evidence is not None
-    assert candidate.fit is not None
-    force = candidate.fit.force
-    return np.asarray(np.broadcast_to(force.quadrature(A, omega), np.shape(A)), dtype=float)
+    assert candidate.fit is not None  # a candidate with a rank was fitted
+    return np.asarray(np.broadcast_to(candidate.fit.force.quadrature(A, omega), np.shape(A)), dtype=float)
 
 
 def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
@@ -261,9 +247,3 @@ def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
     if any(text != words.NOTHING for text in gravities):
         table.insert(3, "peak acceleration", gravities)
     return table
-
-
-def tabulate_parts(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """What the band is made of: one row for each force, one column for each part (sd, per cent of amplitude)."""
-    force = [words.format_force_text(force, result.mode.units.force) for force in design.force]
-    return pd.DataFrame({"force": force, **{part: design.parts[part] for part in PARTS}})
