@@ -83,10 +83,10 @@ def gap(cells: RecordCells, bench: plan.Bench, effects: tuple[TrueEffect, ...] =
     high = np.concatenate([np.full(penalised, WIDEST), most, np.full(moves, _MOVED)])
 
     def left(x: Array) -> Array:
-        return cells.distance(*predicted(*_simulated(bench, effects, x, sweeps)))
+        return np.concatenate([cells.distance(*predicted(*_simulated(bench, effects, x, sweeps))), x[:penalised]])
 
     fit = least_squares(
-        lambda x: np.concatenate([left(x), x[:penalised]]),
+        left,
         np.clip(start, low + 1e-9, high - 1e-9),
         bounds=(low, high),
         max_nfev=30,
@@ -94,7 +94,7 @@ def gap(cells: RecordCells, bench: plan.Bench, effects: tuple[TrueEffect, ...] =
         ftol=1e-6,
         diff_step=np.full(start.size, 1e-4),
     )
-    return float(np.sqrt(np.mean(left(fit.x) ** 2)))
+    return float(np.sqrt(np.mean(fit.fun[:-penalised] ** 2)))
 
 
 def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
