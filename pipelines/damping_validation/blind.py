@@ -61,9 +61,9 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
             write_json(out / "sealed.json", {**run, "sha256": sealed})
         from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
-        before = _processor_time()
+        before = sum(os.times()[:4])  # processor time of this process and of its finished children, s
         diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
-        spent = _processor_time() - before
+        spent = sum(os.times()[:4]) - before
         verdicts = read_sealed(labels, out / "answers", sealed)
         followed = None
         if follow:
@@ -118,12 +118,6 @@ def _describe_generator_digest() -> str:
     """SHA-256 of the generator's source."""
     modules = sorted(Path(generator.__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
-
-
-def _processor_time() -> float:
-    """Processor time of this process and of its finished children, s."""
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
 
 
 def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:

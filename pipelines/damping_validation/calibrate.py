@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from os import cpu_count
@@ -17,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import binom, binomtest
 
-from damping.arrays import FloatArray
 from damping.infer.law import Law
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled, to_png
 from damping.records.record import record_to_csv
@@ -38,7 +36,6 @@ from damping_validation.calibration import (
     ecdf,
     ecdf_band,
     rank_trial,
-    rank_trial_of_sweeps,
 )
 from damping_validation.truths import TRUTHS
 
@@ -54,20 +51,9 @@ _DPI = 130
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee."""
-
-    fast: int
-    importance: int
-    chained: int
-    ranks: int
-    chains: int
-
-
-LARGEST = FULL = Sizes(40, 4, 0, 24, 2)
-QUICK = Sizes(1, 0, 0, 12, 2)
-
+#: Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee.
+FULL = {"fast": 40, "importance": 4, "posterior": 24, "emcee": 2}
+QUICK = {"fast": 1, "importance": 0, "posterior": 12, "emcee": 2}
 
 #: What a trial is of: ``coverage``, way, truth, number; or data, law, number of a posterior.
 Key = tuple[Any, ...]
@@ -97,23 +83,23 @@ def render(results: dict[Key, Any], seed: int, quick: bool) -> dict[str, bytes]:
     return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
 
 
-def all_trials(sizes: Sizes, seed: int) -> dict[Key, Callable[[], Any]]:
+def all_trials(sizes: Mapping[str, int], seed: int) -> dict[Key, Callable[[], Any]]:
     """Every trial, each with a seed of its own, which depends on its key alone: fewer trials are a part of more."""
-    calls, wanted = _list_calls(LARGEST), _list_calls(sizes)
+    calls, wanted = _list_calls(FULL), _list_calls(sizes)
     seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
     return {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
 
 
-def _list_calls(sizes: Sizes) -> dict[Key, Callable[..., Any]]:
+def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:
     """Every trial, without its seed."""
     calls: dict[Key, Callable[..., Any]] = {}
-    for way, trials in (("fast", sizes.fast), ("importance", sizes.importance), ("chains", sizes.chained)):
+    for way in ("fast", "importance"):
         for name in TRUTHS:
-            calls |= {("coverage", way, name, n): partial(coverage_trial, name, way) for n in range(trials)}
+            calls |= {("coverage", way, name, n): partial(coverage_trial, name, way) for n in range(sizes[way])}
     for law in CALIBRATED:
-        calls |= {("resonances", law.name, n): partial(rank_trial, law) for n in range(sizes.ranks)}
-    calls |= {("sweeps", SWEPT.name, n): partial(rank_trial_of_sweeps, SWEPT) for n in range(sizes.ranks)}
-    calls |= {("emcee", CHAINED.name, n): partial(rank_trial, CHAINED, chains=True) for n in range(sizes.chains)}
+        calls |= {("resonances", law.name, n): partial(rank_trial, law) for n in range(sizes["posterior"])}
+    calls |= {("sweeps", SWEPT.name, n): partial(rank_trial, SWEPT, swept=True) for n in range(sizes["posterior"])}
+    calls |= {("emcee", CHAINED.name, n): partial(rank_trial, CHAINED, chains=True) for n in range(sizes["emcee"])}
     return calls
 
 
@@ -140,20 +126,13 @@ def _run_batch(trials: Sequence[tuple[Key, Callable[[], Any]]]) -> dict[Key, Any
 
 def draw_figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
     """The figures by name."""
-    ecdfs: dict[str, dict[str, FloatArray]] = {}
-    beyond: dict[str, FloatArray] = {}
-    counts: dict[str, int] = {}
-    for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
-        name = str(law) if data == "resonances" else f"{law}\n({_OF[str(data)]})"
-        values = group["rank"].to_numpy()
-        ecdfs.setdefault(name, {})[str(quantity)] = ecdf(values)
-        counts[name] = len(values)
-        if quantity == "amplitude beyond":
-            beyond[name] = values
+    posteriors = zip(ranks["data"], ranks["law"], strict=True)
+    names = [law if data == "resonances" else f"{law}\n({_OF[data]})" for data, law in posteriors]
+    panels = {str(name): group for name, group in ranks.groupby(np.array(names), sort=False)}
     return {
         "coverage": draw_coverage(tables.tabulate_coverage(predictions[predictions["way"] == "fast"])),
-        "ranks": draw_rank_histograms(beyond),
-        "ecdf": draw_rank_ecdfs(ecdfs, counts),
+        "ranks": draw_rank_histograms(panels),
+        "ecdf": draw_rank_ecdfs(panels),
     }
 
 
@@ -206,35 +185,31 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
 
 
 @styled
-def draw_rank_ecdfs(ecdfs: Mapping[str, Mapping[str, FloatArray]], counts: Mapping[str, int]) -> Figure:
-    """Draw the ECDFs of ranks less the uniform one, every parameter of a law in a panel, in the simultaneous band.
-
-    Args:
-        ecdfs: by law and parameter, at k/(RANKED + 1). counts: trials by law.
-    """
+def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
+    """Draw the ECDFs of ranks less the uniform one, every parameter of a law in a panel, in the simultaneous band."""
     z = np.linspace(0.0, 1.0, RANKED + 2)[1:-1]
-    figure, panels = _open_panels(ecdfs, 1.2, sharey=True)
+    figure, panels = _open_panels(ranks, 1.2, sharey=True)
     for law, ax in panels.items():
-        low, high = ecdf_band(counts[law], tables.SURE)
+        low, high = ecdf_band(ranks[law]["trial"].nunique(), tables.SURE)
         ax.fill_between(z, low - z, high - z, color=PREDICTIVE, linewidth=0)
-        for values in ecdfs[law].values():
-            ax.plot(z, values - z, color=AVERAGE, linewidth=0.8)
+        for _, values in ranks[law].groupby("quantity", sort=False)["rank"]:
+            ax.plot(z, ecdf(values.to_numpy()) - z, color=AVERAGE, linewidth=0.8)
     figure.supxlabel("rank of the true value among posterior draws, relative", fontsize=8.5)
     figure.supylabel("ECDF less uniform", fontsize=8.5)
     return figure
 
 
 @styled
-def draw_rank_histograms(ranks: Mapping[str, FloatArray]) -> Figure:
+def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw histograms of the ranks 0 to RANKED of the amplitude beyond the test, by law, with the 99 % range of a
     uniform count."""
     figure, panels = _open_panels(ranks, 1.1, sharey=False)
     for law, ax in panels.items():
-        count = len(ranks[law])
-        ax.axhspan(*binom.interval(0.99, count, 1.0 / tables.BINS), color=PREDICTIVE, linewidth=0)
+        beyond = ranks[law].query("quantity == 'amplitude beyond'")["rank"]
+        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / tables.BINS), color=PREDICTIVE, linewidth=0)
         bins: dict[str, Any] = {"bins": tables.BINS, "range": (0, RANKED + 1)}
-        ax.hist(ranks[law], **bins, color=MUTED, edgecolor="white", linewidth=0.5)
-        ax.axhline(count / tables.BINS, color=INK, linewidth=0.7)
+        ax.hist(beyond, **bins, color=MUTED, edgecolor="white", linewidth=0.5)
+        ax.axhline(len(beyond) / tables.BINS, color=INK, linewidth=0.7)
         ax.set_ylim(0)
     figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
     return figure

@@ -18,7 +18,7 @@ from scipy.stats import binom
 from scipy.stats import t as student
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation import draw_evidence, extrapolate_loads, sample_candidate
+from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import at_resonance
 from damping.forces import CATALOGUE, component
@@ -66,30 +66,30 @@ _RANGE = 100.0
 class Coverage:
     """One trial of the bands; arrays over ``RATIOS``.
 
-    Attributes:
-        levels, span, noise: what was drawn. refused: no prediction. above, below: the next test lies beyond that end.
-        width: ln(high/low). oracle: that of a fitter who knows the form, NaN where the library has none.
-        error: ln(median/true amplitude). winner: law of largest weight; true: whether it is the structure's own.
+    ``levels``, ``span``, ``noise``: what was drawn. ``winner``: law of largest weight; ``true``: whether it is the
+    structure's own. ``ratio``: force over the largest tested one. ``refused``: no prediction. ``above``, ``below``: the
+    next test lies beyond that end. ``width``: ln(high/low). ``oracle``: that of a fitter who knows the form, NaN where
+    the library has none. ``error``: ln(median/true amplitude).
     """
 
     levels: int
     span: float
     noise: float
+    winner: str
+    true: bool
+    ratio: FloatArray
     refused: BoolArray
     above: BoolArray
     below: BoolArray
     width: FloatArray
     oracle: FloatArray
     error: FloatArray
-    winner: str
-    true: bool
 
 
 def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = None) -> Coverage:
     """Test a structure drawn at random (``truths``), predict, and make the next tests.
 
-    Args:
-        way: ``fast`` (few importance draws), ``importance`` or ``chains``. laws: candidates, by default the program's.
+    ``way``: ``fast`` (few importance draws) or ``importance``. ``laws``: candidates, by default the program's.
     """
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)
@@ -104,12 +104,9 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     data = _read_frequencies(data, truth, rng.spawn(1)[0])
 
     force = tested[-1] * np.array(RATIOS)
-    estimate, sampler = (
-        brief_evidence if way == "fast" else evidence,
-        sample_candidate if way == "chains" else draw_evidence,
-    )
+    estimate = brief_evidence if way == "fast" else evidence
     mode = Mode(name=name, frequency=OMEGA / RAD_S_PER_HZ, mass=truth.mass)
-    predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate, sampler=sampler)
+    predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))
@@ -117,14 +114,15 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
         levels=levels,
         span=span,
         noise=noise,
+        winner=leading.name,
+        true=leading == truth.law,
+        ratio=np.array(RATIOS),
         refused=np.isnan(band.median),
         above=next_test > band.high,
         below=next_test < band.low,
         width=np.log(band.high / band.low),
         oracle=oracle_width(truth.law, data, force) if truth.law else np.full(len(force), np.nan),
         error=np.log(band.median / true),
-        winner=leading.name,
-        true=leading == truth.law,
     )
 
 
@@ -165,38 +163,23 @@ def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
     return np.asarray(2.0 * student.ppf(0.5 + 0.5 * LEVEL, freedom) * scatter * np.sqrt(1.0 + leverage))
 
 
-def rank_trial(law: Law, seed: int, chains: bool = False) -> dict[str, int]:
+def rank_trial(law: Law, seed: int, chains: bool = False, swept: bool = False) -> dict[str, int]:
     """Rank of each parameter, and of an amplitude beyond the test, among posterior draws: 0 to ``RANKED``.
 
-    Four resonances are simulated. Draws of the prior without a resonance at every force in a wide range are left out,
-    from the posterior as well.
-
-    Args:
-        chains: sample by emcee; by importance draws otherwise.
+    Simulated are four resonances or, ``swept``, four whole sweeps of nine rows between the half-power points, with
+    scatter of rows and levels. Draws of the prior without a resonance at every force in a wide range are left out, from
+    the posterior as well. ``chains``: sample by emcee; by importance draws otherwise.
     """
     rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, False)
+    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, swept)
     true = _prior_draw(coordinates, rng)
-    noise = coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))
-    data = peaks(_FORCES, _amplitudes(coordinates, true)[0] * np.exp(noise))
-    return _ranks(coordinates, data, true, rng, chains)
-
-
-def rank_trial_of_sweeps(law: Law, seed: int) -> dict[str, int]:
-    """The same from whole sweeps: four of nine rows between the half-power points, with scatter of rows and levels."""
-    rng = np.random.default_rng(seed)
-    coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, True)
-    true = _prior_draw(coordinates, rng)
-    row, level = (float(value[0]) for value in coordinates.scatter(true))
-    data = sweeps(lambda force: _amplitudes(coordinates, true, force)[0], _FORCES, level, row, rng)
-    data = replace(data, tested_amplitude=_amplitudes(coordinates, true)[0])
-    return _ranks(coordinates, data, true, rng, chains=False)
-
-
-def _ranks(
-    coordinates: Coordinates, data: Observations, true: FloatArray, rng: np.random.Generator, chains: bool
-) -> dict[str, int]:
-    """Ranks of the true values among draws that have resonances in range."""
+    exact = _amplitudes(coordinates, true)[0]
+    if swept:
+        row, level = (float(value[0]) for value in coordinates.scatter(true))
+        data = sweeps(lambda force: _amplitudes(coordinates, true, force)[0], _FORCES, level, row, rng)
+        data = replace(data, tested_amplitude=exact)
+    else:
+        data = peaks(_FORCES, exact * np.exp(coordinates.scatter(true)[0] * rng.standard_normal(len(_FORCES))))
     estimate = evidence(coordinates, data, int(rng.integers(2**31)))
     x = estimate.draws
     if chains:

@@ -27,22 +27,12 @@ BINS = 8
 
 
 def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
-    """One row per trial and ratio: ``way, truth, trial, levels, span, noise, ratio`` and the fields of ``Coverage``.
-
-    Args:
-        covered: trials by (way, truth, number).
-    """
+    """One row per trial and ratio: ``way, truth, trial`` (the keys of ``covered``) and the fields of ``Coverage``."""
     rows = [
-        {
-            "way": way,
-            "truth": truth,
-            "trial": number,
-            **{name: getattr(result, name) for name in ("levels", "span", "noise", "winner", "true")},
-            "ratio": ratio,
-            **{name: getattr(result, name)[i] for name in ("refused", "above", "below", "width", "oracle", "error")},
-        }
+        {"way": way, "truth": truth, "trial": number}
+        | {name: value[i] if isinstance(value, np.ndarray) else value for name, value in vars(result).items()}
         for (way, truth, number), result in covered.items()
-        for i, ratio in enumerate(RATIOS)
+        for i in range(len(RATIOS))
     ]
     return pd.DataFrame(rows)
 
@@ -81,8 +71,7 @@ def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
 def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
     """One row per trial and quantity: the rank of its true value, 0 to ``RANKED``.
 
-    Args:
-        ranked: ranks by (data, law, number), ``data`` saying what the posterior is of.
+    ``ranked``: ranks by (data, law, number), ``data`` saying what the posterior is of.
     """
     rows = [
         {"data": data, "law": law, "trial": n, "quantity": quantity, "rank": rank}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -115,20 +116,19 @@ def _slip(limit: float) -> ComplexArray:
     return A * (psi - 0.5 * np.sin(2.0 * psi)) / np.pi + 1j * energy / (np.pi * A)
 
 
-#: Seconds are spared: joints with a memory are drawn from tables made once, of shapes spread over their ranges.
-_MEMORY: dict[tuple[str, int], ComplexArray] = {}
+@cache
+def _joint_with_memory(name: str, number: int) -> ComplexArray:
+    """S + iC of an Iwan or a Bouc-Wen joint of random shape with a limit of 1; the shapes spread over their ranges."""
+    shape = np.random.default_rng([number, len(name)])
+    if name == "iwan":
+        return _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
+    return _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
 
 
 def _with_memory(name: str, rng: np.random.Generator) -> ComplexArray:
-    """S + iC of an Iwan or a Bouc-Wen joint of one of six random shapes, its limit of 1 moved by a shift of ln A."""
-    number = int(rng.integers(6))
-    if (name, number) not in _MEMORY:
-        shape = np.random.default_rng([number, len(name)])
-        if name == "iwan":
-            _MEMORY[name, number] = _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
-        else:
-            _MEMORY[name, number] = _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
-    moved, joint = _TABLE - np.log(_draw(rng, 0.6, 6.0)), _MEMORY[name, number]
+    """S + iC of a joint with a memory of one of six shapes, its limit of 1 moved by a shift of ln A."""
+    joint = _joint_with_memory(name, int(rng.integers(6)))
+    moved = _TABLE - np.log(_draw(rng, 0.6, 6.0))
     C = np.exp(np.interp(moved, _TABLE, np.log(np.maximum(joint.imag, 1e-300))))
     return np.asarray(np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C)
 

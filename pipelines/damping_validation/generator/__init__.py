@@ -89,7 +89,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
     table |= plan.further_columns(rng, drawn.bench.columns, truth, drawn.third, drawn.across, float(np.max(amplitude)))
     label = {
         "kind": kind,
-        "family": describe_family(kind),
+        "family": next(family for family, kinds in _KINDS.items() if kind in kinds),
         "conditions": "field" if field else "clean",
         **_describe_truth(drawn),
         "wild_rows": np.flatnonzero(wild).tolist(),
@@ -98,13 +98,6 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
         "altered": _altered(drawn),
     }
     return BlindCase(plan.describe_model_text(name, drawn.bench), plan.describe_data_text(table), label)
-
-
-def describe_family(kind: str) -> str:
-    """null, single, pair or outside."""
-    if kind.startswith(("null:", "pair:")):
-        return kind.split(":")[0]
-    return "outside" if kind in OUTSIDE else "single"
 
 
 def _describe_truth(drawn: DrawnCase) -> dict[str, Any]:

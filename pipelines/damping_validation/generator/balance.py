@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator import laws
 from damping_validation.generator.laws import Array, Complex, Structure, TrueJoint, TrueLaw
 
 
@@ -142,7 +141,7 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
     """(S + i C)/A of the structure's forces at unit frequency, summed by their power of frequency, for each A."""
     total: dict[int, Complex] = {}
     for law in structure.averaged_laws:
-        power = laws.VELOCITY_POWER.get(law.kind, 0)
+        power = law.form.power or 0
         total[power] = total.get(power, 0.0) + _average_law(law, A, structure.omega)
     for joint in structure.joints:
         total[0] = total.get(0, 0.0) + _average_joint(joint, A)
@@ -151,10 +150,10 @@ def averages(structure: Structure, A: Array) -> dict[int, Complex]:
 
 def _average_law(law: TrueLaw, A: Array, omega: float) -> Complex:
     """By sampling; once and for all amplitudes where the force is homogeneous in q and v."""
-    if law.kind in laws.DEGREE:
-        shape: Complex = _average_unit(law.kind) * A.astype(complex) ** (laws.DEGREE[law.kind] - 1)
+    if law.form.degree is not None:
+        shape: Complex = _average_unit(law.kind) * A.astype(complex) ** (law.form.degree - 1)
         return law.coefficient * shape
-    return _sample_law(law, A, omega if law.kind in laws.RATE_BOUND else 1.0)
+    return _sample_law(law, A, omega if law.form.power is None else 1.0)
 
 
 @cache
@@ -238,15 +237,14 @@ def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Comple
 
 
 def guess(structure: Structure, rows: TrueRows, other: bool = False) -> Complex:
-    """Phasor of the main coordinate on the branch that the sweep follows, or on the other one."""
-    return main_phasor(structure, rows, upper_branch(structure, rows) != other)
+    """Phasor of the main coordinate on the branch that the sweep follows, or on the other one.
 
-
-def upper_branch(structure: Structure, rows: TrueRows) -> bool:
-    """Which of several steady states the sweep follows: the upper one if it runs the way the resonance bends."""
+    Of two it follows the upper one if it runs the way the resonance bends.
+    """
     A = np.geomspace(1e-3, 1.0, 30) * np.max(rows.force) / (structure.viscous * structure.omega)
     stiffening = averages(structure, A).get(0, np.zeros(A.size)).real
-    return (float(np.sum(stiffening)) >= 0) == rows.up
+    upper = (float(np.sum(stiffening)) >= 0) == rows.up
+    return main_phasor(structure, rows, upper != other)
 
 
 #: Change of frequency in a step of a moving sweep, half-power half-widths: each step is exact for a fixed frequency.

@@ -78,11 +78,6 @@ Changes: TypeAlias = Mapping[str, Any]
 Change: TypeAlias = Callable[[AppliedEffect], Changes]
 
 
-def change_nothing(effect: AppliedEffect) -> Changes:
-    """No field is another."""
-    return {}
-
-
 @dataclass(frozen=True)
 class Kind:
     """An effect: shapes drawn, largest size, and what it changes of the structure and of the rows.
@@ -92,8 +87,8 @@ class Kind:
 
     draw: Callable[[Generator, Bench], Shape]
     most: float | Callable[[Bench], float]
-    structure: Change = change_nothing
-    rows: Change = change_nothing
+    structure: Change = lambda effect: {}
+    rows: Change = lambda effect: {}
     free: tuple[int, ...] = ()
 
     def largest(self, bench: Bench) -> float:
@@ -106,19 +101,43 @@ class Kind:
         return replace(truth[0], **self.structure(effect)), replace(truth[1], **self.rows(effect))
 
 
-def draw_no_shape(rng: Generator, bench: Bench) -> Shape:
-    """Nothing to draw."""
-    return ()
+#: How an entry of a shape is drawn.
+Entry: TypeAlias = Callable[[Generator, Bench], float]
 
 
-def draw_sign(rng: Generator) -> float:
-    """-1 or 1."""
-    return float(rng.choice([-1.0, 1.0]))
+def drawn(*entries: Entry | float) -> Callable[[Generator, Bench], Shape]:
+    """A shape of entries drawn in turn; a number stands for itself."""
+    return lambda rng, bench: tuple(entry(rng, bench) if callable(entry) else entry for entry in entries)
 
 
-def draw_either_sign(rng: Generator, bench: Bench) -> Shape:
-    """A sign."""
-    return (draw_sign(rng),)
+def uniform(low: float, high: float) -> Entry:
+    """A number between two, anywhere."""
+    return lambda rng, bench: rng.uniform(low, high)
+
+
+def spread(low: float, high: float) -> Entry:
+    """A number between two, its logarithm anywhere."""
+    return lambda rng, bench: log_uniform(rng, low, high)
+
+
+def chosen(*values: float, p: tuple[float, ...] | None = None) -> Entry:
+    """One of some values, of probability ``p`` where they are not alike."""
+    return lambda rng, bench: float(rng.choice(values, p=p))
+
+
+def of_xi(entry: Entry) -> Entry:
+    """An entry times xi: in half-power half-widths."""
+    return lambda rng, bench: entry(rng, bench) * bench.xi
+
+
+def signed(entry: Entry) -> Entry:
+    """An entry with either sign."""
+    return lambda rng, bench: sign(rng, bench) * entry(rng, bench)
+
+
+sign = chosen(-1.0, 1.0)
+EITHER_SIGN = drawn(sign)
+NO_SHAPE = drawn()
 
 
 def limit_friction(bench: Bench) -> float:
@@ -133,7 +152,7 @@ _BEYOND = 3.0  # tolerances by which a wrong parameter is off at size 0
 
 def _damping(law: str, most: float | Callable[[Bench], float] = 6.0) -> Kind:
     """A damping force; size 1 loses at A what the viscous damping loses."""
-    return Kind(draw_no_shape, most, lambda e: e.add(TrueLaw(law, e.size * e.force_unit(law))))
+    return Kind(NO_SHAPE, most, lambda e: e.add(TrueLaw(law, e.size * e.force_unit(law))))
 
 
 def _misstate(name: str, place: int) -> Change:
@@ -146,13 +165,11 @@ def _misstate(name: str, place: int) -> Change:
     return change
 
 
-def _draw_spring_shape(rng: Generator, bench: Bench) -> Shape:
-    """Which spring (0 cubic, 1 q|q|, 2 cubic beside quadratic), and the size of the quadratic one."""
-    return (float(rng.choice([0, 1, 2], p=[0.8, 0.1, 0.1])), rng.uniform(0.05, 0.3))
-
-
 def _spring(way: float) -> Kind:
-    """Cubic spring mostly, else one like it (q|q|, cubic beside quadratic); size 1 shifts the resonance at A by xi."""
+    """A spring; size 1 shifts the resonance at A by xi.
+
+    Shape: which (0 cubic, as mostly, 1 q|q|, 2 cubic beside quadratic), and the size of the quadratic one.
+    """
 
     def change(e: AppliedEffect) -> Changes:
         unit, A = way * e.size * e.stiffness, e.bench.A
@@ -165,7 +182,7 @@ def _spring(way: float) -> Kind:
         offset = 10 / 9 * quadratic**2 / k  # the cubic spring to which the quadratic one softens
         return e.add(TrueLaw("cubic", unit * 4 / 3 / A**2 + offset), TrueLaw("quadratic", quadratic))
 
-    return Kind(_draw_spring_shape, 5.0, change)
+    return Kind(drawn(chosen(0.0, 1.0, 2.0, p=(0.8, 0.1, 0.1)), uniform(0.05, 0.3)), 5.0, change)
 
 
 def _power_spring(way: float) -> Kind:
@@ -177,12 +194,7 @@ def _power_spring(way: float) -> Kind:
         unit = e.stiffness / average / e.bench.A ** (p - 1)
         return e.add(TrueLaw("power-spring", way * e.size * unit, p))
 
-    return Kind(lambda rng, bench: (float(rng.choice([1.5, 2.5, 4.0, 5.0])),), 4.0, change)
-
-
-def _draw_slip_shape(rng: Generator, bench: Bench) -> Shape:
-    """The amplitude at which it slips, over A."""
-    return (log_uniform(rng, 0.08, 0.6),)
+    return Kind(drawn(chosen(1.5, 2.5, 4.0, 5.0)), 4.0, change)
 
 
 def _joint(kind: str) -> Change:
@@ -193,22 +205,12 @@ def _joint(kind: str) -> Change:
 _PARTS = 12
 
 
-def _draw_iwan_shape(rng: Generator, bench: Bench) -> Shape:
-    """Power by which the parts' weights grow with their limits, and the largest limit over A."""
-    return (rng.uniform(-0.6, 0.3), log_uniform(rng, 0.3, 1.5))
-
-
 def _add_iwan(e: AppliedEffect) -> Changes:
     """A joint of 12 Jenkins elements in parallel with limits spread evenly (parallel-series Iwan joint)."""
     limits = (np.arange(_PARTS) + 0.5) / _PARTS
     weights = limits ** e.shape[0] / np.sum(limits ** e.shape[0])
     reach = limits * e.shape[1] * e.bench.A
     return e.add(TrueJoint("jenkins", e.size * e.stiffness, tuple(reach.tolist()), tuple(weights.tolist())))
-
-
-def _draw_planar_shape(rng: Generator, bench: Bench) -> Shape:
-    """Relative distance of the second plane's frequency, and its viscous damping over the first's."""
-    return (draw_sign(rng) * bench.xi * log_uniform(rng, 0.6, 4.5), rng.uniform(0.8, 1.25))
 
 
 def _couple_planes(e: AppliedEffect) -> Changes:
@@ -225,12 +227,7 @@ def _draw_residual_shape(rng: Generator, bench: Bench) -> Shape:
     weights = rng.dirichlet([1.0, 1.5, 0.7]) * rng.choice([0.0, 1.0], size=3, p=[0.3, 0.7])
     if weights.sum() == 0.0:
         weights = np.array([0.0, 1.0, 0.0])
-    return (draw_sign(rng), *places, *(weights / weights.sum()).tolist())
-
-
-def _draw_rigid_shape(rng: Generator, bench: Bench) -> Shape:
-    """As for other modes, all of it rigid-body motion or a fixture far below."""
-    return (draw_sign(rng), 0.5, 2.0, rng.uniform(0.02, 0.2), 0.0, 0.0, 1.0)
+    return (sign(rng, bench), *places, *(weights / weights.sum()).tolist())
 
 
 def _add_modes(e: AppliedEffect) -> Changes:
@@ -243,37 +240,40 @@ def _add_modes(e: AppliedEffect) -> Changes:
     return e.add(*sides)
 
 
-def _draw_second_shape(rng: Generator, bench: Bench) -> Shape:
-    """Relative distance of its frequency, its damping ratio over the main one's, and the sign of its motion."""
-    return (draw_sign(rng) * bench.xi * log_uniform(rng, 1.0, 8.0), log_uniform(rng, 0.5, 2.0), draw_sign(rng))
-
-
 def build_mode(e: AppliedEffect, place: float, damping: float, sign: float) -> Side:
     """A close mode with its own mass: size is the main modal mass over its own, as seen between drive and sensor."""
     return Side(e.bench.nominal.omega * (1 + place), e.bench.xi * damping, 1.0, sign * e.size)
 
 
 FORCE_KINDS = {
-    "viscous-coefficient": Kind(
-        draw_either_sign, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, _misstate("viscous", 2)
-    ),
-    **{
-        law: _damping(law)
-        for law in ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
-    },
+    "viscous-coefficient": Kind(EITHER_SIGN, lambda bench: 0.7 / bench.tolerance[2] - _BEYOND, _misstate("viscous", 2)),
+    "displacement": _damping("displacement"),
+    "velocity-squared": _damping("velocity-squared"),
+    "displacement-velocity": _damping("displacement-velocity"),
+    "quadratic-displacement": _damping("quadratic-displacement"),
     "coulomb-friction": _damping("coulomb", limit_friction),
-    "slip": Kind(_draw_slip_shape, 20.0, _joint("jenkins"), free=(0,)),
-    "slip:iwan": Kind(_draw_iwan_shape, 20.0, _add_iwan),
-    "slip:smooth": Kind(_draw_slip_shape, 20.0, _joint("bouc-wen")),
+    # shape: the amplitude at which it slips, over A
+    "slip": Kind(drawn(spread(0.08, 0.6)), 20.0, _joint("jenkins"), free=(0,)),
+    # shape: power by which the parts' weights grow with their limits, and the largest limit over A
+    "slip:iwan": Kind(drawn(uniform(-0.6, 0.3), spread(0.3, 1.5)), 20.0, _add_iwan),
+    "slip:smooth": Kind(drawn(spread(0.08, 0.6)), 20.0, _joint("bouc-wen")),
     "stiffness-hardening": _spring(1.0),
     "stiffness-hardening:power": _power_spring(1.0),
     "stiffness-softening": _spring(-1.0),
     "stiffness-softening:power": _power_spring(-1.0),
-    "natural-frequency": Kind(draw_either_sign, lambda bench: 5 * bench.xi / bench.tolerance[0], _misstate("omega", 0)),
+    "natural-frequency": Kind(EITHER_SIGN, lambda bench: 5 * bench.xi / bench.tolerance[0], _misstate("omega", 0)),
 }
 PATH_KINDS = {
-    "planar-coupling": Kind(_draw_planar_shape, 0.5, _couple_planes, free=(0,)),
-    "second-mode": Kind(_draw_second_shape, 1.0, lambda e: e.add(build_mode(e, *e.shape)), free=(0,)),
+    # shape: relative distance of the second plane's frequency, and its viscous damping over the first's
+    "planar-coupling": Kind(drawn(signed(of_xi(spread(0.6, 4.5))), uniform(0.8, 1.25)), 0.5, _couple_planes, free=(0,)),
+    # shape: relative distance of its frequency, its damping ratio over the main one's, and the sign of its motion
+    "second-mode": Kind(
+        drawn(signed(of_xi(spread(1.0, 8.0))), spread(0.5, 2.0), sign),
+        1.0,
+        lambda e: e.add(build_mode(e, *e.shape)),
+        free=(0,),
+    ),
     "residual-modes": Kind(_draw_residual_shape, 1.0, _add_modes),
-    "residual-modes:rigid": Kind(_draw_rigid_shape, 1.0, _add_modes),
+    # all of it rigid-body motion or a fixture far below
+    "residual-modes:rigid": Kind(drawn(sign, 0.5, 2.0, uniform(0.02, 0.2), 0.0, 0.0, 1.0), 1.0, _add_modes),
 }

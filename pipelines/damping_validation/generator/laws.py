@@ -26,83 +26,69 @@ import numpy.typing as npt
 
 Array = npt.NDArray[Any]
 Complex = npt.NDArray[np.complex128]
-Function = Callable[[Array, Array, Array, float], Array]
 
 
 @dataclass(frozen=True)
-class TrueLaw:
-    """A force ``coefficient * function(q, v, sign, parameter)`` on the main coordinate; ``kind`` names the function."""
+class LawForm:
+    """A force by name: its ``function`` of q, v, the sign of v and a parameter p.
 
-    kind: str
-    coefficient: float
-    parameter: float = 0.0
+    ``degree`` in amplitude, where it is homogeneous. ``power`` of the velocity: at frequency omega its averages are
+    omega**power times those at omega = 1; None: they change otherwise, and are taken at the natural frequency.
+    ``jumps``: when the velocity changes sign. ``elastic``: two steady states may exist at one frequency.
+    """
 
-    def force(self, q: Array, v: Array, sign: Array) -> Array:
-        """The force, in the shape of ``q`` and ``v``."""
-        return self.coefficient * FUNCTIONS[self.kind](q, v, sign, self.parameter)
+    function: Callable[[Array, Array, Array, float], Array]
+    degree: int | None = None
+    power: int | None = 0
+    jumps: bool = False
+    elastic: bool = False
 
 
-def _clearance(q: Array, v: Array, sign: Array, gap: float) -> Array:
-    return np.asarray(q - np.clip(q, -gap, gap))
-
-
-FUNCTIONS: Mapping[str, Function] = {
-    "displacement": lambda q, v, sign, p: np.abs(q) * sign,
-    "velocity-squared": lambda q, v, sign, p: v * np.abs(v),
-    "displacement-velocity": lambda q, v, sign, p: np.abs(q) * v,
-    "quadratic-displacement": lambda q, v, sign, p: q * q * v,
-    "coulomb": lambda q, v, sign, p: sign,
-    "cubic": lambda q, v, sign, p: q * q * q,
-    "quadratic": lambda q, v, sign, p: q * q,
-    "odd-square": lambda q, v, sign, p: q * np.abs(q),
-    "quintic": lambda q, v, sign, p: q * q * q * q * q,
-    "clearance": _clearance,
-    "power-spring": lambda q, v, sign, p: np.sign(q) * np.abs(q) ** p,
-    "stop": lambda q, v, sign, p: np.maximum(q - p, 0.0),
-    "slap": lambda q, v, sign, p: np.maximum(q - p, 0.0) * (0.75 + 0.25 * sign),
-    "velocity-cubed": lambda q, v, sign, p: v * v * v,
-    "hysteretic-square": lambda q, v, sign, p: q * q * sign,
-    "rub": lambda q, v, sign, p: sign * np.clip((np.abs(q) / p - 1.0) / _BUILD_UP, 0.0, 1.0),
-    "dithered-friction": lambda q, v, sign, p: 2 / np.pi * np.arcsin(np.clip(v / p, -1.0, 1.0)),
-    "stribeck": lambda q, v, sign, p: sign * np.exp(-np.abs(v) / p),
-    "eddy-current": lambda q, v, sign, p: v / (1.0 + (v / p) ** 2),
-    "squeeze-film": lambda q, v, sign, p: v / (1.0 - np.minimum((q / p) ** 2, _CLOSEST)) ** 1.5,
-}
 #: Square of the largest displacement over the film's thickness that a squeeze film lets come about.
 _CLOSEST = 0.9
 #: Way over which a rubbing contact builds up, of the place where it begins.
 _BUILD_UP = 0.3
 
-#: Power of the velocity in each force: at frequency omega its averages are omega**power times those at omega = 1.
-VELOCITY_POWER: Mapping[str, int] = {
-    "velocity-squared": 2,
-    "displacement-velocity": 1,
-    "quadratic-displacement": 1,
-    "velocity-cubed": 3,
-    "squeeze-film": 1,
+LAW_FORMS: Mapping[str, LawForm] = {
+    "displacement": LawForm(lambda q, v, sign, p: np.abs(q) * sign, 1, jumps=True),
+    "velocity-squared": LawForm(lambda q, v, sign, p: v * np.abs(v), 2, power=2),
+    "displacement-velocity": LawForm(lambda q, v, sign, p: np.abs(q) * v, 2, power=1),
+    "quadratic-displacement": LawForm(lambda q, v, sign, p: q * q * v, 3, power=1),
+    "coulomb": LawForm(lambda q, v, sign, p: sign, 0, jumps=True),
+    "cubic": LawForm(lambda q, v, sign, p: q * q * q, 3, elastic=True),
+    "quadratic": LawForm(lambda q, v, sign, p: q * q, 2, elastic=True),
+    "odd-square": LawForm(lambda q, v, sign, p: q * np.abs(q), 2, elastic=True),
+    "quintic": LawForm(lambda q, v, sign, p: q * q * q * q * q, 5, elastic=True),
+    "clearance": LawForm(lambda q, v, sign, p: np.asarray(q - np.clip(q, -p, p)), elastic=True),
+    "power-spring": LawForm(lambda q, v, sign, p: np.sign(q) * np.abs(q) ** p, elastic=True),
+    "stop": LawForm(lambda q, v, sign, p: np.maximum(q - p, 0.0), elastic=True),
+    "slap": LawForm(lambda q, v, sign, p: np.maximum(q - p, 0.0) * (0.75 + 0.25 * sign), jumps=True, elastic=True),
+    "velocity-cubed": LawForm(lambda q, v, sign, p: v * v * v, 3, power=3),
+    "hysteretic-square": LawForm(lambda q, v, sign, p: q * q * sign, 2, jumps=True),
+    "rub": LawForm(lambda q, v, sign, p: sign * np.clip((np.abs(q) / p - 1.0) / _BUILD_UP, 0.0, 1.0), jumps=True),
+    "dithered-friction": LawForm(lambda q, v, sign, p: 2 / np.pi * np.arcsin(np.clip(v / p, -1.0, 1.0)), power=None),
+    "stribeck": LawForm(lambda q, v, sign, p: sign * np.exp(-np.abs(v) / p), power=None, jumps=True),
+    "eddy-current": LawForm(lambda q, v, sign, p: v / (1.0 + (v / p) ** 2), power=None),
+    "squeeze-film": LawForm(lambda q, v, sign, p: v / (1.0 - np.minimum((q / p) ** 2, _CLOSEST)) ** 1.5, power=1),
 }
 
-#: Degree of each force in amplitude, where it is homogeneous.
-DEGREE: Mapping[str, int] = {
-    "displacement": 1,
-    "velocity-squared": 2,
-    "displacement-velocity": 2,
-    "quadratic-displacement": 3,
-    "coulomb": 0,
-    "cubic": 3,
-    "quadratic": 2,
-    "odd-square": 2,
-    "quintic": 5,
-    "hysteretic-square": 2,
-    "velocity-cubed": 3,
-}
 
-#: Forces that jump when the velocity changes sign.
-JUMPS = frozenset({"displacement", "coulomb", "hysteretic-square", "rub", "stribeck", "slap"})
-#: Forces that change with velocity otherwise than by a power: their averages are taken at the natural frequency.
-RATE_BOUND = frozenset({"dithered-friction", "stribeck", "eddy-current"})
-#: Forces under which two steady states may exist at one frequency.
-ELASTIC = frozenset({"cubic", "quadratic", "odd-square", "quintic", "clearance", "power-spring", "stop", "slap"})
+@dataclass(frozen=True)
+class TrueLaw:
+    """A force ``coefficient * function(q, v, sign, parameter)`` on the main coordinate, its form that of its kind."""
+
+    kind: str
+    coefficient: float
+    parameter: float = 0.0
+
+    @property
+    def form(self) -> LawForm:
+        """The function and what is known of it."""
+        return LAW_FORMS[self.kind]
+
+    def force(self, q: Array, v: Array, sign: Array) -> Array:
+        """The force, in the shape of ``q`` and ``v``."""
+        return self.coefficient * self.form.function(q, v, sign, self.parameter)
 
 
 @dataclass(frozen=True)
@@ -143,7 +129,7 @@ class TrueJoint:
 
 @dataclass(frozen=True)
 class Partner:
-    """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``COUPLINGS``.
+    """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``accelerations``.
 
     Attributes:
         omega, zeta: of the partner alone, rad/s and damping ratio. strength: of the coupling, dimensionless (mass
@@ -158,7 +144,21 @@ class Partner:
 
     def accelerations(self, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
         """x'' and what the partner adds to q'' (per unit of the main mass), from q, q', x and x'."""
-        return COUPLINGS[self.kind](self, q, v, x, w)
+        loss, omega2 = 2 * self.zeta * self.omega * w, self.omega**2
+        match self.kind:
+            case "gyroscopic":  # a mass across the axis of a rotor: g w and -g v do no work together
+                g = self.strength * self.omega
+                return g * v - loss - omega2 * x, -g * w
+            case "circuit":  # charge in a coil, a resistor and a piezo patch of energy -strength omega^2 q x
+                pull = self.strength * omega2
+                return pull * q - loss - omega2 * x, pull * x
+            case "memory":  # a spring behind a dashpot, whose far end x follows q with a lag (a fluid's memory)
+                return omega2 * (q - x) - loss, -self.strength * omega2 * (q - x)
+            case "heated-spring":  # a spring -strength x q whose temperature x follows q^2 slowly
+                return omega2 * (q**2 - x) - loss, -self.strength * x * q
+        # an absorber: a mass on spring and dashpot upon the main one; strength is its share of the main mass
+        spring = omega2 * ((x - q) + self.cubic * (x - q) ** 3) + 2 * self.zeta * self.omega * (w - v)
+        return -spring, self.strength * spring
 
     def follow(self, omega: Array) -> Array:
         """Phasor of x over that of q, of the linear partner: -omega^2 x = f(q, q', 0, 0) + x f(0, 0, 1, i omega)."""
@@ -180,43 +180,6 @@ class Partner:
         if self.kind == "heated-spring":  # mean square A^2/2 against 3/4 A^2 of a cubic spring
             return TrueLaw("cubic", 2.0 / 3.0 * self.strength)
         return None
-
-
-def _absorber(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-    """A mass on spring and dashpot upon the main one; ``strength`` is its share of the main mass."""
-    spring = p.omega**2 * ((x - q) + p.cubic * (x - q) ** 3) + 2 * p.zeta * p.omega * (w - v)
-    return -spring, p.strength * spring
-
-
-def _gyroscopic(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-    """The same mass across the axis of a rotor: g w and -g v do no work together, g = strength omega."""
-    g = p.strength * p.omega
-    return g * v - 2 * p.zeta * p.omega * w - p.omega**2 * x, -g * w
-
-
-def _circuit(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-    """Charge in a coil, a resistor and a piezo patch of energy -strength omega^2 q x."""
-    pull = p.strength * p.omega**2
-    return pull * q - 2 * p.zeta * p.omega * w - p.omega**2 * x, pull * x
-
-
-def _memory(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-    """A spring behind a dashpot, omega^2 strength (q - x), whose far end x follows q with a lag (a fluid's memory)."""
-    return p.omega**2 * (q - x) - 2 * p.zeta * p.omega * w, -p.strength * p.omega**2 * (q - x)
-
-
-def _heated(p: Partner, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-    """A spring -strength x q whose temperature x follows q^2 slowly."""
-    return p.omega**2 * (q**2 - x) - 2 * p.zeta * p.omega * w, -p.strength * x * q
-
-
-COUPLINGS: Mapping[str, Callable[[Partner, Array, Array, Array, Array], tuple[Array, Array]]] = {
-    "absorber": _absorber,
-    "gyroscopic": _gyroscopic,
-    "circuit": _circuit,
-    "memory": _memory,
-    "heated-spring": _heated,
-}
 
 
 @dataclass(frozen=True)
@@ -263,5 +226,5 @@ class Structure:
     @property
     def bent(self) -> bool:
         """Whether two steady states may exist at one frequency."""
-        laws = any(law.kind in ELASTIC for law in self.laws)
-        return laws or any(partner.cubic or partner.stand_in for partner in self.partners)
+        elastic = any(law.form.elastic for law in self.laws)
+        return elastic or any(partner.cubic or partner.stand_in for partner in self.partners)

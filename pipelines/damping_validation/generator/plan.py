@@ -142,11 +142,6 @@ def move_frequency(bench: Bench, share: float) -> Bench:
     return replace(bench, rows=moving, columns=(*added, "rate", "time"))
 
 
-def without_base(bench: Bench) -> Bench:
-    """The same bench with viscous damping alone in its simulation."""
-    return replace(bench, base=(), nominal=replace(bench.nominal, laws=()))
-
-
 def _base_laws(rng: Generator, viscous: float, omega: float, A: float, force: float) -> tuple[tuple[str, float], ...]:
     """Mostly none, else one force whose loss at A is a share of the viscous one (friction: a share of the force)."""
     name, share, some = str(rng.choice(BASE_LAWS)), rng.uniform(0.2, 0.8), rng.random() < 0.25

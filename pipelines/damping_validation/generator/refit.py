@@ -47,11 +47,6 @@ def applied(effects: tuple[TrueEffect, ...], bench: plan.Bench, rows: TrueRows |
     return truth
 
 
-def draw_effect(name: str, rng: plan.Generator, bench: plan.Bench) -> TrueEffect:
-    """The effect with a drawn shape and its largest size."""
-    return TrueEffect(name, KINDS[name].largest(bench), KINDS[name].draw(rng, bench))
-
-
 WIDEST = 3.0  # tolerances
 _LARGER = 1.2  # times the largest size drawn
 _MOVED = 3.0  # factor by which a fit may move a width or place
@@ -88,13 +83,10 @@ def gap(cells: RecordCells, bench: plan.Bench, effects: tuple[TrueEffect, ...] =
     high = np.concatenate([np.full(penalised, WIDEST), most, np.full(moves, _MOVED)])
 
     def left(x: Array) -> Array:
-        return cells.distance(*predicted(*_simulated(bench, effects, x, sweeps)))
-
-    def left_and_penalty(x: Array) -> Array:
-        return np.concatenate([left(x), x[:penalised]])
+        return np.concatenate([cells.distance(*predicted(*_simulated(bench, effects, x, sweeps))), x[:penalised]])
 
     fit = least_squares(
-        left_and_penalty,
+        left,
         np.clip(start, low + 1e-9, high - 1e-9),
         bounds=(low, high),
         max_nfev=30,
@@ -102,7 +94,7 @@ def gap(cells: RecordCells, bench: plan.Bench, effects: tuple[TrueEffect, ...] =
         ftol=1e-6,
         diff_step=np.full(start.size, 1e-4),
     )
-    return float(np.sqrt(np.mean(left(fit.x) ** 2)))
+    return float(np.sqrt(np.mean(fit.fun[:-penalised] ** 2)))
 
 
 def predicted(structure: Structure, rows: TrueRows) -> tuple[Array, Array]:
@@ -181,7 +173,7 @@ def draw(kind: str, field: bool, rng: plan.Generator) -> DrawnCase:
         names = _list_names(kind, rng)
         bench = _bench(kind, names, field, rng)
         noise = plan.draw_noise(rng, field, bench.rows.omega.size, needs_phase="phase-lag" in names)
-        effects = tuple(draw_effect(name, rng, bench) for name in names)
+        effects = tuple(TrueEffect(name, KINDS[name].largest(bench), KINDS[name].draw(rng, bench)) for name in names)
         gaps = PAIR_GAPS if len(effects) > 1 else SINGLE_GAPS
         sized = [_sized(effect, bench, noise, gaps, rng) for effect in effects]
         effects = tuple(effect for effect in sized if effect is not None)
@@ -214,7 +206,8 @@ def _bench(kind: str, names: tuple[str, ...], field: bool, rng: plan.Generator) 
         return replace(bench, deviation=(0.0, 0.0, 0.0))
     held = {name for name, _ in bench.base}
     added = {name.removesuffix("-friction") for name in map(name_effect, names)}
-    return plan.without_base(bench) if held & added else bench
+    alone = replace(bench, base=(), nominal=replace(bench.nominal, laws=()))
+    return alone if held & added else bench
 
 
 def _sized(

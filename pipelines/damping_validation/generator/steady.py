@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from damping_validation.generator import balance
-from damping_validation.generator.laws import JUMPS, Array, Complex, Structure
+from damping_validation.generator.laws import Array, Complex, Structure
 
 STEPS = 256
 _SMOOTHED = 1.5  # steps on either side of a change of sign
@@ -59,7 +59,7 @@ class TrueMotion:
         self._load = structure.share * rows.force * rows.drive
         self._h = 2 * np.pi / steps / rows.omega
         self._smooth = _SMOOTHED * 2 * np.pi / steps * rows.omega
-        self._jumps = any(law.kind in JUMPS for law in structure.laws)
+        self._jumps = any(law.form.jumps for law in structure.laws)
 
     def chosen(self, chosen: Mask) -> TrueMotion:
         """The same at the chosen rows alone."""
@@ -127,10 +127,7 @@ def started(motion: TrueMotion, guess: Complex) -> TrueState:
     q = A sin(theta - phi) is Im(X exp(i theta)) with X = A exp(-i phi), so q = Im X and v = omega Re X at theta = 0.
     """
     omega = motion.rows.omega
-    phasors = [guess]
-    for partner in motion.structure.partners:
-        phasors.append(partner.follow(omega) * guess)
-    X = np.array(phasors)[:, None, :]
+    X = np.array([guess, *(partner.follow(omega) * guess for partner in motion.structure.partners)])[:, None, :]
     return TrueState(X.imag.copy(), omega * X.real, tuple(joint.start(X[0].imag) for joint in motion.structure.joints))
 
 
@@ -142,7 +139,10 @@ _LEAST = 1e-3  # of the main amplitude: what the amplitude of a partner is at le
 
 def shoot(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Mask]:
     """States (one copy) that a cycle reproduces, from ``state``, and at which rows a stable one was found."""
-    state = _remember_loop(motion, state)
+    if motion.structure.joints:  # one cycle driven by the guess, so that they remember a full loop
+        after, half = motion.cycle(state)
+        stretches = motion.moved(_list_odd(after.z, half), (state.q - after.q)[0])
+        state = TrueState(state.q, state.v, stretches)
     todo = np.ones(motion.rows.omega.size, bool)
     stable = np.zeros(todo.size, bool)
     for _ in range(_MOST):
@@ -161,14 +161,6 @@ def shoot(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Mask]:
 def _list_odd(last: tuple[Array, ...], half: tuple[Array, ...]) -> tuple[Array, ...]:
     """The part of the stretches that changes sign in half a cycle: what is left when a lasting offset has faded."""
     return tuple((end - middle) / 2 for end, middle in zip(last, half, strict=True))
-
-
-def _remember_loop(motion: TrueMotion, state: TrueState) -> TrueState:
-    """One cycle driven by the guess, so that the joints remember a full loop; displacement and velocity stay."""
-    if not motion.structure.joints:
-        return state
-    after, half = motion.cycle(state)
-    return TrueState(state.q, state.v, motion.moved(_list_odd(after.z, half), (state.q - after.q)[0]))
 
 
 def _correct(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Array]:

@@ -82,8 +82,7 @@ class Audit:
     def require(self, despite: Collection[str] = ()) -> None:
         """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
 
-        Raises:
-            InputError: ``despite`` names no check.
+        InputError: ``despite`` names no check.
         """
         require_checks(despite)
         for finding in self.findings:

@@ -7,7 +7,7 @@ from math import log, pi
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.records.implied import INCOHERENT, NEAR, SMOOTH, Implied, measure_miss_beside_modes
+from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
 from damping.records.view import WILD, Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -106,7 +106,12 @@ def check_sweep_rate(view: View) -> Finding | None:
         advice = "sweep slower, or dwell; peaks are corrected: state sweep_rate (Hz/s) to be sure"
         return Finding("sweep-rate", "caution", what, advice, view.record.sweeps)
     beats = {run.sweep: count_beats(run) for run in view.runs}
-    turned = label_sweeps(run for run, turn in view.turns if turn and _is_dragged(run, turn))
+    curved = [
+        (run, turn)
+        for run, turn in view.turns
+        if turn and turn.both_sides and DRAGGED < abs(turn.offset) < 0.75 * pi and CURVED < turn.miss < INCOHERENT
+    ]
+    turned = label_sweeps(run for run, turn in curved if measure_miss_beside_modes(run) > OF_OTHER_MODES * turn.miss)
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
     if len(ringing) < 0.5 * len(view.record.sweeps):
         return None
@@ -126,11 +131,6 @@ CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, beside that o
 OF_OTHER_MODES = 0.3
 
 
-def _is_dragged(run: Run, turn: Implied) -> bool:
-    curved = turn.both_sides and DRAGGED < abs(turn.offset) < 0.75 * pi and CURVED < turn.miss < INCOHERENT
-    return curved and measure_miss_beside_modes(run) > OF_OTHER_MODES * turn.miss
-
-
 def _measure_rates(view: View) -> dict[str, float]:
     """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, where the rate is known."""
     table = view.record.table
@@ -138,13 +138,12 @@ def _measure_rates(view: View) -> dict[str, float]:
         return {}
     implied = view.implied
     half_power = 2.0 * (implied["damping_ratio"] * implied["frequency"]).to_numpy(dtype=np.float64)
-    speeds = {}
-    for sweep, width in zip(implied["sweep"], half_power, strict=True):
-        rates = np.abs(table.loc[table["sweep"] == sweep, "sweep_rate"].to_numpy(dtype=np.float64))
-        rate = float(np.max(rates[np.isfinite(rates)], initial=0.0))
-        if width > 0.0:
-            speeds[str(sweep)] = rate / width**2
-    return speeds
+    rates = table["sweep_rate"].abs().groupby(table["sweep"]).max().fillna(0.0)
+    return {
+        str(sweep): float(rates[sweep]) / width**2
+        for sweep, width in zip(implied["sweep"], half_power, strict=True)
+        if width > 0.0
+    }
 
 
 #: Forces of levels differ by this factor at least; of one level by less than a quarter of that (in the logarithm).

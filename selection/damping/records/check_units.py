@@ -100,7 +100,10 @@ def check_units(view: View) -> Finding | None:
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
-    wrong = not bent and not participates and is_other_unit(ratio)
+    size = abs(log(ratio)) if ratio > 0.0 else float("nan")
+    near = any(abs(size - log(factor)) < NEAR_FACTOR for factor in UNIT_FACTORS.values())
+    # no structure but only a unit explains a factor by which force over amplitude is so large
+    wrong = not bent and not participates and (size > log(OTHER_SYSTEM) or (size > log(2.0) and near))
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
@@ -115,13 +118,6 @@ def check_units(view: View) -> Finding | None:
         name = min(UNIT_FACTORS, key=lambda key: abs(off - log(UNIT_FACTORS[key])))
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
-
-
-def is_other_unit(ratio: float) -> bool:
-    """Whether no structure but only a unit explains a factor by which force over amplitude is too large."""
-    size = abs(log(ratio)) if ratio > 0.0 else float("nan")
-    near = any(abs(size - log(factor)) < NEAR_FACTOR for factor in UNIT_FACTORS.values())
-    return size > log(OTHER_SYSTEM) or (size > log(2.0) and near)
 
 
 def name_factor(ratio: float) -> str:

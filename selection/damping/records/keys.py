@@ -48,9 +48,9 @@ _POSITIVE = {
     "energy": "an energy per cycle",
     "mass": "a generalized mass",
 }
-_NOT_NEGATIVE = dict.fromkeys(("amplitude_sd", "phase_sd", "force_sd"), "a standard uncertainty") | {
-    "amplitude_3": "an amplitude",
-    "amplitude_y": "an amplitude",
+_NOT_NEGATIVE = {
+    **dict.fromkeys(("amplitude_sd", "phase_sd", "force_sd"), "a standard uncertainty"),
+    **dict.fromkeys(("amplitude_3", "amplitude_y"), "an amplitude"),
     "added_mass": "an added mass",
 }
 
@@ -231,13 +231,9 @@ _EXPECTED = {
 
 
 def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
-    """A whole TOML file checked by a schema.
+    """A whole TOML file checked by a schema; ``written``: how a key that holds more than one thing is written, by key.
 
-    Args:
-        written: how a key that holds more than one thing is written, by key.
-
-    Raises:
-        InputError: the line and key of the first thing that is wrong, and what was expected.
+    InputError: the line and key of the first thing that is wrong, and what was expected.
     """
     from pydantic import ValidationError  # noqa: PLC0415 - slow to import, and few commands read such a file
 

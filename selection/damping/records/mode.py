@@ -77,8 +77,7 @@ class Mode:
     where it is from. The tables may be given as in a mode file: mappings, and a bare coefficient of a force that
     has no other parameter.
 
-    Raises:
-        InputError: what :func:`read_mode` refuses.
+    InputError: what :func:`read_mode` refuses.
     """
 
     name: str

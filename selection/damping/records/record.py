@@ -16,13 +16,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.keys import (
-    BLANK_COLUMNS,
-    OPTIONAL_COLUMNS,
-    REQUIRED_COLUMNS,
-    TEXT_COLUMNS,
-    record_schema,
-)
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, record_schema
 from damping.records.text import describe_meant, describe_shortened, guarded
 
 
@@ -35,8 +29,7 @@ class Record:
     ``force_sd`` (floats), then any others as they were; rows in file order, index 0..n-1. ``source`` says where it is
     from, for messages.
 
-    Raises:
-        InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
+    InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
     """
 
     table: pd.DataFrame

@@ -102,11 +102,8 @@ class CsvRows:
     """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
 
     It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
-    ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row.
-
-    Args:
-        data: the file. delimiter: between cells; of blanks several count as one.
-        comments: pass over lines that begin with # or %. skip: lines that are passed over first.
+    ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row. Several blanks count as
+    one delimiter. Passed over are the first ``skip`` lines and, with ``comments``, those that begin with # or %.
     """
 
     def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:

@@ -112,9 +112,8 @@ class Term:
 
         ``column`` gives the values (n,) of a column.
 
-        Raises:
-            AnalysisError: the term has no finite value at some observation (0 to a negative power, a negative number
-                to a fractional one, overflow).
+        AnalysisError: the term has no finite value at some observation (0 to a negative power, a negative number
+            to a fractional one, overflow).
         """
         with np.errstate(all="ignore"):  # what has no value is named below
             factors = [_power(column(name), exponent) for name, exponent in self.powers]
@@ -134,8 +133,7 @@ def _power(base: FloatArray, exponent: float) -> Pair:
 def parse_terms(text: str) -> tuple[Term, ...]:
     """Terms separated by commas, as ``A^2*omega, A^3*omega^2, 1``.
 
-    Raises:
-        InputError: with the position (1 is the first character) and what was expected there.
+    InputError: with the position (1 is the first character) and what was expected there.
     """
     terms, start = [], 0
     for part in text.split(","):

@@ -48,19 +48,14 @@ class Criteria:
     def score(self, criterion: str) -> Floats:
         """The named criterion, as a score: lower is better (adjusted R^2 with its sign changed)."""
         check_criterion(criterion)
-        if criterion == "adjusted-r2":
-            return -self.adjusted_r_squared
-        if criterion == "loo":
-            return self.leave_one_out_error
-        return {"bic": self.bic, "aic": self.aic, "aicc": self.aicc}[criterion]
+        scores = {"bic": self.bic, "aic": self.aic, "aicc": self.aicc, "loo": self.leave_one_out_error}
+        return -self.adjusted_r_squared if criterion == "adjusted-r2" else scores[criterion]
 
 
 def criteria(sse: Floats, press: Floats, k: int | IntArray, observed: FloatArray) -> Criteria:
-    """The criteria of models fitted to one response ``observed`` (n,).
+    """The criteria of models of ``k`` coefficients fitted to one response ``observed`` (n,).
 
-    Args:
-        sse: sums of squared deviations. press: of squared leave-one-out errors (``leave_one_out`` gives them).
-        k: numbers of coefficients.
+    ``sse``: sums of squared deviations. ``press``: of squared leave-one-out errors (``leave_one_out`` gives them).
     """
     n = len(observed)
     K: npt.NDArray[np.float64] = np.asarray(k, dtype=np.float64) + 1.0

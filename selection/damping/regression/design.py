@@ -63,17 +63,11 @@ def list_required_columns(names: Iterable[str], available: Collection[str]) -> t
 
 
 def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table") -> Columns:
-    """The columns that ``names`` stand for.
+    """The columns that ``names``, of response and factors, each once, stand for; ``source`` is for messages.
 
-    Args:
-        table: holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted).
-        names: of response and factors, each once. source: of the table, for messages.
-
-    Without ``phase``, an energy that has to be derived is known at phase resonance only, where it is
-    pi * force * amplitude: each sweep's row of largest amplitude is used and the others are left out.
-
-    Raises:
-        AnalysisError: no row is left.
+    ``table`` holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted). Without ``phase``, an
+    energy that has to be derived is known at phase resonance only, where it is pi * force * amplitude: each sweep's row
+    of largest amplitude is used and the others are left out. AnalysisError: no row is left.
     """
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
@@ -136,8 +130,7 @@ def design_of_arrays(
 ) -> Design:
     """The design of plain arrays, ``columns`` (n, k) and ``observed`` (n,).
 
-    Raises:
-        AnalysisError: shapes that do not fit or a number that is not finite.
+    AnalysisError: shapes that do not fit or a number that is not finite.
     """
     columns, observed = np.asarray(columns, dtype=np.float64), np.asarray(observed, dtype=np.float64)
     if columns.ndim != 2 or observed.shape != columns.shape[:1] or columns.size == 0:
@@ -204,12 +197,17 @@ class Basis:
 def decompose(design: Design) -> Basis:
     """The orthonormal basis of a design.
 
-    Raises:
-        AnalysisError: a column of zeros, fewer observations than terms, or a scaled condition number above
-            ``LARGEST_CONDITION`` (nothing is left of the design but rounding); the columns are named.
+    AnalysisError: a column of zeros, fewer observations than terms, or a scaled condition number above
+        ``LARGEST_CONDITION`` (nothing is left of the design but rounding); the columns are named.
     """
-    scale = power_of_two(np.abs(design.columns).max(axis=0))
-    _check_shape(design)
+    largest = np.abs(design.columns).max(axis=0)
+    zero = [name for name, size in zip(design.names, largest, strict=True) if size == 0.0]
+    if zero:
+        raise AnalysisError(f"rank-deficient: {', '.join(zero)} is zero at every observation")
+    if design.n < design.k:
+        names = ", ".join(design.names)
+        raise AnalysisError(f"rank-deficient: fewer observations ({design.n}) than terms ({design.k}): {names}")
+    scale = power_of_two(largest)
     head, tail = design.columns / scale, design.tails / scale
     first = np.asarray(np.linalg.qr(head, mode="r"))
     condition_number = _checked_condition(first, design)
@@ -222,8 +220,7 @@ def decompose(design: Design) -> Basis:
 def solve_nonnegative(factor: FloatArray, along: FloatArray) -> FloatArray:
     """Coefficients >= 0 (k,) that bring ``factor`` (m, k) nearest to ``along`` (m,): Lawson and Hanson's active set.
 
-    Raises:
-        AnalysisError: none is found.
+    AnalysisError: none is found.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
 
@@ -236,15 +233,6 @@ def solve_nonnegative(factor: FloatArray, along: FloatArray) -> FloatArray:
 def power_of_two(size: FloatArray) -> FloatArray:
     """The power of two next above each size; 1 for a size of 0."""
     return np.asarray(np.ldexp(1.0, np.where(size > 0.0, np.clip(np.frexp(size)[1], -1000, 1000), 0)))
-
-
-def _check_shape(design: Design) -> None:
-    zero = [name for name, column in zip(design.names, design.columns.T, strict=True) if not column.any()]
-    if zero:
-        raise AnalysisError(f"rank-deficient: {', '.join(zero)} is zero at every observation")
-    if design.n < design.k:
-        names = ", ".join(design.names)
-        raise AnalysisError(f"rank-deficient: fewer observations ({design.n}) than terms ({design.k}): {names}")
 
 
 def _checked_condition(factor: FloatArray, design: Design) -> float:

@@ -105,8 +105,7 @@ class Fit:
 def fit(design: Design, basis: Basis | None = None) -> Fit:
     """Least-squares fit of a design; ``basis``: of it, where it is at hand.
 
-    Raises:
-        AnalysisError: the design is numerically rank-deficient; the columns are named.
+    AnalysisError: the design is numerically rank-deficient; the columns are named.
     """
     basis = decompose(design) if basis is None else basis
     unit = float(power_of_two(np.abs(design.observed).max(keepdims=True))[0])
@@ -172,12 +171,11 @@ class PowerLaw:
     (4.3.4). The coefficient of each level is alpha = beta F/(omega A)^p (4.3.9) or alpha = B F/(omega^p A^(p+1))
     (4.3.19).
 
-    Attributes:
-        form: force name. p: exponent of velocity; std_error of it. degrees_of_freedom: levels - 2.
-        p_low, p_high: t interval of ``level``; NaN without degrees of freedom. factor: beta(p) or B(p).
-        alphas: coefficient of each level (levels,); alpha: their mean, std_error_alpha: standard deviation over the
-            levels over sqrt(levels). log_k, slope: of the line; covariance of (log_k, slope), (2, 2).
-        r_squared_centred: of ln F about its mean.
+    ``form``: force name. ``p``: exponent of velocity, with its ``std_error`` (``degrees_of_freedom``: levels - 2) and
+    its t interval of ``level``, ``p_low`` to ``p_high``; NaN without degrees of freedom. ``factor``: beta(p) or B(p).
+    ``alphas``: coefficient of each level (levels,); ``alpha``: their mean, ``std_error_alpha``: standard deviation over
+    the levels over sqrt(levels). ``log_k``, ``slope``: of the line; ``covariance`` of these, (2, 2).
+    ``r_squared_centred``: of ln F about its mean.
     """
 
     form: Form
@@ -216,13 +214,9 @@ class PowerLaw:
 def fit_power_law(
     F: FloatArray, A: FloatArray, omega: FloatArray | float, form: Form = "velocity-power", level: float = 0.95
 ) -> PowerLaw:
-    """Fit ``ln F`` on ``ln A``.
+    """Fit ``ln F`` on ``ln A``, resonant force and amplitude of each level, (levels,); ``omega`` in rad/s.
 
-    Args:
-        F, A: resonant force and amplitude of each level, (levels,). omega: rad/s, one or one for each level.
-
-    Raises:
-        AnalysisError: fewer than two different amplitudes.
+    AnalysisError: fewer than two different amplitudes.
     """
     from statsmodels.regression.linear_model import OLS  # noqa: PLC0415 - as above
 

@@ -111,8 +111,7 @@ def search(design: Design, basis: Basis, criterion: str, *, nonnegative: bool, n
 
     Where rounding leaves open which of several are better all of them are returned, in no order.
 
-    Raises:
-        AnalysisError: the search would take more than ``MOST_WORK``.
+    AnalysisError: the search would take more than ``MOST_WORK``.
     """
     problem = state_problem(design, basis, criterion, nonnegative)
     first = Shortlist(problem, number, np.full(problem.k + 1, np.inf))

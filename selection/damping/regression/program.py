@@ -118,13 +118,9 @@ class Regression:
 def regression(columns: Columns, response: str, terms: Sequence[Term], choice: Choice, data: str = "") -> Regression:
     """Run the program on the columns of a table.
 
-    Args:
-        columns: of the response and of everything the terms need.
-        response: name of the dependent column. terms: the transformations. choice: how terms are selected.
-        data: name of the table, for the print-out.
+    ``columns`` of the ``response`` and of everything the terms need; ``data`` names the table in the print-out.
 
-    Raises:
-        AnalysisError: a term without a value, or a numerically rank-deficient design (the columns are named).
+    AnalysisError: a term without a value, or a numerically rank-deficient design (the columns are named).
     """
     design = design_of(columns, response, terms)
     full = fit(design)
@@ -176,6 +172,8 @@ def _collect_cautions(fit: Fit) -> tuple[str, ...]:
 
 
 Form = dict[str, Any]
+_OF_ONE_TERM = ("name", "coefficient", "t_ratio", "rms_error", "r_squared")
+_OF_A_STEP = ("action", "term", "reason", "t_ratio", "score")
 
 
 def tabulate_terms(fit: Fit) -> pd.DataFrame:
@@ -187,17 +185,22 @@ def tabulate_terms(fit: Fit) -> pd.DataFrame:
 def regress_form(result: Regression) -> Form:
     """The JSON form ``regress/1``; what does not exist is None."""
     fit, choice, models = result.selected.fit, result.choice, result.selected.models
+    alone = [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term]
     form: Form = {
         "format": "regress/1",
         "data": result.data,
         "n": fit.n,
         "response": result.design.response,
         "terms": _build_terms(fit),
-        "one_term_fits": [_describe_one_term(single) for single in result.one_term],
+        "one_term_fits": [dict(zip(_OF_ONE_TERM, values, strict=True)) for values in alone],
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
-        "steps": _build_steps(result),
+        "steps": [
+            {name: getattr(step, name) for name in _OF_A_STEP} | {"terms": _build_terms(step.fit)}
+            for step in result.selected.steps
+            if step.action != "start"
+        ],
         "selection": asdict(choice),
         "subsets": _build_subsets(models),
         # None where every subset was fitted, or none searched
@@ -215,11 +218,6 @@ def regress_form(result: Regression) -> Form:
 
 def _build_terms(fit: Fit) -> list[dict[Hashable, Any]]:
     return tabulate_terms(fit).to_dict("records")
-
-
-def _describe_one_term(fit: Fit) -> Form:
-    alone = {"coefficient": fit.coefficients[0], "t_ratio": fit.t_ratios[0]}
-    return {"name": fit.names[0], **alone, "rms_error": fit.rms_error, "r_squared": fit.r_squared}
 
 
 def _summary(result: Regression) -> Form:
@@ -243,21 +241,6 @@ def _summary(result: Regression) -> Form:
 def _build_deviations(result: Regression) -> list[Form]:
     columns = plain(vars(result.deviations) | {"row": result.rows + 1})
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-
-
-def _build_steps(result: Regression) -> list[Form]:
-    return [
-        {
-            "action": step.action,
-            "term": step.term,
-            "reason": step.reason,
-            "t_ratio": step.t_ratio,
-            "score": step.score,
-            "terms": _build_terms(step.fit),
-        }
-        for step in result.selected.steps
-        if step.action != "start"
-    ]
 
 
 def _build_subsets(models: Subsets | None) -> list[Form] | None:

@@ -63,17 +63,15 @@ def stepwise(
     """Select terms step by step; at least one is always kept.
 
     Args:
-        design: all terms and the response.
         direction: ``backward`` starts from all terms, ``forward`` and ``stepwise`` from the most significant one;
             ``stepwise`` drops a term where it can before it adds one.
         criterion: decides where ``t_stop`` does not: a step is taken while it improves it.
         t_stop: drop while the least |T| is below it, add while the entering |T| is not.
         fitter: ``fit``, or ``fit_nonnegative``; a term that it holds at 0 is dropped at once.
 
-    Raises:
-        InputError: an unknown direction or criterion.
-        AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
-            backward elimination no degrees of freedom.
+    InputError: an unknown direction or criterion.
+    AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
+        backward elimination no degrees of freedom.
     """
     if direction not in DIRECTIONS:
         raise InputError(f"no direction {direction!r}", expected=f"one of {', '.join(DIRECTIONS)}")
@@ -137,8 +135,12 @@ class _Search:
 
     def add(self, mask: BoolArray, now: Step) -> Step | None:
         """To the model with the term that enters with the largest |T|, if that is to be taken."""
-        entering = [self._entering(mask, int(j)) for j in np.flatnonzero(~mask)]
-        able = [step for step in entering if not np.isnan(step.t_ratio)]
+        able = []
+        for j in np.flatnonzero(~mask).tolist():
+            step = self.step("add", j, _flipped(mask, j), np.nan, "")
+            ratio = float(abs(step.fit.t_ratios[step.fit.names.index(step.term)]))
+            if not np.isnan(ratio):
+                able.append(replace(step, t_ratio=ratio, reason=f"|T| = {ratio:.4g} is the largest on entry"))
         if not able:
             return None
         best = max(able, key=lambda step: step.t_ratio)
@@ -147,23 +149,14 @@ class _Search:
             return replace(best, reason=reason) if best.t_ratio >= self.t_stop else None
         return self._if_better(best, now)
 
-    def _entering(self, mask: BoolArray, j: int) -> Step:
-        step = self.step("add", j, _flipped(mask, j), np.nan, "")
-        ratio = float(abs(step.fit.t_ratios[step.fit.names.index(self.design.names[j])]))
-        return replace(step, t_ratio=ratio, reason=f"|T| = {ratio:.4g} is the largest on entry")
-
     def _if_better(self, step: Step, now: Step) -> Step | None:
-        reason = f"{step.reason}; {NAMES[self.criterion]} {_describe_shown(self.criterion, now.score, step.score)}"
-        return replace(step, reason=reason) if step.score < now.score else None
+        sign = -1.0 if self.criterion == "adjusted-r2" else 1.0  # a score is lower when it is better; people see this
+        shown = f"{NAMES[self.criterion]} {sign * now.score:.6g} -> {sign * step.score:.6g}"
+        return replace(step, reason=f"{step.reason}; {shown}") if step.score < now.score else None
 
 
 def _flipped(mask: BoolArray, j: int) -> BoolArray:
     return np.asarray(mask ^ (np.arange(len(mask)) == j))
-
-
-def _describe_shown(criterion: str, before: float, after: float) -> str:
-    sign = -1.0 if criterion == "adjusted-r2" else 1.0  # a score is lower when it is better; people see the criterion
-    return f"{sign * before:.6g} -> {sign * after:.6g}"
 
 
 def fit_nonnegative(design: Design) -> Fit:
@@ -173,8 +166,7 @@ def fit_nonnegative(design: Design) -> Fit:
     they take the set of those terms as given. Terms held at 0 have coefficient 0, no statistics and do not count as
     parameters. ``condition_number`` is of all columns.
 
-    Raises:
-        AnalysisError: the design is numerically rank-deficient (the columns are named), or no solution is found.
+    AnalysisError: the design is numerically rank-deficient (the columns are named), or no solution is found.
     """
     basis = decompose(design)
     size = np.abs(design.observed).max() or 1.0
@@ -249,8 +241,7 @@ class Choice:
 def select(design: Design, choice: Choice) -> Selection:
     """Select among the terms of a design.
 
-    Raises:
-        AnalysisError: a numerically rank-deficient design (the columns are named), or no model qualifies.
+    AnalysisError: a numerically rank-deficient design (the columns are named), or no model qualifies.
     """
     fitter = fit_nonnegative if choice.nonnegative else fit
     if choice.method == "none":

@@ -95,14 +95,16 @@ class Subsets:
 def all_subsets(design: Design) -> Subsets:
     """All 2^k - 1 subsets with their statistics, some hundreds at a time.
 
-    Raises:
-        AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
+    AnalysisError: the design is numerically rank-deficient, or has more than ``MOST_TERMS`` terms.
     """
     basis = decompose(design)
     if design.k > MOST_TERMS:
         raise AnalysisError(f"2^{design.k} - 1 subsets are too many; give at most {MOST_TERMS} terms")
     doublings = max(min(_BLOCK, int(np.log2(_BLOCK_SIZE / design.n))), 1)
-    blocks = enumerate(_blocks(_empty_set(design, basis), basis, range(design.k), doublings))
+    k = design.k
+    square, row, rest = np.zeros((1, k, k)), np.zeros((1, k)), (design.observed @ basis.orthonormal)[None]
+    empty_set = square, square, row, row, rest, np.zeros((1, design.n)), row
+    blocks = enumerate(_blocks(empty_set, basis, range(k), doublings))
     parts = [_finished(block, design, basis, drop=int(i == 0)) for i, block in blocks]
     whole: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _PER_MODEL}
     return replace(parts[0], **whole)
@@ -111,31 +113,26 @@ def all_subsets(design: Design) -> Subsets:
 def best_subsets(design: Design, criterion: str = "bic", *, nonnegative: bool = False, number: int = 10) -> Subsets:
     """The best subsets of all, best first, with the ``proof`` that none is better.
 
-    Args:
-        design: terms and response.
-        criterion: a name of ``fit.NAMES``; models without a value of it are left out.
-        nonnegative: only models with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the
-            terms that it does not hold at 0, fitted freely.
-        number: how many, at most.
-
-    Raises:
-        InputError: an unknown criterion.
-        AnalysisError: a rank-deficient design, a search that takes too long (the limit is named), or no model that
-            qualifies.
+    ``number`` of them at most, but for models without a value of the criterion (a name of ``criteria.NAMES``).
+    ``nonnegative``: only those with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the terms
+    that it does not hold at 0, fitted freely. InputError: an unknown criterion. AnalysisError: a rank-deficient design,
+    a search that takes too long (the limit is named), or no model that qualifies.
     """
     check_criterion(criterion)
     basis = decompose(design)
     members, nodes = search(design, basis, criterion, nonnegative=nonnegative, number=number)
     subsets = rank_subsets(_fitted(members, design, basis), criterion, nonnegative=nonnegative)
-    bound = _lower_bound(subsets, criterion, rounding_of(basis, criterion))
+    # the score of the first, less what rounding may take off it
+    off = rounding_of(basis, criterion) * np.linalg.norm(design.observed)
+    sse, press = (float(np.maximum(np.sqrt(v[0]) - off, 0.0) ** 2) for v in (subsets.sse, subsets.press))
+    bound = float(criteria(sse, press, int(subsets.sizes[0]), design.observed).score(criterion))
     return replace(subsets.take(np.arange(len(subsets))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 
 
 def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) -> Subsets:
     """The models that have the criterion (and every coefficient > 0), best first; of equal ones the first first.
 
-    Raises:
-        AnalysisError: no model qualifies.
+    AnalysisError: no model qualifies.
     """
     scores = models.scores(criterion)
     keep = np.isfinite(scores)
@@ -146,13 +143,6 @@ def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) 
         raise AnalysisError(f"no subset of the terms has {sought}")
     chosen = np.flatnonzero(keep)
     return models.take(chosen[np.argsort(scores[chosen], kind="stable")])
-
-
-def _lower_bound(models: Subsets, criterion: str, rounding: float) -> float:
-    """The score of the first model, less what rounding may take off it."""
-    off = rounding * np.linalg.norm(models.observed)
-    sse, press = (float(np.maximum(np.sqrt(v[0]) - off, 0.0) ** 2) for v in (models.sse, models.press))
-    return float(criteria(sse, press, int(models.sizes[0]), models.observed).score(criterion))
 
 
 def _fitted(subsets: BoolArray, design: Design, basis: Basis) -> Subsets:
@@ -178,13 +168,6 @@ def _fitted(subsets: BoolArray, design: Design, basis: Basis) -> Subsets:
 #: ``variances`` (m, k) on scaled columns; ``rest`` (m, k) of the response across the directions, in the coordinates of
 #: the basis; ``leverages`` (m, n); ``members`` (m, k), 1 or 0.
 _State: TypeAlias = tuple[FloatArray, ...]
-
-
-def _empty_set(design: Design, basis: Basis) -> _State:
-    k = design.k
-    square, row = np.zeros((1, k, k)), np.zeros((1, k))
-    rest = (design.observed @ basis.orthonormal)[None]
-    return square, square, row, row, rest, np.zeros((1, design.n)), row
 
 
 def _blocks(root: _State, basis: Basis, terms: range, doublings: int) -> Iterator[_State]:
