@@ -102,9 +102,9 @@ class Terms:
     law: Floats = 0.0
     ringing: Floats = 0.0
 
-    def with_force(self, force: Force) -> Terms:
-        """The same with one more force."""
-        return replace(self, forces=(*self.forces, force))
+    def plus(self, **parts: Any) -> Terms:
+        """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""
+        return replace(self, **{name: (*getattr(self, name), part) for name, part in parts.items()})
 
     @property
     def viscous(self) -> tuple[Force, ...]:
@@ -206,28 +206,6 @@ class Form:
     twin: Form | None = None
 
 
-def either_sign(
-    effect: str, change: Callable[..., Terms], report: Callable[..., dict[str, Floats]], label: str = "", **rest: Any
-) -> tuple[Form, Form]:
-    """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
-
-    ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
-    """
-    rest = {"mirror": label or effect} | rest
-
-    def side(sign: float) -> Form:
-        def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
-            return change(terms, sign * strength, *shapes)
-
-        def own_report(strength: Floats, *shapes: Floats) -> dict[str, Floats]:
-            return report(sign * strength, *shapes)
-
-        own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
-        return Form(effect, own_change, own_report, label=own_label, **rest)
-
-    return side(1.0), side(-1.0)
-
-
 Kind = Literal["parameter", "force", "structure", "instrument"]
 #: What an effect cannot be told without: measured phases; rows beside resonance.
 Need = Literal["", "phase", "sweep"]
@@ -270,6 +248,31 @@ class Effect:
     def form(self, report: Callable[..., dict[str, Floats]], natural: float, **rest: Any) -> Form:
         """The form of such a change; ``rest``: of a `Form`."""
         return Form(self.name, self.changed_by(report), report, natural, **rest)
+
+    def either_sign(
+        self,
+        report: Callable[..., dict[str, Floats]],
+        label: str = "",
+        change: Callable[..., Terms] | None = None,
+        **rest: Any,
+    ) -> tuple[Form, Form]:
+        """The two forms of a strength that has a sign, which ``report`` takes with it, as does ``change`` (else its own).
+
+        ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
+        """
+        rest = {"natural": 0.1, "mirror": label or self.name} | rest
+        own = change or self.changed_by(report)
+
+        def side(sign: float) -> Form:
+            return Form(
+                self.name,
+                lambda terms, strength, *shapes: own(terms, sign * strength, *shapes),
+                lambda strength, *shapes: report(sign * strength, *shapes),
+                label=f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}",
+                **rest,
+            )
+
+        return side(1.0), side(-1.0)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

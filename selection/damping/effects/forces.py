@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Sum, ones, zeros
+from damping.forces.contract import Force, Sum, ones
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
 from damping.forces.powers import (
     Displacement,
@@ -42,7 +42,7 @@ _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 
 def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
-    return lambda terms, table: terms.with_force(force(table))
+    return lambda terms, table: terms.plus(forces=force(table))
 
 
 def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:
@@ -143,18 +143,16 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
     """
 
     def forms(scales: Scales) -> tuple[Form, ...]:
-        def coefficient(stiffness: Floats, exponent: Floats) -> Floats:
-            return stiffness * scales.A_high ** (1.0 - exponent)
-
         def report(stiffness: Floats, *exponent: Floats) -> dict[str, Floats]:
             stated = {"exponent": exponent[0]} if exponent else {}
-            return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0))} | stated
+            return {"coefficient": stiffness * scales.A_high ** (1.0 - stated.get("exponent", 3.0))} | stated
 
         cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
         return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")
 
     def force(table: Mapping[str, Floats]) -> Force:
-        return _spring(sign * table["coefficient"], table["exponent"])
+        coefficient, exponent = sign * table["coefficient"], table["exponent"]
+        return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
     effect = Effect(
         name=name,
@@ -171,10 +169,6 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         denies=frozenset({denied}),
     )
     return effect
-
-
-def _spring(coefficient: Floats, exponent: Floats) -> Force:
-    return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
 
 #: Springs that bend the resonance, to higher or to lower frequencies.
@@ -202,22 +196,17 @@ class Contact(Spring):
         Shape("clearance", LENGTH, above=0.0),
     )
 
-    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """C = dC/d ln A = 0, S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
-        root = np.sqrt(1.0 - x * x)
-        k = self.coefficient * A * ones(omega)
-        S = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-        none = zeros(k)
-        return none, none, S, S + (4.0 / np.pi) * k * x * root
-
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S: see `averages`."""
-        return self.averages(A, omega)[2]
+        """S."""
+        x = np.minimum(self.clearance / A, 1.0)
+        share = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
+        return self.coefficient * A * ones(omega) * share
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A: see `averages`."""
-        return self.averages(A, omega)[3]
+        """dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
+        x = np.minimum(self.clearance / A, 1.0)
+        k = self.coefficient * A * ones(omega)
+        return self.in_phase(A, omega) + (4.0 / np.pi) * k * x * np.sqrt(1.0 - x * x)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k (q - clip(q, -clearance, clearance))."""
