@@ -256,7 +256,7 @@ class Effect:
         change: Callable[..., Terms] | None = None,
         **rest: Any,
     ) -> tuple[Form, Form]:
-        """The two forms of a strength that has a sign, which ``report`` takes with it, as does ``change`` (else its own).
+        """The two forms of a strength that has a sign: ``report`` takes it so, and ``change`` where it is not its own.
 
         ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
         """
