@@ -37,8 +37,6 @@ PATH = (
 )
 #: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
-#: Two close modes are those of two planes unless the rows say so: 1 to 4.
-_OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -67,13 +65,10 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 VISCOUS_COEFFICIENT = Effect(
-    name="viscous-coefficient",
-    kind="parameter",
-    sentence="the viscous coefficient is off by more than its tolerance",
+    "viscous-coefficient",
     forms=viscous_forms,
     simulate=simulate_viscous,
     shapes=(RELATIVE,),
-    corrects=Viscous.name,
 )
 
 
@@ -92,14 +87,10 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 NATURAL_FREQUENCY = Effect(
-    name="natural-frequency",
-    kind="parameter",
-    sentence="the natural frequency is off by more than its tolerance",
+    "natural-frequency",
     forms=frequency_forms,
     simulate=lambda terms, table: replace(terms, omega_n=terms.omega_n * (1.0 + table["relative"])),
     shapes=(RELATIVE,),
-    corrects="frequency",
-    need="sweep",
 )
 
 
@@ -132,9 +123,7 @@ def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 
 PLANAR_COUPLING = Effect(
-    name="planar-coupling",
-    kind="structure",
-    sentence="the drive excites two close modes in principal planes at an angle",
+    "planar-coupling",
     forms=planar_forms,
     simulate=simulate_planar,
     shapes=(
@@ -143,7 +132,6 @@ PLANAR_COUPLING = Effect(
         Shape("damping_ratio", least=0.0, default=1.0),
         Shape("alike", least=0.0, default=0.0),
     ),
-    need="sweep",
 )
 
 
@@ -191,13 +179,10 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 RESIDUAL_MODES = Effect(
-    name="residual-modes",
-    kind="structure",
-    sentence="other modes or rigid-body motion add an in-phase part",
+    "residual-modes",
     forms=residual_forms,
     simulate=simulate_path,
     shapes=PATH,
-    need="sweep",
 )
 
 
@@ -211,15 +196,10 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 SECOND_MODE = Effect(
-    name="second-mode",
-    kind="structure",
-    sentence="a close mode with its own mass and damping takes part",
+    "second-mode",
     forms=second_forms,
     simulate=simulate_path,
     shapes=PATH,
-    need="sweep",
-    denies=frozenset({"planar-coupling"}),
-    prior=_OWN_MASS,
 )
 
 
@@ -250,10 +230,7 @@ def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 PARTNER = Effect(
-    name="partner",
-    kind="structure",
-    sentence="a coupled part that resonates itself (an absorber, a tank, a circuit)",
+    "partner",
     forms=partner_forms,
     simulate=simulate_partner,
-    need="sweep",
 )
