@@ -165,11 +165,8 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
 def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
     """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
     centre = terms.omega_n
-
-    def part(drive: Drive) -> Floats:
-        return np.asarray(rate * drive.up * (drive.omega / centre) ** law)
-
-    return replace(terms.plus(moving=part), ringing=ringing)
+    moved = terms.plus(moving=lambda drive: rate * drive.up * (drive.omega / centre) ** law)
+    return replace(moved, ringing=ringing)
 
 
 SWEEP_RATE = Effect(

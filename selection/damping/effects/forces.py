@@ -213,9 +213,7 @@ def contact_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 CONTACT = Effect(
-    "contact",
-    forms=contact_forms,
-    simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"])),
+    "contact", forms=contact_forms, simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"]))
 )
 
 
@@ -230,7 +228,5 @@ def power_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 ANY_POWER = Effect(
-    "any-power",
-    forms=power_forms,
-    simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
+    "any-power", forms=power_forms, simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"]))
 )

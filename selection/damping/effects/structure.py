@@ -64,12 +64,7 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     return VISCOUS_COEFFICIENT.either_sign(report, change=change, **options)
 
 
-VISCOUS_COEFFICIENT = Effect(
-    "viscous-coefficient",
-    forms=viscous_forms,
-    simulate=simulate_viscous,
-    shapes=(RELATIVE,),
-)
+VISCOUS_COEFFICIENT = Effect("viscous-coefficient", forms=viscous_forms, simulate=simulate_viscous, shapes=(RELATIVE,))
 
 
 def frequency_forms(scales: Scales) -> tuple[Form, ...]:
@@ -178,12 +173,7 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
-RESIDUAL_MODES = Effect(
-    "residual-modes",
-    forms=residual_forms,
-    simulate=simulate_path,
-    shapes=PATH,
-)
+RESIDUAL_MODES = Effect("residual-modes", forms=residual_forms, simulate=simulate_path, shapes=PATH)
 
 
 def second_forms(scales: Scales) -> tuple[Form, ...]:
@@ -195,12 +185,7 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     return *above, *below
 
 
-SECOND_MODE = Effect(
-    "second-mode",
-    forms=second_forms,
-    simulate=simulate_path,
-    shapes=PATH,
-)
+SECOND_MODE = Effect("second-mode", forms=second_forms, simulate=simulate_path, shapes=PATH)
 
 
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
@@ -229,8 +214,4 @@ def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return terms.plus(beside=part)
 
 
-PARTNER = Effect(
-    "partner",
-    forms=partner_forms,
-    simulate=simulate_partner,
-)
+PARTNER = Effect("partner", forms=partner_forms, simulate=simulate_partner)
