@@ -12,22 +12,16 @@ __version__ = "0.2.0"
 
 #: Where each name of the interface lives.
 _HOMES = {
-    "AnalysisError": "damping.errors",
-    "InputError": "damping.errors",
-    "Law": "damping.infer.law",
-    "Mode": "damping.records.mode",
-    "Record": "damping.records.record",
-    "Refused": "damping.errors",
-    "check": "damping.api",
-    "condition": "damping.api",
-    "curve": "damping.api",
-    "diagnose": "damping.api",
-    "extrapolate": "damping.api",
-    "rank": "damping.api",
-    "read_mode": "damping.records.mode",
-    "read_record": "damping.records.reading",
-    "regress": "damping.api",
-    "sweep": "damping.api",
+    name: module
+    for module, names in {
+        "damping.api": ("check", "condition", "curve", "diagnose", "extrapolate", "rank", "regress", "sweep"),
+        "damping.errors": ("AnalysisError", "InputError", "Refused"),
+        "damping.infer.law": ("Law",),
+        "damping.records.mode": ("Mode", "read_mode"),
+        "damping.records.reading": ("read_record",),
+        "damping.records.record": ("Record",),
+    }.items()
+    for name in names
 }
 __all__ = sorted(_HOMES)
 

@@ -170,11 +170,8 @@ def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
     """Damping ratio by the half-power width of the peak of the sensor that moves most there."""
     place = int(np.argmin(np.abs(f - at)))
     largest: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
-    low = high = place
-    while low > 0 and largest[low] > largest[place] / np.sqrt(2.0):
-        low -= 1
-    while high < len(f) - 1 and largest[high] > largest[place] / np.sqrt(2.0):
-        high += 1
+    below = np.flatnonzero(largest <= largest[place] / np.sqrt(2.0))
+    low, high = below[below <= place].max(initial=0), below[below >= place].min(initial=len(f) - 1)
     return float(np.clip((f[high] - f[low]) / (2.0 * at), 1e-4, 0.1))
 
 

@@ -20,6 +20,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -36,6 +37,7 @@ DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference
 LABEL_AGREES = 0.15  #: a control that is off from the level in its label by no more than this is that level
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
+NamedUnit: TypeAlias = tuple[str, str]  #: name of a channel and its unit
 
 
 @dataclass(frozen=True)
@@ -207,12 +209,10 @@ def find_level(text: str) -> tuple[float, str] | None:
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
 
 
-def make_decay(
-    label: str, t: FloatArray, names: Sequence[str], units: Sequence[str], samples: Sequence[FloatArray]
-) -> CampaignRun:
+def make_decay(label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]) -> CampaignRun:
     """The run of motions against time that nothing drives: a free decay."""
-    texts = [text.replace("m/s2", "m/s^2") for text in units]
-    channels = [Channel(n, describe_quantity(u, n), u, x) for n, u, x in zip(names, texts, samples, strict=True)]
+    texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
+    channels = [Channel(n, describe_quantity(u, n), u, x) for (n, u), x in zip(texts, samples, strict=True)]
     return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
 
 
@@ -263,26 +263,20 @@ class Source:
         return replace(run, level=measured)
 
     def track(
-        self,
-        label: str,
-        names: Sequence[str],
-        units: Sequence[str],
-        drive: str,
-        step: float,
-        blocks: Iterable[FloatArray],
+        self, label: str, units: Sequence[NamedUnit], drive: str, step: float, blocks: Iterable[FloatArray]
     ) -> CampaignRun:
         """The run of blocks of samples (channels, n), one of whose names is the drive."""
-        stated, place = self.stated, names.index(drive)
+        stated, place = self.stated, [name for name, _ in units].index(drive)
         tracked = track_sine(blocks, place, step)
-        texts = [text.replace("m/s2", "m/s^2") for text in units]
+        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
         order = np.argsort(tracked.frequency, kind="stable")
-        others = [(name, text) for k, (name, text) in enumerate(zip(names, texts, strict=True)) if k != place]
+        others = [*texts[:place], *texts[place + 1 :]]
         channels = tuple(
             Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
             for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
             if stated.of(name).role != "out"
         )
         size = tracked.drive[order].astype(complex) * stated.of(drive).scale
-        text = stated.of(drive).unit or texts[place]
+        text = stated.of(drive).unit or texts[place][1]
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         return self.set_level(run, label)

@@ -93,16 +93,15 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
     """The run of some functions of a universal file: of frequency, or of time (tracked where one is the drive)."""
     if not any(function.is_time for function in group):
         return _read_spectra(label, group, source)
-    t, names = group[0].x, [_name_function(function) for function in group]
+    t, units = group[0].x, [(_name_function(function), function.units[0]) for function in group]
     if not all(function.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
         raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
-    units = [function.units[0] for function in group]
     samples = [np.asarray(function.y).real for function in group]
-    drive = source.stated.choose_drive(dict(zip(names, units, strict=True)))
+    drive = source.stated.choose_drive(dict(units))
     if drive is None:
-        return make_decay(label, t, names, units, samples)
+        return make_decay(label, t, units, samples)
     step = float(t[-1] - t[0]) / (len(t) - 1)
-    return source.track(label, names, units, drive, step, [np.array(samples)])
+    return source.track(label, units, drive, step, [np.array(samples)])
 
 
 def _read_spectra(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
@@ -190,8 +189,8 @@ def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence
         raise InputError(f"{t} is not evenly spaced", expected="one step throughout, rising")
     units = {path: first.units.get(path, "") for path in paths if path != t}
     blocks = read_blocks(source.file, "hdf5", list(units), max(SAMPLES // len(units), 1), together=False)
-    names = [path.rpartition("/")[2] for path in units]
-    return source.track(group or source.file.stem, names, list(units.values()), drive, float(np.mean(step)), blocks)
+    named = [(path.rpartition("/")[2], text) for path, text in units.items()]
+    return source.track(group or source.file.stem, named, drive, float(np.mean(step)), blocks)
 
 
 def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[CampaignRun]:
@@ -201,20 +200,20 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
         groups.setdefault(path.rpartition("/")[0], []).append(path)
     runs = []
     for group, paths in groups.items():
-        label, units = group or source.file.stem, [contents.units.get(path, "") for path in paths]
+        label = group or source.file.stem
+        units = [(path.rpartition("/")[2], contents.units.get(path, "")) for path in paths]
         steps, sizes = {contents.steps[path] for path in paths}, {contents.known[path] for path in paths}
         if len(steps) > 1 or len(sizes) > 1:
             raise InputError(f"channels of {label} of several rates or lengths", expected="one for all")
         start, step = next(iter(steps))
-        names = [path.rpartition("/")[2] for path in paths]
-        drive = source.stated.choose_drive(dict(zip(names, units, strict=True)))
+        drive = source.stated.choose_drive(dict(units))
         if drive is None:
             arrays = read_arrays(source.file, kind, [], source.most).arrays
             t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-            runs.append(make_decay(label, t, names, units, [arrays[path][0].reshape(-1) for path in paths]))
+            runs.append(make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
         else:
             blocks = read_blocks(source.file, kind, paths, max(SAMPLES // len(contents.known), 1), together=True)
-            runs.append(source.track(label, names, units, drive, step, blocks))
+            runs.append(source.track(label, units, drive, step, blocks))
     return runs
 
 
@@ -235,8 +234,8 @@ def _read_table(source: Source, start: bytes) -> CampaignRun:
     roles = [f"sensor {k}" for k in range(len(sensors))]
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
     numbers = read_columns(data, mapped, {}).numbers
-    names, units = [header.name for header in sensors], [header.unit for header in sensors]
-    return make_decay(source.file.stem, numbers["time"], names, units, [numbers[role] for role in roles])
+    units = [(header.name, header.unit) for header in sensors]
+    return make_decay(source.file.stem, numbers["time"], units, [numbers[role] for role in roles])
 
 
 def _track_table(
@@ -261,8 +260,8 @@ def _track_table(
             start = float(block[0, -1]) * factor + step
             yield block[1:]
 
-    names, units = [headers[k].name for k in columns], [headers[k].unit for k in columns]
-    return source.track(source.file.stem, names, units, drive, step, samples())
+    units = [(headers[k].name, headers[k].unit) for k in columns]
+    return source.track(source.file.stem, units, drive, step, samples())
 
 
 def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iterator[FloatArray]:

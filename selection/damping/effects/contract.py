@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import exp, log
-from typing import Any, Literal, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray, Floats
 from damping.forces.contract import Force
@@ -102,9 +104,9 @@ class Terms:
     law: Floats = 0.0
     ringing: Floats = 0.0
 
-    def with_force(self, force: Force) -> Terms:
-        """The same with one more force."""
-        return replace(self, forces=(*self.forces, force))
+    def plus(self, **parts: Any) -> Terms:
+        """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""
+        return replace(self, **{name: (*getattr(self, name), part) for name, part in parts.items()})
 
     @property
     def viscous(self) -> tuple[Force, ...]:
@@ -206,31 +208,14 @@ class Form:
     twin: Form | None = None
 
 
-def either_sign(
-    effect: str, change: Callable[..., Terms], report: Callable[..., dict[str, Floats]], label: str = "", **rest: Any
-) -> tuple[Form, Form]:
-    """The two forms of an effect whose strength has a sign, which ``change`` and ``report`` take with it.
-
-    ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
-    """
-    rest = {"mirror": label or effect} | rest
-
-    def side(sign: float) -> Form:
-        def own_change(terms: Terms, strength: Floats, *shapes: Floats) -> Terms:
-            return change(terms, sign * strength, *shapes)
-
-        def own_report(strength: Floats, *shapes: Floats) -> dict[str, Floats]:
-            return report(sign * strength, *shapes)
-
-        own_label = f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}"
-        return Form(effect, own_change, own_report, label=own_label, **rest)
-
-    return side(1.0), side(-1.0)
-
-
-Kind = Literal["parameter", "force", "structure", "instrument"]
-#: What an effect cannot be told without: measured phases; rows beside resonance.
-Need = Literal["", "phase", "sweep"]
+#: What each effect is called, changes, needs and says.
+_ROWS = pd.read_csv(
+    Path(__file__).with_name("effects.csv"),
+    comment="#",
+    index_col="name",
+    keep_default_na=False,
+    converters={"denies": lambda names: frozenset(names.split())},
+)
 
 
 @dataclass(frozen=True)
@@ -238,29 +223,29 @@ class Effect:
     """One entry of the catalogue.
 
     Attributes:
-        name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
+        name: of its row in ``effects.csv``, whose other columns are attributes too.
         forms: its forms for a problem, or none.
         simulate: the terms with the effect as a model file's table gives it, with the defaults of its shapes.
         shapes: the parameters of its table in a model file.
         force: the force that such a table adds, where it adds one: it can then be integrated in time too.
-        damping: name of the damping force that a corrected model has in its place; empty where it is none.
-        corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
-        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
-            often than others it is the cause.
     """
 
     name: str
-    kind: Kind
-    sentence: str
     forms: Callable[[Scales], tuple[Form, ...]]
     simulate: Callable[[Terms, Mapping[str, Any]], Terms]
     shapes: tuple[Shape, ...] = ()
     force: Callable[[Mapping[str, Any]], Force] | None = None
-    damping: str = ""
-    corrects: str = ""
-    need: Need = ""
-    denies: frozenset[str] = frozenset()
-    prior: float = 1.0
+    kind: str = field(init=False)
+    sentence: str = field(init=False)
+    need: str = field(init=False)
+    corrects: str = field(init=False)
+    damping: str = field(init=False)
+    denies: frozenset[str] = field(init=False)
+    prior: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        for column, value in _ROWS.loc[self.name].items():
+            object.__setattr__(self, str(column), value)
 
     def changed_by(self, report: Callable[..., dict[str, Floats]]) -> Callable[..., Terms]:
         """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
@@ -270,6 +255,31 @@ class Effect:
     def form(self, report: Callable[..., dict[str, Floats]], natural: float, **rest: Any) -> Form:
         """The form of such a change; ``rest``: of a `Form`."""
         return Form(self.name, self.changed_by(report), report, natural, **rest)
+
+    def either_sign(
+        self,
+        report: Callable[..., dict[str, Floats]],
+        label: str = "",
+        change: Callable[..., Terms] | None = None,
+        **rest: Any,
+    ) -> tuple[Form, Form]:
+        """The two forms of a strength that has a sign: ``report`` takes it so, and ``change`` where it is not its own.
+
+        ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
+        """
+        rest = {"natural": 0.1, "mirror": label or self.name} | rest
+        own = change or self.changed_by(report)
+
+        def side(sign: float) -> Form:
+            return Form(
+                self.name,
+                lambda terms, strength, *shapes: own(terms, sign * strength, *shapes),
+                lambda strength, *shapes: report(sign * strength, *shapes),
+                label=f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}",
+                **rest,
+            )
+
+        return side(1.0), side(-1.0)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
         """The table of a model file with the defaults of what it does not name.

@@ -10,7 +10,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms, either_sign
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.forces.shapes import TIME, Shape
 
 #: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
@@ -64,10 +64,9 @@ def _drift_side(
         values = {quantity: size} | ({"settling": settling[0]} if settling else {})
         return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
 
-    change = DRIFT.changed_by(report)
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
-    return either_sign("drift", change, report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
+    return DRIFT.either_sign(report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
 
 
 def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: Floats) -> Terms:
@@ -80,9 +79,7 @@ def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, swee
             return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
         return change * drive.time
 
-    if quantity == "damping":
-        return replace(terms, damped=(*terms.damped, part))
-    return replace(terms, detuned=(*terms.detuned, part))
+    return terms.plus(**{"damped" if quantity == "damping" else "detuned": part})
 
 
 def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
@@ -100,9 +97,7 @@ def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 DRIFT = Effect(
-    name="drift",
-    kind="structure",
-    sentence="the structure changes in the course of the test",
+    "drift",
     forms=drift_forms,
     simulate=simulate_drift,
     shapes=(
@@ -112,7 +107,6 @@ DRIFT = Effect(
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),
-    need="sweep",
 )
 
 
@@ -135,28 +129,19 @@ def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
         return values | ({"force": np.ones_like(size)} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}"
-    return either_sign("level-offset", change, report, label, natural=0.1, largest=log(3.0))
+    return LEVEL_OFFSET.either_sign(report, label, change, largest=log(3.0))
 
 
 def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
     """ln of the readings, or of the force, of one sweep changed by ``size``."""
-
-    def part(drive: Drive) -> Floats:
-        return size * (drive.sweep == sweep)
-
-    if force:
-        return replace(terms, received=(*terms.received, part))
-    return replace(terms, offset=(*terms.offset, part))
+    return terms.plus(**{"received" if force else "offset": lambda drive: size * (drive.sweep == sweep)})
 
 
 LEVEL_OFFSET = Effect(
-    name="level-offset",
-    kind="instrument",
-    sentence="the readings or the force of one level are off by a factor",
+    "level-offset",
     forms=offset_forms,
     simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
     shapes=(Shape("factor", above=0.0), Shape("sweep", above=0.0), Shape("force", least=0.0, default=0.0)),
-    need="sweep",
 )
 
 
@@ -174,47 +159,39 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
         return {"rate": size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
 
     shapes = (BETWEEN, BETWEEN)
-    return either_sign("sweep-rate", change, report, natural=0.1, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
+    return SWEEP_RATE.either_sign(report, change=change, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
 
 
 def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
     """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
     centre = terms.omega_n
-
-    def part(drive: Drive) -> Floats:
-        return np.asarray(rate * drive.up * (drive.omega / centre) ** law)
-
-    return replace(terms, moving=(*terms.moving, part), ringing=ringing)
+    moved = terms.plus(moving=lambda drive: rate * drive.up * (drive.omega / centre) ** law)
+    return replace(moved, ringing=ringing)
 
 
 SWEEP_RATE = Effect(
-    name="sweep-rate",
-    kind="instrument",
-    sentence="the frequency moved too fast for a steady state",
+    "sweep-rate",
     forms=rate_forms,
     simulate=lambda terms, table: moving(terms, RAD_S_PER_HZ * table["rate"], table["law"], table["ringing"]),
     shapes=(Shape("rate", TIME**-2.0), Shape("law", default=0.0), Shape("ringing", default=0.0)),
-    need="sweep",
 )
 
 
-def reading_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln| of what the reading changes by in all. Shape: its angle, 0 for the gain and pi/2 for the lag."""
-    angle = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
-    return (READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(angle,), largest=1.0),)
+#: Angle of what the reading changes by: 0 for the gain and pi/2 for the lag.
+_ANGLE = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
 
 
 def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """ln of the reading's complex factor moves by ``size`` exp(-i ``angle``) from the first row to the last."""
     change = table["size"] * np.exp(-1j * np.asarray(table["angle"]))
-    return replace(terms, offset=(*terms.offset, lambda drive: change * drive.time))
+    return terms.plus(offset=lambda drive: change * drive.time)
 
 
 READING_DRIFT = Effect(
-    name="reading-drift",
-    kind="instrument",
-    sentence="a reading whose gain or phase drifts in the course of the test",
-    forms=reading_forms,
+    "reading-drift",
+    # strength: |ln| of what the reading changes by in all
+    forms=lambda scales: (
+        READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(_ANGLE,), largest=1.0),
+    ),
     simulate=simulate_reading,
-    need="sweep",
 )

@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Sum, ones, zeros
+from damping.forces.contract import Force, Sum, ones
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
 from damping.forces.powers import (
     Displacement,
@@ -42,10 +42,10 @@ _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 
 def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
-    return lambda terms, table: terms.with_force(force(table))
+    return lambda terms, table: terms.plus(forces=force(table))
 
 
-def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:
+def _coefficient_effect(name: str, kind: Callable[[Floats], Force]) -> Effect:
     """The effect that adds a force of one coefficient."""
     unit = kind(1.0)
 
@@ -56,17 +56,17 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
     def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
 
-    effect = Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    effect = Effect(name, forms, _adds(force), unit.shapes, force)
     return effect
 
 
 #: Forces of one coefficient.
 OF_ONE_COEFFICIENT = (
-    _coefficient_effect("displacement", Displacement, "damping in proportion to displacement (case II) is missing"),
-    _coefficient_effect("velocity-squared", VelocitySquared, "damping with the square of velocity (III) is missing"),
-    _coefficient_effect("displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"),
-    _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
-    _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),
+    _coefficient_effect("displacement", Displacement),
+    _coefficient_effect("velocity-squared", VelocitySquared),
+    _coefficient_effect("displacement-velocity", DisplacementVelocity),
+    _coefficient_effect("quadratic-displacement", QuadraticDisplacement),
+    _coefficient_effect("coulomb-friction", Coulomb),
 )
 
 
@@ -124,42 +124,34 @@ def _joint_form(
 
 
 SLIP = Effect(
-    name="slip",
-    kind="force",
-    sentence="an elastic joint slips",
+    "slip",
     forms=joint_forms,
     simulate=_adds(joint_force),
     shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", default=0.0, switch=True)),
     force=joint_force,
-    damping=Slip.name,
 )
 
 
-def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
-    """The effect of a spring of ``sign`` times its (positive) coefficient.
+def _stiffness_effect(name: str, sign: float) -> Effect:
+    """The effect of a spring of ``sign`` times its (positive) coefficient; with the other it would be of another shape.
 
-    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``,
-    it would stand for a stiffness of another shape.
+    Its strength is the force at the largest amplitude over that amplitude.
     """
 
     def forms(scales: Scales) -> tuple[Form, ...]:
-        def coefficient(stiffness: Floats, exponent: Floats) -> Floats:
-            return stiffness * scales.A_high ** (1.0 - exponent)
-
         def report(stiffness: Floats, *exponent: Floats) -> dict[str, Floats]:
             stated = {"exponent": exponent[0]} if exponent else {}
-            return {"coefficient": coefficient(stiffness, stated.get("exponent", 3.0))} | stated
+            return {"coefficient": stiffness * scales.A_high ** (1.0 - stated.get("exponent", 3.0))} | stated
 
         cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
         return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")
 
     def force(table: Mapping[str, Floats]) -> Force:
-        return _spring(sign * table["coefficient"], table["exponent"])
+        coefficient, exponent = sign * table["coefficient"], table["exponent"]
+        return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
     effect = Effect(
-        name=name,
-        kind="force",
-        sentence=sentence,
+        name,
         forms=forms,
         simulate=_adds(force),
         shapes=(
@@ -167,21 +159,12 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
             Shape("exponent", above=0.0, default=3.0),
         ),
         force=force,
-        need="sweep",
-        denies=frozenset({denied}),
     )
     return effect
 
 
-def _spring(coefficient: Floats, exponent: Floats) -> Force:
-    return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
-
-
 #: Springs that bend the resonance, to higher or to lower frequencies.
-SPRINGS = (
-    _stiffness_effect("stiffness-hardening", 1.0, "the stiffness grows with amplitude", "stiffness-softening"),
-    _stiffness_effect("stiffness-softening", -1.0, "the stiffness falls with amplitude", "stiffness-hardening"),
-)
+SPRINGS = _stiffness_effect("stiffness-hardening", 1.0), _stiffness_effect("stiffness-softening", -1.0)
 
 
 @dataclass(frozen=True)
@@ -202,22 +185,17 @@ class Contact(Spring):
         Shape("clearance", LENGTH, above=0.0),
     )
 
-    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """C = dC/d ln A = 0, S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
-        root = np.sqrt(1.0 - x * x)
-        k = self.coefficient * A * ones(omega)
-        S = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-        none = zeros(k)
-        return none, none, S, S + (4.0 / np.pi) * k * x * root
-
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S: see `averages`."""
-        return self.averages(A, omega)[2]
+        """S."""
+        x = np.minimum(self.clearance / A, 1.0)
+        share = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
+        return self.coefficient * A * ones(omega) * share
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A: see `averages`."""
-        return self.averages(A, omega)[3]
+        """dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
+        x = np.minimum(self.clearance / A, 1.0)
+        k = self.coefficient * A * ones(omega)
+        return self.in_phase(A, omega) + (4.0 / np.pi) * k * x * np.sqrt(1.0 - x * x)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k (q - clip(q, -clearance, clearance))."""
@@ -235,12 +213,7 @@ def contact_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 CONTACT = Effect(
-    name="contact",
-    kind="force",
-    sentence="a spring that acts beyond a clearance",
-    forms=contact_forms,
-    simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"])),
-    need="sweep",
+    "contact", forms=contact_forms, simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"]))
 )
 
 
@@ -255,9 +228,5 @@ def power_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 ANY_POWER = Effect(
-    name="any-power",
-    kind="force",
-    sentence="a damping force with another power of velocity",
-    forms=power_forms,
-    simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
+    "any-power", forms=power_forms, simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"]))
 )

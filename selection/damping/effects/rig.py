@@ -11,7 +11,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, either_sign
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms
 from damping.forces.shapes import LENGTH, TIME, Shape
 
 #: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
@@ -20,12 +20,15 @@ NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
     "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
-#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
-_DELAY = 0.25
-#: ln(amplitude over the clipping level): the fundamental of a sine clipped there, in units of that level.
+#: ln(amplitude over the clipping level) ...
 _OVER = np.linspace(0.0, 5.0, 400)
+_A = np.exp(_OVER)
+#: ... and ln of the fundamental of a sine of amplitude a clipped at 1: (2/pi)(a asin(1/a) + sqrt(1 - 1/a^2)).
+_CLIPPED = np.log((2.0 / np.pi) * (_A * np.arcsin(1.0 / _A) + np.sqrt(np.maximum(1.0 - _A**-2.0, 0.0))))
 #: Least slope of a reading at which the motion behind it is looked for.
 _LEAST_SLOPE = 0.05
+_CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
+_TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 
 
 def with_gain(terms: Terms, size: Floats) -> Terms:
@@ -33,41 +36,22 @@ def with_gain(terms: Terms, size: Floats) -> Terms:
     return replace(terms, gain=terms.gain + size)
 
 
-def gain_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln(factor)|, at most that of a factor 3, above or below 1."""
-    return either_sign(
-        "amplitude-scale", with_gain, lambda size: {"factor": np.exp(size)}, natural=0.1, largest=log(3.0)
-    )
-
-
 AMPLITUDE_SCALE = Effect(
-    name="amplitude-scale",
-    kind="instrument",
-    sentence="all amplitudes are off by one factor (sensor gain)",
-    forms=gain_forms,
+    "amplitude-scale",
+    # strength: |ln(factor)|, at most that of a factor 3, above or below 1
+    forms=lambda scales: AMPLITUDE_SCALE.either_sign(
+        lambda size: {"factor": np.exp(size)}, change=with_gain, largest=log(3.0)
+    ),
     simulate=lambda terms, table: with_gain(terms, log(table["factor"])),
     shapes=(Shape("factor", above=0.0),),
 )
 
-
-def with_lag(terms: Terms, lag: Floats) -> Terms:
-    """``lag`` (rad) added to every phase."""
-    return replace(terms, lag=terms.lag + lag)
-
-
-def lag_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |lag|, at most 1 rad, of either sign."""
-    return either_sign("phase-lag", with_lag, lambda lag: {"lag": lag}, natural=0.1, largest=1.0)
-
-
 PHASE_LAG = Effect(
-    name="phase-lag",
-    kind="instrument",
-    sentence="all phases are off by one constant",
-    forms=lag_forms,
-    simulate=lambda terms, table: with_lag(terms, table["lag"]),
+    "phase-lag",
+    # strength: |lag|, at most 1 rad
+    forms=lambda scales: PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0),
+    simulate=lambda terms, table: replace(terms, lag=terms.lag + table["lag"]),
     shapes=(Shape("lag"),),
-    need="phase",
 )
 
 
@@ -100,13 +84,11 @@ def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
         place = (drive.omega / omega_n - 1.0 - table["centre"]) / table["width"]
         return np.log1p(-table["depth"] * NOTCHES[notch](place))
 
-    return replace(terms, received=(*terms.received, received))
+    return terms.plus(received=received)
 
 
 FORCE_DROPOUT = Effect(
-    name="force-dropout",
-    kind="instrument",
-    sentence="the real force falls below the recorded one near resonance",
+    "force-dropout",
     forms=dropout_forms,
     simulate=simulate_dropout,
     shapes=(
@@ -116,46 +98,16 @@ FORCE_DROPOUT = Effect(
         Shape("lorentzian", least=0.0, default=0.0),
         Shape("receptance", least=0.0, default=0.0),
     ),
-    need="sweep",
 )
-
-
-def delay_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the lag at omega_n, at most 1 rad, of either sign."""
-
-    def report(lag: Floats) -> dict[str, Floats]:
-        return {"delay": lag / scales.omega_n}
-
-    return either_sign("time-delay", TIME_DELAY.changed_by(report), report, natural=0.1, largest=1.0)
-
-
-def simulate_delay(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """The reading comes ``delay`` late, s."""
-    return replace(terms, offset=(*terms.offset, lambda drive: -1j * drive.omega * table["delay"]))
 
 
 TIME_DELAY = Effect(
-    name="time-delay",
-    kind="instrument",
-    sentence="the phases are off in proportion to frequency (a delay)",
-    forms=delay_forms,
-    simulate=simulate_delay,
+    "time-delay",
+    # strength: the lag at omega_n, at most 1 rad
+    forms=lambda scales: TIME_DELAY.either_sign(lambda lag: {"delay": lag / scales.omega_n}, largest=1.0),
+    simulate=lambda terms, table: terms.plus(offset=lambda drive: -1j * drive.omega * table["delay"]),
     shapes=(Shape("delay", TIME),),
-    need="phase",
-    prior=_DELAY,
 )
-
-
-def _clipped_sine(over: FloatArray) -> FloatArray:
-    """ln of the fundamental of a sine of amplitude exp(over) clipped at 1: (2/pi)(a asin(1/a) + sqrt(1 - 1/a^2))."""
-    a = np.exp(np.maximum(over, 0.0))
-    inside = (2.0 / np.pi) * (a * np.arcsin(1.0 / a) + np.sqrt(np.maximum(1.0 - a**-2.0, 0.0)))
-    return np.asarray(np.log(inside) + np.minimum(over, 0.0))
-
-
-_CLIPPED = _clipped_sine(_OVER)
-_CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
-_TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 
 
 def clipping(level: Floats) -> Reading:
@@ -208,17 +160,14 @@ def saturation_forms(scales: Scales) -> tuple[Form, ...]:
 def simulate_saturation(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """Clipped at ``level``, or compressed towards it where ``power`` is not 0."""
     own = compressing(table["level"], table["power"]) if np.any(table["power"]) else clipping(table["level"])
-    return replace(terms, readings=(*terms.readings, own))
+    return terms.plus(readings=own)
 
 
 SENSOR_SATURATION = Effect(
-    name="sensor-saturation",
-    kind="instrument",
-    sentence="large readings are clipped or compressed",
+    "sensor-saturation",
     forms=saturation_forms,
     simulate=simulate_saturation,
     shapes=(Shape("level", LENGTH, above=0.0), Shape("power", least=0.0, default=0.0)),
-    need="sweep",
 )
 
 
@@ -235,15 +184,12 @@ def background_forms(scales: Scales) -> tuple[Form, ...]:
 def simulate_background(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """A signal of constant ``amplitude`` that lags the force by ``angle``."""
     signal = table["amplitude"] * np.exp(-1j * np.asarray(table["angle"]))
-    return replace(terms, compliance=(*terms.compliance, lambda drive: signal / drive.F))
+    return terms.plus(compliance=lambda drive: signal / drive.F)
 
 
 BACKGROUND = Effect(
-    name="background",
-    kind="instrument",
-    sentence="a constant signal is added to the reading",
+    "background",
     forms=background_forms,
     simulate=simulate_background,
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
-    need="sweep",
 )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms, either_sign
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
 from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
@@ -37,8 +37,6 @@ PATH = (
 )
 #: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
-#: Two close modes are those of two planes unless the rows say so: 1 to 4.
-_OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -63,23 +61,10 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
 
     # neither side mirrors the other: both begin at 3 tolerances
     options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
-    return either_sign("viscous-coefficient", change, report, natural=0.1, **options)
+    return VISCOUS_COEFFICIENT.either_sign(report, change=change, **options)
 
 
-VISCOUS_COEFFICIENT = Effect(
-    name="viscous-coefficient",
-    kind="parameter",
-    sentence="the viscous coefficient is off by more than its tolerance",
-    forms=viscous_forms,
-    simulate=simulate_viscous,
-    shapes=(RELATIVE,),
-    corrects=Viscous.name,
-)
-
-
-def simulate_frequency(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """omega_n times 1 + ``relative``."""
-    return replace(terms, omega_n=terms.omega_n * (1.0 + table["relative"]))
+VISCOUS_COEFFICIENT = Effect("viscous-coefficient", forms=viscous_forms, simulate=simulate_viscous, shapes=(RELATIVE,))
 
 
 def frequency_forms(scales: Scales) -> tuple[Form, ...]:
@@ -93,18 +78,14 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
         return {"relative": beyond + np.copysign(least, beyond)}
 
     options: dict[str, Any] = {"largest": 0.3, "replaces": "frequency", "mirror": ""}  # as above
-    return either_sign("natural-frequency", change, report, natural=scales.bandwidth, **options)
+    return NATURAL_FREQUENCY.either_sign(report, change=change, natural=scales.bandwidth, **options)
 
 
 NATURAL_FREQUENCY = Effect(
-    name="natural-frequency",
-    kind="parameter",
-    sentence="the natural frequency is off by more than its tolerance",
+    "natural-frequency",
     forms=frequency_forms,
-    simulate=simulate_frequency,
+    simulate=lambda terms, table: replace(terms, omega_n=terms.omega_n * (1.0 + table["relative"])),
     shapes=(RELATIVE,),
-    corrects="frequency",
-    need="sweep",
 )
 
 
@@ -132,15 +113,12 @@ def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | N
 
 def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
     """The second plane of a table; with ``alike`` other than 0 all forces act in it too."""
-    in_both = table["alike"] != 0.0
-    plane = Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], in_both, table["damping_ratio"])
-    return replace(terms, plane=plane)
+    weight, in_both = tan(table["angle"]) ** 2, table["alike"] != 0.0
+    return replace(terms, plane=Plane(weight, table["frequency_ratio"], in_both, table["damping_ratio"]))
 
 
 PLANAR_COUPLING = Effect(
-    name="planar-coupling",
-    kind="structure",
-    sentence="the drive excites two close modes in principal planes at an angle",
+    "planar-coupling",
     forms=planar_forms,
     simulate=simulate_planar,
     shapes=(
@@ -149,7 +127,6 @@ PLANAR_COUPLING = Effect(
         Shape("damping_ratio", least=0.0, default=1.0),
         Shape("alike", least=0.0, default=0.0),
     ),
-    need="sweep",
 )
 
 
@@ -162,8 +139,7 @@ def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariab
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
         return {"compliance": strength * size * nearest, "frequency_ratio": ratio, "loss": loss}
 
-    label, change, shapes = "above" if above else "below", effect.changed_by(report), (distance, loss)
-    return either_sign(effect.name, change, report, label, natural=0.1, shapes=shapes, largest=30.0)
+    return effect.either_sign(report, "above" if above else "below", shapes=(distance, loss), largest=30.0)
 
 
 def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
@@ -179,7 +155,7 @@ def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
             return compliance * (1.0 + table["slope"] * (x - 1.0))
         return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
 
-    return replace(terms, compliance=(*terms.compliance, part))
+    return terms.plus(compliance=part)
 
 
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
@@ -190,23 +166,14 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     def report(strength: Floats) -> dict[str, Floats]:
         return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2
 
-    change = RESIDUAL_MODES.changed_by(report)
     return (
         *_paths(RESIDUAL_MODES, True, apart, _LOSS, resonance),
         *_paths(RESIDUAL_MODES, False, apart, _LOSS, resonance),
-        *either_sign("residual-modes", change, report, "rigid body", natural=0.1, largest=30.0),
+        *RESIDUAL_MODES.either_sign(report, "rigid body", largest=30.0),
     )
 
 
-RESIDUAL_MODES = Effect(
-    name="residual-modes",
-    kind="structure",
-    sentence="other modes or rigid-body motion add an in-phase part",
-    forms=residual_forms,
-    simulate=simulate_path,
-    shapes=PATH,
-    need="sweep",
-)
+RESIDUAL_MODES = Effect("residual-modes", forms=residual_forms, simulate=simulate_path, shapes=PATH)
 
 
 def second_forms(scales: Scales) -> tuple[Form, ...]:
@@ -218,17 +185,7 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     return *above, *below
 
 
-SECOND_MODE = Effect(
-    name="second-mode",
-    kind="structure",
-    sentence="a close mode with its own mass and damping takes part",
-    forms=second_forms,
-    simulate=simulate_path,
-    shapes=PATH,
-    need="sweep",
-    denies=frozenset({"planar-coupling"}),
-    prior=_OWN_MASS,
-)
+SECOND_MODE = Effect("second-mode", forms=second_forms, simulate=simulate_path, shapes=PATH)
 
 
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
@@ -254,14 +211,7 @@ def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
         stiffness = own * own - drive.omega**2 + 2j * table["damping"] * own * drive.omega
         return np.asarray(-M * (table["coupling"] * own * own) ** 2 / stiffness)
 
-    return replace(terms, beside=(*terms.beside, part))
+    return terms.plus(beside=part)
 
 
-PARTNER = Effect(
-    name="partner",
-    kind="structure",
-    sentence="a coupled part that resonates itself (an absorber, a tank, a circuit)",
-    forms=partner_forms,
-    simulate=simulate_partner,
-    need="sweep",
-)
+PARTNER = Effect("partner", forms=partner_forms, simulate=simulate_partner)

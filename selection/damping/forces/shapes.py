@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -65,36 +65,21 @@ class Tested(NamedTuple):
     omega: float
 
 
-class Prior(Protocol):
-    """How a shape parameter comes from a standard normal variable; ``text`` says it in words."""
-
-    @property
-    def text(self) -> str:
-        """The prior in words, such as ``uniform from 0 to 3``."""
-
-    @property
-    def range(self) -> tuple[float, float] | None:
-        """Least and largest value where these are the same for every test; None where the test sets them."""
-
-    def value(self, x: FloatArray, tested: Tested) -> FloatArray:
-        """The parameter at standard normal ``x``, of its shape."""
-
-
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform from ``low`` to ``high``."""
+    """How a shape parameter comes from a standard normal variable: uniform from ``low`` to ``high``."""
 
     low: float
     high: float
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The prior in words, such as ``uniform from 0 to 3``."""
         return f"uniform from {self.low:g} to {self.high:g}"
 
     @property
     def range(self) -> tuple[float, float]:
-        """``low`` and ``high``."""
+        """Least and largest value, the same for every test: ``low`` and ``high``."""
         return self.low, self.high
 
     def value(self, x: FloatArray, tested: Tested) -> FloatArray:
@@ -104,7 +89,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class OfAmplitude:
-    """Log-uniform from ``low`` times the smallest to ``high`` times the largest tested amplitude."""
+    """Likewise: log-uniform from ``low`` times the smallest to ``high`` times the largest tested amplitude."""
 
     low: float
     high: float
@@ -142,7 +127,7 @@ class Shape:
     least: float = -inf
     below: float = inf
     default: float | None = None
-    prior: Prior | None = None
+    prior: Uniform | OfAmplitude | None = None
     label: str = ""
     switch: bool = False
 

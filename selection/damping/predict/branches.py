@@ -19,7 +19,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.forces.contract import Force
-from damping.predict.steady import SteadyState, bisect, bracketed_newton, elastic, phase_lag
+from damping.predict.steady import SteadyState, balance, bisect, bracketed_newton, phase_lag
 
 #: Amplitudes searched, in units of the static deflection F/K: 16 decades, 60 points in each.
 _GRID = np.linspace(-8.0, 8.0, 961) * np.log(10.0)
@@ -45,9 +45,7 @@ class Branches:
 
 def is_stable(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> BoolArray:
     """Whether the slow flow returns to the steady state of amplitude A (trace <= 0, determinant > 0)."""
-    C, slope = force.quadrature(A, omega), force.slope(A, omega)
-    X = elastic(force, A, omega, M, omega_n)
-    slope_X = M * (omega_n**2 - omega**2) * A + force.in_phase_slope(A, omega)
+    X, slope_X, C, slope = balance(force, A, omega, M, omega_n)
     return np.asarray((C + slope >= 0.0) & (X * slope_X + C * slope > 0.0))
 
 
@@ -111,7 +109,9 @@ def _roots(
     u = np.log(F / (M * omega_n**2)) + _GRID
 
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-        return _log_force(force, points, block[rows], M, omega_n, np.log(F))
+        X, slope_X, C, slope = balance(force, np.exp(points), block[rows], M, omega_n)
+        squared = np.square(X) + np.square(C)
+        return 0.5 * np.log(squared) - np.log(F), (X * slope_X + C * slope) / squared
 
     row, roots = list_roots(level, u, block.size)
     return start + row, roots
@@ -125,19 +125,6 @@ def list_roots(level: Level, u: FloatArray, rows: int) -> tuple[IntArray, FloatA
         roots = bracketed_newton(lambda points: level(points, row), low, high)
     order = np.lexsort((roots, row))
     return row[order], roots[order]
-
-
-def _log_force(
-    force: Force, u: FloatArray, omega: FloatArray, M: float, omega_n: float, log_F: float
-) -> tuple[FloatArray, FloatArray]:
-    """ln(|Z| A) - ln F at A = exp(u), and its derivative in u."""
-    A = np.exp(u)
-    C = force.quadrature(A, omega)
-    linear = M * (omega_n**2 - omega**2) * A
-    X = linear + force.in_phase(A, omega)
-    squared = X * X + C * C
-    derivative = (X * (linear + force.in_phase_slope(A, omega)) + C * force.slope(A, omega)) / squared
-    return np.asarray(0.5 * np.log(squared) - log_F), np.asarray(derivative)
 
 
 def _brackets(

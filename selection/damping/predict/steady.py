@@ -92,6 +92,13 @@ def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) 
     return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
 
 
+def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
+    """X and dX/d ln A, then C and dC/d ln A: the forces in phase and in quadrature that the amplitude A needs."""
+    linear = M * (omega_n**2 - omega**2) * A
+    X, slope_X = linear + force.in_phase(A, omega), linear + force.in_phase_slope(A, omega)
+    return X, slope_X, force.quadrature(A, omega), force.slope(A, omega)
+
+
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """F = |Z| A, the force amplitude that holds the amplitude A (Eq 4.2.4)."""
     return np.asarray(np.hypot(elastic(force, A, omega, M, omega_n), force.quadrature(A, omega)))
@@ -163,30 +170,19 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
     that it converges from any start. NaN where no steady state exists (friction holds, or no damping at resonance).
     With a restoring force (slip, cubic stiffness) there may be several: use `damping.predict.branches`.
     """
-    kappa = M * (omega_n**2 - omega**2)
     static = np.asarray(F / (M * omega_n**2), dtype=float)
-    restoring = force.restores
     with np.errstate(all="ignore"):
-        A = F / np.hypot(kappa, force.quadrature(static, omega) / static)
+        A = F / np.hypot(M * (omega_n**2 - omega**2), force.quadrature(static, omega) / static)
         for _ in range(MOST_STEPS):
-            step = _newton_step(force, A, omega, kappa, F, restoring)
+            X, slope_X, C, slope = balance(force, A, omega, M, omega_n)
+            squared = np.square(X) + np.square(C)
+            step = 0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * slope)
             A = A * np.exp(-np.clip(step, -3.0, 3.0))
             if not np.any(np.abs(step) > SMALL_STEP):
                 break
         reached = np.abs(required_force(force, A, omega, M, omega_n) / F - 1.0) < 1e-9
         A = np.where(reached, A, np.nan)
         return SteadyState(amplitude=A, phase=phase_lag(force, A, omega, M, omega_n))
-
-
-def _newton_step(force: Force, A: FloatArray, omega: Floats, kappa: Floats, F: Floats, restoring: bool) -> FloatArray:
-    """h/h' of h = ln(|Z| A) - ln F in ln A."""
-    X = kappa * A
-    slope_X = X
-    if restoring:
-        X, slope_X = X + force.in_phase(A, omega), X + force.in_phase_slope(A, omega)
-    C = force.quadrature(A, omega)
-    squared = X * X + C * C
-    return np.asarray(0.5 * np.log(squared / F**2) * squared / (X * slope_X + C * force.slope(A, omega)))
 
 
 def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:

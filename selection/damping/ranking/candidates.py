@@ -58,11 +58,8 @@ def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
 
 def fit_distinct(laws: Sequence[Law], data: Observations) -> list[BestFit]:
     """The best fits of the laws that predict differently, of each kind the one with the fewest terms; maybe none."""
-    fits = [
-        fit
-        for fit in fit_laws([law for law in laws if law.has_resonance], data)
-        if isinstance(fit, BestFit) and np.isfinite(fit.squares)
-    ]
+    tried = fit_laws([law for law in laws if law.has_resonance], data)
+    fits = [fit for fit in tried if isinstance(fit, BestFit) and np.isfinite(fit.squares)]
     return [group[0] for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
 
 
@@ -72,11 +69,8 @@ def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
     The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter ``NOISE``, within
     ``NOISE_RANGE``.
     """
-    scatter = min(
-        np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0)))
-        for f in fits
-        if np.isfinite(f.squares)
-    )
+    finite = (f for f in fits if np.isfinite(f.squares))
+    scatter = min(np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0))) for f in finite)
     learnt = np.full(len(data.A), float(np.clip(scatter, *NOISE_RANGE)))
     stated = np.hypot(data.sd_amplitude, np.hypot(data.sd_phase, data.sd_force))
     return np.where(stated > 0.0, stated, learnt)
@@ -89,18 +83,12 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    beyond: dict[int, float] = {}
-
-    def find_beyond(fit: BestFit) -> float:
-        if id(fit) not in beyond:
-            beyond[id(fit)] = float(np.log(resonant_amplitude(fit.force, force, omega)))
-        return beyond[id(fit)]
+    beyond = {id(fit): float(np.log(resonant_amplitude(fit.force, force, omega))) for fit in fits}
 
     def predict_alike(fit: BestFit, other: BestFit) -> bool:
-        if not np.all(np.abs(fit.n - other.n) < INDISTINCT * noise):
-            return False
-        ends = find_beyond(fit), find_beyond(other)
-        return abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
+        ends = beyond[id(fit)], beyond[id(other)]
+        alike = abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
+        return alike and bool(np.all(np.abs(fit.n - other.n) < INDISTINCT * noise))
 
     groups: list[list[BestFit]] = []
     for fit in sorted(fits, key=lambda fit: len(fit.law.parts)):

@@ -65,46 +65,41 @@ class SharedShape:
     log_odds: float
 
 
+#: Columns of the table of a joint fit, by the field of `Observations` that they hold: of rows, and of their sweeps.
+_OF_ROWS = {
+    "amplitude": "A",
+    "damping_force": "D",
+    "force_in_phase": "R",
+    "amplitude_sd": "sd_amplitude",
+    "force_sd": "sd_force",
+    "phase_sd": "sd_phase",
+}
+_OF_SWEEPS = ("tested_force", "tested_amplitude")
+
+
 def tabulate_rows(data: Observations) -> pd.DataFrame:
     """What a joint fit needs of a record, one row for each observation; :func:`read_rows` is the way back."""
     return pd.DataFrame(
-        {
-            "sweep": [data.sweeps[s] for s in data.sweep],
-            "frequency": data.omega / RAD_S_PER_HZ,
-            "amplitude": data.A,
-            "damping_force": data.D,
-            "force_in_phase": data.R,
-            "amplitude_sd": data.sd_amplitude,
-            "force_sd": data.sd_force,
-            "phase_sd": data.sd_phase,
-            "tested_force": data.tested_force[data.sweep],
-            "tested_amplitude": data.tested_amplitude[data.sweep],
-            "tested_frequency": data.tested_omega[data.sweep] / RAD_S_PER_HZ,
-            "decay": float(data.amplitude_is_input),
-        }
+        {"sweep": [data.sweeps[s] for s in data.sweep], "frequency": data.omega / RAD_S_PER_HZ}
+        | {name: getattr(data, field) for name, field in _OF_ROWS.items()}
+        | {name: getattr(data, name)[data.sweep] for name in _OF_SWEEPS}
+        | {"tested_frequency": data.tested_omega[data.sweep] / RAD_S_PER_HZ, "decay": float(data.amplitude_is_input)}
     )
 
 
 def read_rows(table: pd.DataFrame) -> Observations:
     """Observations from the columns of :func:`tabulate_rows`. KeyError for one that is missing."""
     labels = table["sweep"].astype(str)
-    of_sweep = table.groupby(labels, sort=False)[["tested_force", "tested_amplitude", "tested_frequency"]].first()
+    of_sweep = table.groupby(labels, sort=False)[[*_OF_SWEEPS, "tested_frequency"]].first().astype(float)
     number = {label: i for i, label in enumerate(of_sweep.index)}
-    column = {name: table[name].to_numpy(float) for name in table.columns if name not in ("sweep", "point")}
     return Observations(
-        A=column["amplitude"],
-        omega=RAD_S_PER_HZ * column["frequency"],
-        D=column["damping_force"],
-        R=column["force_in_phase"],
+        omega=RAD_S_PER_HZ * table["frequency"].to_numpy(float),
         sweep=labels.map(number).to_numpy(np.int64),
-        sd_amplitude=column["amplitude_sd"],
-        sd_force=column["force_sd"],
-        sd_phase=column["phase_sd"],
         sweeps=tuple(map(str, of_sweep.index)),
-        tested_force=of_sweep["tested_force"].to_numpy(float),
-        tested_amplitude=of_sweep["tested_amplitude"].to_numpy(float),
-        tested_omega=RAD_S_PER_HZ * of_sweep["tested_frequency"].to_numpy(float),
-        amplitude_is_input=bool(column["decay"].any()),
+        tested_omega=RAD_S_PER_HZ * of_sweep["tested_frequency"].to_numpy(),
+        amplitude_is_input=bool(table["decay"].any()),
+        **{field: table[name].to_numpy(float) for name, field in _OF_ROWS.items()},
+        **{name: of_sweep[name].to_numpy() for name in _OF_SWEEPS},
     )
 
 
