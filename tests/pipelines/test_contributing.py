@@ -13,12 +13,11 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "CONTRIBUTING.md").read_text()
-#: The files of the page; the imports and rows, by the file they go to; the lines of catalogues, in the same order.
+#: The files of the page; the imports, by the file they go to; the lines of catalogues, in the same order.
 FILES = dict(
     zip(re.findall(r"The file,\s`([^`]+)`", TEXT), re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL), strict=True)
 )
 IMPORTS = re.findall(r"The import, in `([^`]+)`:\n\n```\n(.*?)```", TEXT, re.DOTALL)
-ROWS = re.findall(r"The row, at the end of `([^`]+)`[^`]*:\n\n```\n(.*?)```", TEXT, re.DOTALL)
 LINES = re.findall(r"The line at the end of `CATALOGUE` there:\n\n```\n(.*?)```", TEXT, re.DOTALL)
 
 MODE = """[mode]
@@ -84,9 +83,6 @@ def copy(tmp_path_factory, forking):
         entries, end, tail = rest.partition("    )\n}" if entry.startswith("        ") else "}")
         head = head.replace("import annotations\n", f"import annotations\n\n{line}", 1)
         module.write_text(head + start + entries + entry + end + tail)
-    for path, row in ROWS:
-        with (folder / path).open("a") as table:
-            table.write(row)
     (folder / "plain.toml").write_text(MODE)
     (folder / "cubed.toml").write_text(MODE + CUBED)
     (folder / "tilted.toml").write_text(MODE + TILT)

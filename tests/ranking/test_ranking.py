@@ -11,7 +11,8 @@ import statsmodels.api as sm
 
 from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE, Force, make
+from damping.forces import CATALOGUE, make
+from damping.forces import Force
 from damping.forces.shapes import Shape
 from damping.infer.best_fit import fit_law, fit_laws
 from damping.infer.law import Coordinates, Law

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from damping.effects import course, forces, rig, structure
 from damping.effects.contract import Effect, Terms
@@ -32,9 +33,13 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
+#: How many causes each of ``FOREIGN`` stands for: contact is a clearance, a stop or a slap, a partner an absorber, a
+#: tank or a circuit, another power a rub, a film or a stream, a reading drifts in gain or in phase.
+_STANDS_FOR = 3.0
 #: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
-    effect.name: effect for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+    effect.name: replace(effect, prior=_STANDS_FOR)
+    for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
 }
 
 

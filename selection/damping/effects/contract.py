@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import exp, log
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray, Floats
 from damping.forces.contract import Force
@@ -208,14 +206,9 @@ class Form:
     twin: Form | None = None
 
 
-#: What each effect is called, changes, needs and says.
-_ROWS = pd.read_csv(
-    Path(__file__).with_name("effects.csv"),
-    comment="#",
-    index_col="name",
-    keep_default_na=False,
-    converters={"denies": lambda names: frozenset(names.split())},
-)
+Kind = Literal["parameter", "force", "structure", "instrument"]
+#: What an effect cannot be told without: measured phases; rows beside resonance.
+Need = Literal["", "phase", "sweep"]
 
 
 @dataclass(frozen=True)
@@ -223,29 +216,29 @@ class Effect:
     """One entry of the catalogue.
 
     Attributes:
-        name: of its row in ``effects.csv``, whose other columns are attributes too.
+        name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
         forms: its forms for a problem, or none.
         simulate: the terms with the effect as a model file's table gives it, with the defaults of its shapes.
         shapes: the parameters of its table in a model file.
         force: the force that such a table adds, where it adds one: it can then be integrated in time too.
+        damping: name of the damping force that a corrected model has in its place; empty where it is none.
+        corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
+        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
+            often than others it is the cause.
     """
 
     name: str
+    kind: Kind
+    sentence: str
     forms: Callable[[Scales], tuple[Form, ...]]
     simulate: Callable[[Terms, Mapping[str, Any]], Terms]
     shapes: tuple[Shape, ...] = ()
     force: Callable[[Mapping[str, Any]], Force] | None = None
-    kind: str = field(init=False)
-    sentence: str = field(init=False)
-    need: str = field(init=False)
-    corrects: str = field(init=False)
-    damping: str = field(init=False)
-    denies: frozenset[str] = field(init=False)
-    prior: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        for column, value in _ROWS.loc[self.name].items():
-            object.__setattr__(self, str(column), value)
+    damping: str = ""
+    corrects: str = ""
+    need: Need = ""
+    denies: frozenset[str] = frozenset()
+    prior: float = 1.0
 
     def changed_by(self, report: Callable[..., dict[str, Floats]]) -> Callable[..., Terms]:
         """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""

@@ -97,7 +97,9 @@ def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 DRIFT = Effect(
-    "drift",
+    name="drift",
+    kind="structure",
+    sentence="the structure changes in the course of the test",
     forms=drift_forms,
     simulate=simulate_drift,
     shapes=(
@@ -107,6 +109,7 @@ DRIFT = Effect(
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),
+    need="sweep",
 )
 
 
@@ -138,10 +141,13 @@ def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
 
 
 LEVEL_OFFSET = Effect(
-    "level-offset",
+    name="level-offset",
+    kind="instrument",
+    sentence="the readings or the force of one level are off by a factor",
     forms=offset_forms,
     simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
     shapes=(Shape("factor", above=0.0), Shape("sweep", above=0.0), Shape("force", least=0.0, default=0.0)),
+    need="sweep",
 )
 
 
@@ -170,10 +176,13 @@ def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
 
 
 SWEEP_RATE = Effect(
-    "sweep-rate",
+    name="sweep-rate",
+    kind="instrument",
+    sentence="the frequency moved too fast for a steady state",
     forms=rate_forms,
     simulate=lambda terms, table: moving(terms, RAD_S_PER_HZ * table["rate"], table["law"], table["ringing"]),
     shapes=(Shape("rate", TIME**-2.0), Shape("law", default=0.0), Shape("ringing", default=0.0)),
+    need="sweep",
 )
 
 
@@ -188,10 +197,13 @@ def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 READING_DRIFT = Effect(
-    "reading-drift",
+    name="reading-drift",
+    kind="instrument",
+    sentence="a reading whose gain or phase drifts in the course of the test",
     # strength: |ln| of what the reading changes by in all
     forms=lambda scales: (
         READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(_ANGLE,), largest=1.0),
     ),
     simulate=simulate_reading,
+    need="sweep",
 )

@@ -45,7 +45,7 @@ def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Ma
     return lambda terms, table: terms.plus(forces=force(table))
 
 
-def _coefficient_effect(name: str, kind: Callable[[Floats], Force]) -> Effect:
+def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:
     """The effect that adds a force of one coefficient."""
     unit = kind(1.0)
 
@@ -56,17 +56,17 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force]) -> Effect:
     def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
 
-    effect = Effect(name, forms, _adds(force), unit.shapes, force)
+    effect = Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
     return effect
 
 
 #: Forces of one coefficient.
 OF_ONE_COEFFICIENT = (
-    _coefficient_effect("displacement", Displacement),
-    _coefficient_effect("velocity-squared", VelocitySquared),
-    _coefficient_effect("displacement-velocity", DisplacementVelocity),
-    _coefficient_effect("quadratic-displacement", QuadraticDisplacement),
-    _coefficient_effect("coulomb-friction", Coulomb),
+    _coefficient_effect("displacement", Displacement, "damping in proportion to displacement (case II) is missing"),
+    _coefficient_effect("velocity-squared", VelocitySquared, "damping with the square of velocity (III) is missing"),
+    _coefficient_effect("displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"),
+    _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
+    _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),
 )
 
 
@@ -124,18 +124,22 @@ def _joint_form(
 
 
 SLIP = Effect(
-    "slip",
+    name="slip",
+    kind="force",
+    sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=_adds(joint_force),
     shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", default=0.0, switch=True)),
     force=joint_force,
+    damping=Slip.name,
 )
 
 
-def _stiffness_effect(name: str, sign: float) -> Effect:
-    """The effect of a spring of ``sign`` times its (positive) coefficient; with the other it would be of another shape.
+def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
+    """The effect of a spring of ``sign`` times its (positive) coefficient.
 
-    Its strength is the force at the largest amplitude over that amplitude.
+    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``,
+    it would stand for a stiffness of another shape.
     """
 
     def forms(scales: Scales) -> tuple[Form, ...]:
@@ -151,7 +155,9 @@ def _stiffness_effect(name: str, sign: float) -> Effect:
         return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
     effect = Effect(
-        name,
+        name=name,
+        kind="force",
+        sentence=sentence,
         forms=forms,
         simulate=_adds(force),
         shapes=(
@@ -159,12 +165,17 @@ def _stiffness_effect(name: str, sign: float) -> Effect:
             Shape("exponent", above=0.0, default=3.0),
         ),
         force=force,
+        need="sweep",
+        denies=frozenset({denied}),
     )
     return effect
 
 
 #: Springs that bend the resonance, to higher or to lower frequencies.
-SPRINGS = _stiffness_effect("stiffness-hardening", 1.0), _stiffness_effect("stiffness-softening", -1.0)
+SPRINGS = (
+    _stiffness_effect("stiffness-hardening", 1.0, "the stiffness grows with amplitude", "stiffness-softening"),
+    _stiffness_effect("stiffness-softening", -1.0, "the stiffness falls with amplitude", "stiffness-hardening"),
+)
 
 
 @dataclass(frozen=True)
@@ -213,7 +224,12 @@ def contact_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 CONTACT = Effect(
-    "contact", forms=contact_forms, simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"]))
+    name="contact",
+    kind="force",
+    sentence="a spring that acts beyond a clearance",
+    forms=contact_forms,
+    simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"])),
+    need="sweep",
 )
 
 
@@ -228,5 +244,9 @@ def power_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 ANY_POWER = Effect(
-    "any-power", forms=power_forms, simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"]))
+    name="any-power",
+    kind="force",
+    sentence="a damping force with another power of velocity",
+    forms=power_forms,
+    simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
 )

@@ -20,6 +20,8 @@ NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
     "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
+#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+_DELAY = 0.25
 #: ln(amplitude over the clipping level) ...
 _OVER = np.linspace(0.0, 5.0, 400)
 _A = np.exp(_OVER)
@@ -37,7 +39,9 @@ def with_gain(terms: Terms, size: Floats) -> Terms:
 
 
 AMPLITUDE_SCALE = Effect(
-    "amplitude-scale",
+    name="amplitude-scale",
+    kind="instrument",
+    sentence="all amplitudes are off by one factor (sensor gain)",
     # strength: |ln(factor)|, at most that of a factor 3, above or below 1
     forms=lambda scales: AMPLITUDE_SCALE.either_sign(
         lambda size: {"factor": np.exp(size)}, change=with_gain, largest=log(3.0)
@@ -47,11 +51,14 @@ AMPLITUDE_SCALE = Effect(
 )
 
 PHASE_LAG = Effect(
-    "phase-lag",
+    name="phase-lag",
+    kind="instrument",
+    sentence="all phases are off by one constant",
     # strength: |lag|, at most 1 rad
     forms=lambda scales: PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0),
     simulate=lambda terms, table: replace(terms, lag=terms.lag + table["lag"]),
     shapes=(Shape("lag"),),
+    need="phase",
 )
 
 
@@ -88,7 +95,9 @@ def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 FORCE_DROPOUT = Effect(
-    "force-dropout",
+    name="force-dropout",
+    kind="instrument",
+    sentence="the real force falls below the recorded one near resonance",
     forms=dropout_forms,
     simulate=simulate_dropout,
     shapes=(
@@ -98,15 +107,20 @@ FORCE_DROPOUT = Effect(
         Shape("lorentzian", least=0.0, default=0.0),
         Shape("receptance", least=0.0, default=0.0),
     ),
+    need="sweep",
 )
 
 
 TIME_DELAY = Effect(
-    "time-delay",
+    name="time-delay",
+    kind="instrument",
+    sentence="the phases are off in proportion to frequency (a delay)",
     # strength: the lag at omega_n, at most 1 rad
     forms=lambda scales: TIME_DELAY.either_sign(lambda lag: {"delay": lag / scales.omega_n}, largest=1.0),
     simulate=lambda terms, table: terms.plus(offset=lambda drive: -1j * drive.omega * table["delay"]),
     shapes=(Shape("delay", TIME),),
+    need="phase",
+    prior=_DELAY,
 )
 
 
@@ -164,10 +178,13 @@ def simulate_saturation(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 SENSOR_SATURATION = Effect(
-    "sensor-saturation",
+    name="sensor-saturation",
+    kind="instrument",
+    sentence="large readings are clipped or compressed",
     forms=saturation_forms,
     simulate=simulate_saturation,
     shapes=(Shape("level", LENGTH, above=0.0), Shape("power", least=0.0, default=0.0)),
+    need="sweep",
 )
 
 
@@ -188,8 +205,11 @@ def simulate_background(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 BACKGROUND = Effect(
-    "background",
+    name="background",
+    kind="instrument",
+    sentence="a constant signal is added to the reading",
     forms=background_forms,
     simulate=simulate_background,
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
+    need="sweep",
 )

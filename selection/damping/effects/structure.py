@@ -37,6 +37,8 @@ PATH = (
 )
 #: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
+#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+_OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
@@ -64,7 +66,15 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     return VISCOUS_COEFFICIENT.either_sign(report, change=change, **options)
 
 
-VISCOUS_COEFFICIENT = Effect("viscous-coefficient", forms=viscous_forms, simulate=simulate_viscous, shapes=(RELATIVE,))
+VISCOUS_COEFFICIENT = Effect(
+    name="viscous-coefficient",
+    kind="parameter",
+    sentence="the viscous coefficient is off by more than its tolerance",
+    forms=viscous_forms,
+    simulate=simulate_viscous,
+    shapes=(RELATIVE,),
+    corrects=Viscous.name,
+)
 
 
 def frequency_forms(scales: Scales) -> tuple[Form, ...]:
@@ -82,10 +92,14 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 NATURAL_FREQUENCY = Effect(
-    "natural-frequency",
+    name="natural-frequency",
+    kind="parameter",
+    sentence="the natural frequency is off by more than its tolerance",
     forms=frequency_forms,
     simulate=lambda terms, table: replace(terms, omega_n=terms.omega_n * (1.0 + table["relative"])),
     shapes=(RELATIVE,),
+    corrects="frequency",
+    need="sweep",
 )
 
 
@@ -118,7 +132,9 @@ def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 
 PLANAR_COUPLING = Effect(
-    "planar-coupling",
+    name="planar-coupling",
+    kind="structure",
+    sentence="the drive excites two close modes in principal planes at an angle",
     forms=planar_forms,
     simulate=simulate_planar,
     shapes=(
@@ -127,6 +143,7 @@ PLANAR_COUPLING = Effect(
         Shape("damping_ratio", least=0.0, default=1.0),
         Shape("alike", least=0.0, default=0.0),
     ),
+    need="sweep",
 )
 
 
@@ -173,7 +190,15 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
-RESIDUAL_MODES = Effect("residual-modes", forms=residual_forms, simulate=simulate_path, shapes=PATH)
+RESIDUAL_MODES = Effect(
+    name="residual-modes",
+    kind="structure",
+    sentence="other modes or rigid-body motion add an in-phase part",
+    forms=residual_forms,
+    simulate=simulate_path,
+    shapes=PATH,
+    need="sweep",
+)
 
 
 def second_forms(scales: Scales) -> tuple[Form, ...]:
@@ -185,7 +210,17 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
     return *above, *below
 
 
-SECOND_MODE = Effect("second-mode", forms=second_forms, simulate=simulate_path, shapes=PATH)
+SECOND_MODE = Effect(
+    name="second-mode",
+    kind="structure",
+    sentence="a close mode with its own mass and damping takes part",
+    forms=second_forms,
+    simulate=simulate_path,
+    shapes=PATH,
+    need="sweep",
+    denies=frozenset({"planar-coupling"}),
+    prior=_OWN_MASS,
+)
 
 
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
@@ -214,4 +249,11 @@ def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return terms.plus(beside=part)
 
 
-PARTNER = Effect("partner", forms=partner_forms, simulate=simulate_partner)
+PARTNER = Effect(
+    name="partner",
+    kind="structure",
+    sentence="a coupled part that resonates itself (an absorber, a tank, a circuit)",
+    forms=partner_forms,
+    simulate=simulate_partner,
+    need="sweep",
+)
