@@ -130,8 +130,13 @@ def case_five(coefficient: Floats, alpha: Floats) -> Sum:
 
 
 def energy_per_cycle(force: Force, A: Floats, omega: Floats) -> Floats:
-    """Delta W per cycle = int g dq = pi A C(A, omega) (Eq 2.3.2); over M (A omega)^2 it is psi (2.3.5, Table 2.II)."""
+    """Delta W per cycle = int g dq = pi A C(A, omega) (Eq 2.3.2, Table 2.II)."""
     return pi * A * force.quadrature(A, omega)
+
+
+def energy_content(force: Force, A: Floats, omega: Floats, M: Floats) -> Floats:
+    """Psi = Delta W/(M (A omega)^2), the loss over twice the largest kinetic energy (Eq 2.3.5, Table 2.II)."""
+    return energy_per_cycle(force, A, omega) / (M * (A * omega) ** 2)
 
 
 def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
@@ -140,6 +145,11 @@ def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Flo
     The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); this is what Table 4.III holds.
     """
     return force.quadrature(A, omega) / (M * omega_n**2 * A)
+
+
+def equivalent_viscous(force: Force, A: Floats, omega: Floats) -> Floats:
+    """The viscous coefficient of equal energy per cycle, Delta W/(pi A^2 omega) = C/(A omega) (Eq 4.3.1)."""
+    return force.quadrature(A, omega) / (A * omega)
 
 
 def energy_factor(kind: type[Force], **others: Floats) -> Floats:
@@ -166,5 +176,6 @@ __all__ = [
     "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Displacement", "DisplacementVelocity",
     "DisplacementVelocityPower", "EnergyTerm", "Force", "PowerStiffness", "QuadraticDisplacement", "Slip", "Sum",
     "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_term",
-    "energy_factor", "energy_per_cycle", "force_class", "from_damping", "list_parameter_names", "make", "shapes_of",
+    "energy_content", "energy_factor", "energy_per_cycle", "equivalent_viscous", "force_class", "from_damping",
+    "list_parameter_names", "make", "shapes_of",
 ]  # fmt: skip
