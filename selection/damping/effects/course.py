@@ -196,7 +196,7 @@ def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return terms.plus(offset=lambda drive: change * drive.time)
 
 
-READING_DRIFT = Effect(
+READING_DRIFT: Effect = Effect(
     name="reading-drift",
     kind="instrument",
     sentence="a reading whose gain or phase drifts in the course of the test",

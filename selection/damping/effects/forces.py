@@ -200,7 +200,7 @@ class Contact(Spring):
         """S."""
         x = np.minimum(self.clearance / A, 1.0)
         share = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
-        return self.coefficient * A * ones(omega) * share
+        return np.asarray(self.coefficient * A * ones(omega) * share)
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
         """dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""

@@ -38,7 +38,7 @@ def with_gain(terms: Terms, size: Floats) -> Terms:
     return replace(terms, gain=terms.gain + size)
 
 
-AMPLITUDE_SCALE = Effect(
+AMPLITUDE_SCALE: Effect = Effect(
     name="amplitude-scale",
     kind="instrument",
     sentence="all amplitudes are off by one factor (sensor gain)",
@@ -50,7 +50,7 @@ AMPLITUDE_SCALE = Effect(
     shapes=(Shape("factor", above=0.0),),
 )
 
-PHASE_LAG = Effect(
+PHASE_LAG: Effect = Effect(
     name="phase-lag",
     kind="instrument",
     sentence="all phases are off by one constant",
@@ -111,7 +111,7 @@ FORCE_DROPOUT = Effect(
 )
 
 
-TIME_DELAY = Effect(
+TIME_DELAY: Effect = Effect(
     name="time-delay",
     kind="instrument",
     sentence="the phases are off in proportion to frequency (a delay)",
