@@ -27,7 +27,7 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import NEAREST, ROUNDING, Plan
+from damping.extrapolation.near import NEAREST, ROUNDING
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
@@ -110,9 +110,7 @@ def _trace(
 def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
     """Amplitudes of a curve that nobody asked for: over the test, and on to the largest predicted, ``FARTHEST``."""
     data = predicted.plan.data
-    beyond = float(
-        np.max(predicted.loads.average.median, initial=0.0, where=np.isfinite(predicted.loads.average.median))
-    )
+    beyond = float(np.nan_to_num(predicted.loads.average.median).max())
     low, high = float(data.A.min()), float(data.A.max())
     within = np.geomspace(low, high, WITHIN) if high > low * (1.0 + ROUNDING) else np.array([high])
     if not beyond > high * (1.0 + ROUNDING):
@@ -134,12 +132,14 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     loads = free.predict_at(grid)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
-    linear = data.tested_force[top] * asked / data.tested_amplitude[top]
     predicted_there = np.isfinite(average.median)
-    linear = np.where(predicted_there, linear, np.nan)
+    linear = np.where(predicted_there, data.tested_force[top] * asked / data.tested_amplitude[top], np.nan)
     weights = [member.weight for member in predicted.members]
     of_draws = tuple(dict.fromkeys(caution for member in predicted.members for caution in member.cautions))
     steep = np.gradient(np.log(grid)) / np.gradient(np.log(loads.average.median))
+    refusal = "no prediction: no force is known that reaches this amplitude"
+    if np.isfinite(plan.limit):
+        refusal = f"no prediction: few levels do not say how damping goes on beyond the force {plan.limit:.4g}"
     return Loads(
         force=average.median,
         level=loads.level,
@@ -154,18 +154,12 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
-            (list_cautions(f, True, data, weights, plan) if p else (_describe_refusal(plan),)) + of_draws
+            (list_cautions(f, True, data, weights, plan) if p else (refusal,)) + of_draws
             for f, p in zip(average.median, predicted_there, strict=True)
         ),
         limit=plan.limit,
         amplitude=asked,
     )
-
-
-def _describe_refusal(plan: Plan) -> str:
-    if np.isfinite(plan.limit):
-        return f"no prediction: few levels do not say how damping goes on beyond the force {plan.limit:.4g}"
-    return "no prediction: no force is known that reaches this amplitude"
 
 
 def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) -> Band:

@@ -49,7 +49,12 @@ def near_resonance(record: Record) -> Observations:
         AnalysisError: no row says anything about damping.
     """
     data = observe(without_offset(record))
-    near, rows = _near(data), ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
+    cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
+    near = cotangent <= NEAR
+    for sweep in range(len(data.sweeps)):
+        own = np.flatnonzero(data.sweep == sweep)
+        near[own[np.argmin(cotangent[own])]] = True
+    rows = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
     data = replace(data, **{name: getattr(data, name)[near] for name in rows})
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
@@ -83,16 +88,6 @@ def at_resonance(data: Observations) -> Observations:
         sd_force=mean(data.sd_force),
         sd_phase=mean(data.sd_phase),
     )
-
-
-def _near(data: Observations) -> BoolArray:
-    """Which rows are near resonance, (rows,)."""
-    cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
-    near = cotangent <= NEAR
-    for sweep in range(len(data.sweeps)):
-        rows = np.flatnonzero(data.sweep == sweep)
-        near[rows[np.argmin(cotangent[rows])]] = True
-    return np.asarray(near)
 
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
@@ -149,15 +144,10 @@ def trend(data: Observations, scatter: float) -> Trend:
     variance = scatter**2 / count
     sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
-    return Trend(force, p, sd, _change(p, slope, variance))
-
-
-def _change(p: FloatArray, slope: FloatArray, variance: FloatArray) -> float:
-    """Last p less the one before, over its standard deviation; the middle level errs both, in opposite ways."""
     if len(p) < 2:
-        return np.nan
-    gradient = np.array([slope[-2], slope[-2] + slope[-1], slope[-1]])
-    return float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:])))
+        return Trend(force, p, sd, np.nan)
+    gradient = np.array([slope[-2], slope[-2] + slope[-1], slope[-1]])  # the middle level errs both, in opposite ways
+    return Trend(force, p, sd, float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:]))))
 
 
 def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:

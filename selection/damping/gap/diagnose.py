@@ -258,7 +258,9 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     search = Search(start.problem, effects, start.unknowns)
     search.singles()
     better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
-    if not _much_the_same(start, better):
+    a, b = start.problem.rows, better.problem.rows
+    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
+    if np.sqrt(np.mean(changes**2)) >= NOISE_ERROR:  # beyond what is integrated over anyway
         return better, _run(better, effects)
     search.combine()
     return start, search
@@ -268,10 +270,3 @@ def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
     search = Search(known.problem, effects, known.unknowns)
     search.run()
     return search
-
-
-def _much_the_same(setting: Setting, other: Setting) -> bool:
-    """Whether two settings have the same noise within what is integrated over anyway."""
-    a, b = setting.problem.rows, other.problem.rows
-    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    return bool(np.sqrt(np.mean(changes**2)) < NOISE_ERROR)

@@ -211,18 +211,11 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
             place["added"] = own.added + (mode.mass - base.mass)
         else:
             place |= {"mass": own.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
-        place["own"] = np.full(n, _damping_ratio(mode, base))
+        for name in list(base.damping)[:1]:  # damping of the state over that of the first, by its first force
+            leading = next(iter(base.damping[name]))
+            place["own"] = np.full(n, mode.damping[name][leading] / base.damping[name][leading])
         rows.append(own.taken(np.arange(n), **place))
     return _joined(rows)
-
-
-def _damping_ratio(mode: Mode, base: Mode) -> float:
-    """Simulated damping of a state over that of the first, by its first force."""
-    name = next(iter(base.damping), None)
-    if name is None:
-        return 1.0
-    leading = next(iter(base.damping[name]))
-    return mode.damping[name][leading] / base.damping[name][leading]
 
 
 def _joined(parts: list[Rows]) -> Rows:

@@ -230,17 +230,13 @@ def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> Model
         best = unknown.scatter(int(np.argmax(likely)))
         if best == fit.model.scatter or float(logsumexp(likely)) < least:
             break
-        fit = _refitted(fit, best)
+        k, sweeps = fit.model.size, fit.model.sweeps
+        z = fit.y[k:] * _scales(fit.model.scatter, 0, sweeps) / _scales(best, 0, sweeps)
+        again = replace(fit.model, scatter=best)
+        fit = fit_roughly(again, fit.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
     else:
         evidences = list_evidences(fit, unknown) + unknown.log_prior
     return replace(fit, log_evidence=float(logsumexp(evidences)))
-
-
-def _refitted(fit: ModelFit, scatter: Scatter) -> ModelFit:
-    k, sweeps = fit.model.size, fit.model.sweeps
-    z = fit.y[k:] * _scales(fit.model.scatter, 0, sweeps) / _scales(scatter, 0, sweeps)
-    model = replace(fit.model, scatter=scatter)
-    return fit_roughly(model, fit.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
 
 
 def _scales(scatter: Scatter, variables: int, sweeps: int) -> FloatArray:

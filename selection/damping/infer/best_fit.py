@@ -166,7 +166,10 @@ def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
             if before is None or squares[k] < before[2]:
                 best[i] = before = points[i][k], solved[k], float(squares[k])
             # the neighbours of the best on each axis, and how far off the farther is
-            spans = [_span(axis, value, low, high) for axis, value in zip(axes[i], before[0], strict=True)]
+            spans = [
+                (axis[axis < value].max(initial=low), axis[axis > value].min(initial=high))
+                for axis, value in zip(axes[i], before[0], strict=True)
+            ]
             axes[i] = [np.linspace(start, end, REFINED_POINTS) for start, end in spans]
             if all(end - start < SHAPE_STEP for start, end in spans):
                 del axes[i]
@@ -213,12 +216,6 @@ class _Rows(NamedTuple):
         """Variance of D - C: circular scatter of the phasor, and the record's own uncertainties."""
         spread = np.maximum(g**2 + self.across, 1e-12 * self.D**2)
         return np.asarray(SCATTER_MEDIAN**2 * spread + g**2 * self.of_growth + self.known)
-
-
-def _span(axis: FloatArray, value: float, low: float, high: float) -> tuple[float, float]:
-    """From the neighbour below ``value`` on an axis to the one above, within ``low`` and ``high``."""
-    below, above = axis[axis < value], axis[axis > value]
-    return float(below[-1] if below.size else low), float(above[0] if above.size else high)
 
 
 def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) -> tuple[FloatArray, FloatArray]:

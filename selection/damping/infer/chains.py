@@ -256,7 +256,11 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
         # walkers do not depend on each other, so that equal ones do no harm
         state = sampler.run_mcmc(state, steps - sampler.iteration, skip_initial_state_check=True)
         x = sampler.get_chain(discard=int(BURN_IN * steps))
-        diagnoses = _diagnose(x, target, quantities, settings.ensembles)
+        flat = x.reshape(-1, target.dimension)
+        values = {**target.parameters(flat), **quantities(flat)}
+        diagnoses = tuple(
+            assess_convergence(name, value.reshape(x.shape[:-1]), settings.ensembles) for name, value in values.items()
+        )
         failure = _describe_failure(diagnoses, settings)
         if not failure or steps == settings.budget:
             break
@@ -266,13 +270,6 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
     kept = parts[:, np.linspace(0, parts.shape[1] - 1, settings.kept).astype(int)]
     acceptance = float(np.mean(sampler.acceptance_fraction))
     return Chains(x=kept, diagnoses=diagnoses, failure=failure, steps=steps, acceptance=acceptance)
-
-
-def _diagnose(x: FloatArray, target: Target, quantities: Quantities, ensembles: int) -> tuple[Convergence, ...]:
-    """Diagnose every quantity on chains (steps, walkers, dimension)."""
-    flat = x.reshape(-1, x.shape[-1])
-    values = {**target.parameters(flat), **quantities(flat)}
-    return tuple(assess_convergence(name, value.reshape(x.shape[:-1]), ensembles) for name, value in values.items())
 
 
 def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.infer.chains import Posterior, load_arviz
-from damping.infer.law import Coordinates
 from damping.infer.likelihood import by_blocks, pointwise_log_likelihood, residuals
 from damping.infer.observations import Observations
 
@@ -96,18 +95,17 @@ def predictive_check(
     rng = np.random.default_rng(seed)
     x = posterior.draws
     row, level_scatter = posterior.coordinates.scatter(x)
-    measured = by_blocks(lambda block: _discrepancy(block, posterior.coordinates, data), x, len(data.A))
+
+    def discrepancy(x: FloatArray) -> FloatArray:
+        n, h, known = residuals(posterior.coordinates.force(x), data)
+        row, level_scatter = posterior.coordinates.scatter(x)
+        variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
+        return np.asarray(np.sum(n**2 / variance, axis=1))
+
+    measured = by_blocks(discrepancy, x, len(data.A))
     replicated = rng.chisquare(len(data.A), size=len(x))
     scatter = np.hypot(row, level_scatter)[:, None]
     percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))
     tail = 50.0 * (1.0 - level)
     low, median, high = np.nanpercentile(percent, [tail, 50.0, 100.0 - tail], axis=0)
     return PredictiveCheck(float(np.mean(replicated > measured)), median, low, high)
-
-
-def _discrepancy(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """T at points (points, dimension)."""
-    n, h, known = residuals(coordinates.force(x), data)
-    row, level_scatter = coordinates.scatter(x)
-    variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
-    return np.asarray(np.sum(n**2 / variance, axis=1))

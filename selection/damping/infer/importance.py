@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.infer.proposal import Proposal
 
@@ -106,20 +106,16 @@ def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
 
 
 def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
-    """Draws x (n, d) of log weights (n,), resampled."""
+    """Draws x (n, d) of log weights (n,), resampled in proportion with equal spacing (systematic)."""
     w = np.exp(log_w - log_w.max())
+    edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
+    chosen = np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(w) - 1)
     return Evidence(
         log_z=float(log_w.max() + np.log(np.mean(w))),
         standard_error=float(np.std(w) / np.mean(w) / np.sqrt(len(w))),
-        draws=x[_resample(w, seed)],
+        draws=x[chosen],
         effective_draws=float(w.sum() ** 2 / np.sum(w**2)),
     )
-
-
-def _resample(w: FloatArray, seed: int) -> IntArray:
-    """Indices of draws in proportion to their weights, as many as there are, with equal spacing (systematic)."""
-    edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
-    return np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(w) - 1).astype(np.int64)
 
 
 def more_draws(

@@ -69,18 +69,20 @@ def _residuals(
         n = data.D - C
         n /= size
         h /= size
-        return n, h, _find_known(h, size, data) if data.states_uncertainty else None
-
-
-def _find_known(h: FloatArray, size: FloatArray, data: Observations) -> FloatArray:
-    """Variance of n by the record's own uncertainties, (..., rows)."""
-    beside = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-    return np.asarray(h**2 * data.sd_amplitude**2 + beside / size**2)
+        if not data.states_uncertainty:
+            return n, h, None
+        beside = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
+        return n, h, h**2 * data.sd_amplitude**2 + beside / size**2
 
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
-    return by_blocks(lambda block: _log_likelihood(block, coordinates, data), x, len(data.A))
+
+    def weigh(block: FloatArray) -> FloatArray:
+        force = coordinates.force(block)
+        return _weigh(block, force, *_averages(force, data), coordinates, data)
+
+    return by_blocks(weigh, x, len(data.A))
 
 
 def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
@@ -89,11 +91,6 @@ def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int
     if len(x) <= step:
         return work(x)
     return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
-
-
-def _log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    force = coordinates.force(x)
-    return _weigh(x, force, *_averages(force, data), coordinates, data)
 
 
 def _weigh(
