@@ -92,16 +92,13 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
 
 def count_agreements(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows of the reproduction by chapter and agreement, with the number that carry an erratum; a last row for all."""
-    chapter = rows["id"].map(chapter_of)
+    chapter, roman = rows["id"].map(chapter_of), LABELS["roman"]
     table = pd.crosstab(chapter, rows["agreement"]).reindex(columns=list(LABELS["agreements"]), fill_value=0)
     table.insert(0, "printed numbers", table.sum(axis=1))
     table["with erratum"] = (rows["erratum"] != "").groupby(chapter).sum()
     table.loc["all"] = table.sum()
-    table.index = pd.Index([f"chapter {_ROMAN[n]}" if n in _ROMAN else str(n) for n in table.index])
+    table.index = pd.Index([f"chapter {roman[str(n)]}" if str(n) in roman else str(n) for n in table.index])
     return table.rename_axis("chapter").reset_index().rename_axis(columns=None)
-
-
-_ROMAN = {2: "II", 3: "III", 4: "IV", 5: "V"}
 
 
 #: Differences below this many per cent are drawn on a linear scale.
