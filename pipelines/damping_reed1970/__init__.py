@@ -14,23 +14,17 @@ from collections.abc import Iterable
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.errors import InputError
 from damping_pipelines import shipped_folder
 
 Version = Literal["printed", "corrected", "used"]
 Run = Literal["E3", "E4"]
-
-TABLE_NAMES = (
-    "2_I", "2_II", "3_I", "3_II", "3_III", "3_IV", "4_I", "4_II", "4_III", "4_IV", "4_V",
-    "5_I", "5_II", "5_III", "5_IV",
-)  # fmt: skip
 
 
 def data_folder() -> Path:
@@ -45,56 +39,39 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
     """One table of the report; columns carry their units in their names.
 
     Args:
-        name: ``"3_I"``, ``"3.I"`` or ``"table_3_I"``; see ``TABLE_NAMES``.
+        name: ``"3_I"`` for Table 3.I.
         version: ``"printed"``: every digit as printed. ``"corrected"``: cells that are wrong replaced.
             ``"used"``: what the report's own computation used: where that is known to differ from the print it is
             taken (Table 5.III and 5.IV: the recovered inputs), else the corrected cell, else the printed one.
         run: of Table 5.IV as used, the inputs of the two-term run ``"E3"`` (Eq. 5.3.14) or of the one-term runs
             ``"E4"`` (Eq. 5.3.15 and the viscous one of section 5.3): the report changed one energy between them.
-
-    InputError: unknown name, version or run; the message lists the choices.
     """
-    key = _choose(name.removeprefix("table_").replace(".", "_"), TABLE_NAMES, "table of the report")
-    _choose(version, get_args(Version), "version of a table")
-    _choose(run, get_args(Run), "run of Table 5.IV")
-    return _load(key, version, run).copy()
+    return _load(name, version, run).copy()
 
 
 @lru_cache
-def _load(key: str, version: Version, run: Run) -> pd.DataFrame:
+def _load(name: str, version: Version, run: Run) -> pd.DataFrame:
     """A table, read once."""
-    table = _read(f"tables/table_{key}.csv")
+    table = load_text(f"tables/table_{name}")
     if version != "printed":
-        table = _tabulate_corrected(table, key, version, run)
+        table = _tabulate_corrected(table, name, version, run)
     return _tabulate_numeric(table)
 
 
-def load_corrections() -> pd.DataFrame:
-    """Cells that are wrong or that the report did not use as printed; all columns are text as written."""
-    return _read("corrections.csv")
+def load_text(name: str) -> pd.DataFrame:
+    """A CSV of the Saturn V folder, every cell as the text that is there (empty where nothing is).
 
-
-def load_errata() -> pd.DataFrame:
-    """Misprints, misreadings and derivation errors: ``id, severity, kind, where, as_printed, should_be, proof``.
-
-    ``severity`` is A where results change, B where numbers change, C for minor ones.
+    ``corrections``: cells that are wrong or that the report did not use as printed. ``errata``: misprints, misreadings
+    and derivation errors, ``id, severity, kind, where, as_printed, should_be, proof``; ``severity`` is A where results
+    change, B where numbers change, C for minor ones. ``printed_results``: every printed result that can be recomputed,
+    ``id, where, printed, erratum, reason, recipe``.
     """
-    return _read("errata.csv")
-
-
-def load_printed_results() -> pd.DataFrame:
-    """Every printed result that can be recomputed: ``id, where, printed`` (text), ``erratum, reason, recipe``."""
-    return _read("printed_results.csv")
+    return pd.read_csv(data_folder() / "saturn-v" / f"{name}.csv", dtype=str, keep_default_na=False)
 
 
 def load_force_laws() -> pd.DataFrame:
     """Damping forces summarised in section 6.1, one row a term, coefficients as printed (lb, in, s)."""
-    return _tabulate_numeric(_read("tables/section_6_1.csv"), text=("equation",))
-
-
-def _read(path: str) -> pd.DataFrame:
-    """A CSV of the Saturn V folder, every cell as the text that is there (empty where nothing is)."""
-    return pd.read_csv(data_folder() / "saturn-v" / path, dtype=str, keep_default_na=False)
+    return _tabulate_numeric(load_text("tables/section_6_1"), text=("equation",))
 
 
 def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
@@ -111,7 +88,7 @@ def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.Dat
 def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
     """Copy of a table (as text) with its corrections applied."""
     table = table.copy()
-    corrections = load_corrections()
+    corrections = load_text("corrections")
     for row in corrections[corrections["table"] == name].to_dict("records"):
         used = row["used_by_report"] if version == "used" and row["run"] in ("", run) else ""
         value = used or row["corrected"]
@@ -121,12 +98,6 @@ def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: R
             matching = np.logical_and.reduce([table[column] == key for column, key in where])
             table.loc[matching, row["column"]] = value
     return table
-
-
-def _choose(value: str, choices: tuple[str, ...], what: str) -> str:
-    if value not in choices:
-        raise InputError(f"unknown {what} '{value}'", expected=f"one of {', '.join(choices)}")
-    return value
 
 
 def columns(table: pd.DataFrame, *names: str) -> tuple[FloatArray, ...]:

@@ -172,7 +172,7 @@ def write_chapter(
 
     agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
     text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
-    known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row}
+    known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row, "labels": LABELS}
     blocks = write_blocks(text, {**known_values, **values}, take)
     section = Section(f"chapter-{number}", LABELS["titles"][str(number)], blocks)
     return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})

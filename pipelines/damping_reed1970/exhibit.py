@@ -19,7 +19,7 @@ from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.terminal import progress
-from damping_reed1970 import data_folder, load_errata
+from damping_reed1970 import data_folder, load_text
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
 from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior
@@ -155,7 +155,7 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     """
     return {
         "reproduction": reproduce(),
-        "errata": load_errata().sort_values("severity", kind="stable", ignore_index=True),
+        "errata": load_text("errata").sort_values("severity", kind="stable", ignore_index=True),
         "regressions": tabulate_regressions(),
         "regression_deviations": tabulate_regression_deviations(),
         "linear_coefficients": tabulate_linear_coefficients(),

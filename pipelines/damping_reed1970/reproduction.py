@@ -17,7 +17,7 @@ from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, styled
 from damping.report import number
 from damping.report.page import Block, Section, Table, join_lines, write_blocks
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_printed_results
+from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_text
 from damping_reed1970.common import CLOSE, KNOWN, LABELS, ReportPart, chapter_of, draw_block
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
@@ -47,7 +47,7 @@ def reproduce() -> pd.DataFrame:
     computed = {**chapter_2.table_2_ii(), **chapter_3.computed(), **chapter_4.computed(), **chapter_5.computed()}
     corrected = {**chapter_3.after_correction(), **chapter_4.after_correction(), **chapter_5.after_correction()}
     changed = {key: value for key, value in corrected.items() if value != computed.get(key)}
-    table = load_printed_results()
+    table = load_text("printed_results")
     values, after = table["id"].map(computed), table["id"].map(changed)
     agreements = [
         agreement(printed, value) if np.isfinite(value) else None
@@ -92,16 +92,13 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
 
 def count_agreements(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows of the reproduction by chapter and agreement, with the number that carry an erratum; a last row for all."""
-    chapter = rows["id"].map(chapter_of)
+    chapter, roman = rows["id"].map(chapter_of), LABELS["roman"]
     table = pd.crosstab(chapter, rows["agreement"]).reindex(columns=list(LABELS["agreements"]), fill_value=0)
     table.insert(0, "printed numbers", table.sum(axis=1))
     table["with erratum"] = (rows["erratum"] != "").groupby(chapter).sum()
     table.loc["all"] = table.sum()
-    table.index = pd.Index([f"chapter {_ROMAN[n]}" if n in _ROMAN else str(n) for n in table.index])
+    table.index = pd.Index([f"chapter {roman[str(n)]}" if str(n) in roman else str(n) for n in table.index])
     return table.rename_axis("chapter").reset_index().rename_axis(columns=None)
-
-
-_ROMAN = {2: "II", 3: "III", 4: "IV", 5: "V"}
 
 
 #: Differences below this many per cent are drawn on a linear scale.

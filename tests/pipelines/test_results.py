@@ -140,9 +140,9 @@ def test_planar_fits_of_chapter_iii(summary, chapter_3):
 
 
 def test_reproduction_covers_every_printed_result(summary):
-    from damping_reed1970 import load_printed_results
+    from damping_reed1970 import load_text
 
-    assert [row["id"] for row in summary["reproduction"]] == list(load_printed_results()["id"])
+    assert [row["id"] for row in summary["reproduction"]] == list(load_text("printed_results")["id"])
     for row in summary["reproduction"]:
         assert set(row) == {"id", "printed", "computed", "computed_after_correction", "erratum"}
         assert isinstance(row["printed"], str)

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from damping.signals import energy_loss
-from damping_reed1970 import load_errata
+from damping_reed1970 import load_text
 from damping_reed1970.chapter_3 import PLANES, pitch_response, tabulate_branch, tabulate_mean, yaw_response
 from damping_reed1970.chapter_3.page import collect_figures
 from damping_reed1970.chapter_3.planar_fit import fit_table, phasors
@@ -56,7 +56,7 @@ def test_mean_coefficient_on_each_branch() -> None:
     """Eq. 3.2.18: 2.30 printed; 1.675 and 4.457 are those of erratum E3IV-1."""
     means = tabulate_mean().set_index("choice")["C_1"]
     assert_allclose(means["as printed"], 2.30, rtol=0, atol=0.005)
-    proof = load_errata().set_index("id")["proof"]["E3IV-1"]
+    proof = load_text("errata").set_index("id")["proof"]["E3IV-1"]
     assert f"C1={means['every low root, points 10 and 13 at the xi of the largest energy']:.3f}" in proof
     assert f"{means['every high root, points 10 and 13 at the xi of the largest energy']:.3f}" in proof
     # the report's own roots, solved exactly, leave its mean over the 13 points where it is

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping_reed1970 import load_errata
+from damping_reed1970 import load_text
 from damping_reed1970.reproduction import agreement, reproduce
 
 REFERENCE = pd.read_csv(Path(__file__).parents[1] / "reference" / "report_results.csv").set_index("id")
@@ -94,7 +94,7 @@ def test_the_small_differences_of_table_5_ii_are_within_their_rounding() -> None
 
 
 def test_errata_exist() -> None:
-    assert {r.erratum for r in RESULTS.values()} - {""} <= set(load_errata()["id"])
+    assert {r.erratum for r in RESULTS.values()} - {""} <= set(load_text("errata")["id"])
 
 
 @pytest.mark.parametrize(

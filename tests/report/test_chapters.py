@@ -15,7 +15,7 @@ from damping.report import number
 from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping_reed1970 import load_errata
+from damping_reed1970 import load_text
 from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
@@ -214,7 +214,7 @@ def test_counts_of_the_reproduction(results: ReportResults) -> None:
 
 
 def test_errata_come_with_their_proof_and_their_numbers(parts: list[ReportPart], results: ReportResults) -> None:
-    errata = load_errata()
+    errata = load_text("errata")
     shown = [b.frame for b in inside(find(parts, "errata").section.blocks) if isinstance(b, Table)]
     assert [len(frame) for frame in shown] == [int((errata["severity"] == s).sum()) for s in "ABC"]
     together = pd.concat(shown)

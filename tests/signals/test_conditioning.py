@@ -28,7 +28,7 @@ from damping.signals import (
     plane_motion,
     yaw_displacement,
 )
-from damping_reed1970 import load_errata, load_table
+from damping_reed1970 import load_table, load_text
 from damping_reed1970.chapter_3 import (
     PLANES,
     PlanarOscillator,
@@ -172,7 +172,7 @@ def test_roots_of_table_3_iv() -> None:
     peak = np.array([point.xi_peak for point in roots])
     low_mean = mean_coefficient(21.0, omega, np.where(there, low, peak))
     high_mean = mean_coefficient(21.0, omega, np.where(there, branch(roots, -1, largest=0.05), peak))
-    proof = load_errata().set_index("id")["proof"]["E3IV-1"]
+    proof = load_text("errata").set_index("id")["proof"]["E3IV-1"]
     assert f"C1={low_mean:.3f}" in proof
     assert f"below .05 {high_mean:.3f}" in proof
 

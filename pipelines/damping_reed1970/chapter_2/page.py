@@ -148,12 +148,9 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "reference": REFERENCE,
         "joints": list(JOINTS),
     }
-    symbols = {"omega": "ω", "omega_closed_form": "ω in closed form", "xi": "ξ", "force": "modal force"}
-    energy_headings = {"amplitude": "A / A₁", "printed_over_exact": "printed / exact",
-                       "corrected_equivalent": "C₃q̇², equal energy", "equivalent_percent": "its error, %"}  # fmt: skip
     shown = {
-        "slip_equivalent": chapter_table(2, "slip_equivalent", at, energy_headings),
-        "lumped_masses": chapter_table(2, "lumped_masses", modes, symbols),
+        "slip_equivalent": chapter_table(2, "slip_equivalent", at, LABELS["slip_equivalent"]),
+        "lumped_masses": chapter_table(2, "lumped_masses", modes, LABELS["lumped_masses"]),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
     figures = collect_figures(studies)

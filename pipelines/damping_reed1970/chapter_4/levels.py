@@ -29,6 +29,7 @@ from damping.records.resonance import tabulate_resonances
 from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_4 import resonances
 from damping_reed1970.chapter_4.lines import fit_mode
+from damping_reed1970.common import LABELS
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
 ONE_TERM = {"V, second term" if case == "V" else case: force for case, force in CASES.items()}
@@ -195,10 +196,6 @@ def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10
     return pd.DataFrame(rows)
 
 
-#: What is kept from level to level, in words.
-HELD = {"xi": "damping factor", "coefficient": "coefficient"}
-
-
 @styled
 def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
     """Draw by how much each case's coefficient varies from level to level, with every choice of base (Table 4.V).
@@ -219,6 +216,6 @@ def draw_level_variation(variations: pd.DataFrame, held: str) -> Figure:
               label="standard deviation")  # fmt: skip
     axes.set_xscale("log")
     plain_log(axes.xaxis)
-    axes.set_xlabel(f"variation of the {HELD[held]}\nfrom level to level (per cent)")
+    axes.set_xlabel(f"variation of the {LABELS['kept'][held][0]}\nfrom level to level (per cent)")
     figure.legend(loc="outside lower center", ncols=2, fontsize=7.5)
     return figure

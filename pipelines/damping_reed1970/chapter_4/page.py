@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,13 +14,10 @@ from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, l
 from damping.report.page import Table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
-from damping_reed1970.chapter_4.levels import HELD, draw_level_variation
-from damping_reed1970.chapter_4.lines import IV, SweepLines, V
-from damping_reed1970.common import ReportPart, chapter_table, write_chapter
+from damping_reed1970.chapter_4.levels import draw_level_variation
+from damping_reed1970.chapter_4.lines import SweepLines
+from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
-
-#: What is kept from level to level, in words.
-KEPT = {"xi": "damping factor ξ", "coefficient": "coefficient C"}
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
@@ -37,15 +32,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "by_base": chapter_table(4, "level_variations", _widen(variations, "largest_percent", bases)),
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
-    values = {
-        "models": (IV.name, V.name),
-        "hertz": studies.curves.omega_n / (2.0 * np.pi),
-        "printed": PRINTED["curves"],
-        "least": _list_least(variations),
-        "held": HELD,
-        "kept": list(studies.levels),
-        "example_force": F_EXAMPLE,
-    }
+    values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
     figures = collect_figures(studies)
     return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
 
@@ -57,23 +44,12 @@ def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
     return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
-def _list_least(variations: pd.DataFrame) -> list[tuple[int, str, pd.Series[Any], pd.Series[Any]]]:
-    """What varies least, by mode and what is kept: among the report's cases, and among all."""
-    least = []
-    for mode, held in product((1, 2), KEPT):
-        rows = variations[(variations["mode"] == mode) & (variations["kept"] == held)].drop_duplicates("case")
-        rows = _tabulate_named(rows.sort_values("spread_percent", kind="stable"))
-        of_report = rows[~rows["free"] & (rows["case"] != "V, second term")]
-        least.append((mode, KEPT[held], of_report.iloc[0], rows.iloc[0]))
-    return least
-
-
 def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:
     """Spread of each case by mode and what is kept, one row per case."""
     once = variations.drop_duplicates(["mode", "kept", "case"])
     wide = once.pivot_table("spread_percent", "case", ["mode", "kept"], aggfunc="first")
     keys = wide.columns.to_frame(index=False)
-    wide.columns = "mode " + keys["mode"].astype(str) + ", " + keys["kept"].map(KEPT)
+    wide.columns = "mode " + keys["mode"].astype(str) + ", " + keys["kept"].map(LABELS["kept"]).str.join(" ")
     return _tabulate_named(wide.sort_values(wide.columns[0]).reset_index())
 
 
@@ -127,7 +103,11 @@ def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
         axes.plot(printed[x], printed[y], color=LINEAR, linestyle=(0, (4, 3)), linewidth=1.1, label="printed (4.1.10)")
         _draw_sweeps(axes, data.points, x, y)
         top = float(data.points["C_1_lb_s_per_in"].max())
-        axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top), title=_MODES[data.mode])
+        axes.set(
+            xlim=(0.0, float(data.lines["amplitude_in"].max())),
+            ylim=(0.0, 1.6 * top),
+            title=_MODES[data.mode],
+        )
         axes.set(xlabel="resonant amplitude (in)", ylabel="linear coefficient C₁ (lb s/in)")
         axes.legend(loc="upper left", fontsize=7)
     return figure

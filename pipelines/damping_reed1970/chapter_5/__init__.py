@@ -5,9 +5,12 @@ Every fit of the report is an ``EnergyFit``, made again from printed, corrected 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import pi
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,20 +24,16 @@ from damping.regression.program import deviations_of
 from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
+#: What the chapter prints beside its tables.
+PRINTED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("printed.toml").read_text("utf-8"))
 #: Energy terms by the names of the printed results.
-TERMS = {
-    "A2w": parse_term("A^2*omega"),
-    "A3w": parse_term("A^3*omega"),
-    "A3w2": parse_term("A^3*omega^2"),
-    "A2": parse_term("A^2"),
-    "A4w": parse_term("A^4*omega"),
-}
+TERMS = {name: parse_term(term) for name, (term, _) in PRINTED["terms"].items()}
 #: Case of Table 5.I of each energy term.
-TERM_CASES = {"A2w": "I", "A2": "II", "A3w2": "III", "A3w": "IV", "A4w": "V"}
+TERM_CASES: dict[str, str] = {name: case for name, (_, case) in PRINTED["terms"].items()}
 #: What the inputs of a fit may be, by the name in the tables.
 INPUT_VERSIONS: dict[str, Version] = {"printed": "printed", "corrected": "corrected", "recovered": "used"}
 #: The law that made the check-out data, as printed.
-GENERATOR = {"A2w": 1.571, "A3w": 1.067}
+GENERATOR: dict[str, float] = PRINTED["generator"]
 
 #: Coefficient by term.
 Polynomial = dict[str, float]
@@ -77,14 +76,15 @@ class EnergyFit:
     erratum: str
     forces: Polynomial = field(default_factory=dict)
     run: Run = "E4"
-    rows: slice = field(default_factory=lambda: slice(None))
+    rows: tuple[int | None, int | None] = (None, None)
     fitted: str = ""
     percent: str = ""
 
     def data(self, version: Version) -> Points:
         """A, omega, E of the points fitted."""
         A, omega, E = load_points(self.table, version, self.run)
-        return A[self.rows], omega[self.rows], E[self.rows]
+        rows = slice(*self.rows)
+        return A[rows], omega[rows], E[rows]
 
     def inputs(self) -> dict[str, Points]:
         """Inputs by name; of the check-out data there are none recovered but the generator that made them."""
@@ -103,31 +103,13 @@ class EnergyFit:
         return dict(zip(self.printed, self.fit(*self.data(version)).coefficients.tolist(), strict=True))
 
 
-CHECK_OUT_TWO = EnergyFit("check-out, two terms", "5.3.1", "5_II", {"A2w": 1.571, "A3w": 1.066}, "E5II-5")
-CHECK_OUT_FIVE = EnergyFit(
-    "check-out, five terms", "5.3.3", "5_II",
-    {"A2w": 1.455, "A3w": 0.827, "A3w2": 0.1179, "A2": 0.222, "A4w": 0.0223}, "E5II-3",
-    fitted="E_eq533_in_lb", percent="percent_deviation",
-)  # fmt: skip
-E_1 = EnergyFit(
-    "E1", "5.3.9", "5_III", {"A2w": 5.221, "A3w": 5.538}, "E5III-1, E5III-2", {"A2w": 1.66, "A3w": 4.15},
-    fitted="E1_in_lb",
-)  # fmt: skip
-E_2 = EnergyFit(
-    "E2", "5.3.9", "5_III", {"A2w": 9.942}, "E5III-1, E5III-2", {"A2w": 3.165},
-    fitted="E2_in_lb", percent="percent_deviation_E2",
-)  # fmt: skip
-E_3 = EnergyFit(
-    "E3", "5.3.14", "5_IV", {"A2w": 1.17, "A3w2": 0.604}, "E5IV-1", {"A2w": 0.373, "A3w2": 0.230}, "E3",
-    fitted="E3_in_lb",
-)  # fmt: skip
-#: Fitted to points 4 to 12 (Eq. 5.3.13).
-E_4 = EnergyFit(
-    "E4", "5.3.15", "5_IV", {"A3w2": 0.707}, "E5IV-1, E5IV-2", {"A3w2": 0.265}, "E4", slice(3, 12),
-    fitted="E4_in_lb", percent="percent_deviation_E4",
-)  # fmt: skip
-VISCOUS = EnergyFit("viscous 2.39", "end of 5.3", "5_IV", {"A2w": np.nan}, "E5IV-1", {"A2w": 2.39})
-FITS = (CHECK_OUT_TWO, CHECK_OUT_FIVE, E_1, E_2, E_3, E_4, VISCOUS)
+FITS = {key: EnergyFit(**fields) for key, fields in PRINTED["fits"].items()}
+CHECK_OUT_TWO = FITS["check_out_two"]
+CHECK_OUT_FIVE = FITS["check_out_five"]
+E_1 = FITS["E1"]
+E_2 = FITS["E2"]
+E_3 = FITS["E3"]
+E_4 = FITS["E4"]
 
 
 def generate_check_out() -> Points:
@@ -176,7 +158,7 @@ def table_5_iv(version: Version) -> dict[str, float]:
     """The printed polynomials 5.3.14 and 5.3.15, or those of fits to recovered inputs; deviation of the printed E_4."""
     E3, E4 = (f.printed if version == "printed" else f.coefficients(version) for f in (E_3, E_4))
     A, omega, E = E_4.data(version)
-    deviation = 100.0 * (E - load_table("5_IV")["E4_in_lb"].to_numpy()[E_4.rows]) / E
+    deviation = 100.0 * (E - load_table("5_IV")["E4_in_lb"].to_numpy()[slice(*E_4.rows)]) / E
     return {
         **by_point("tab5IV.E3", polynomial(E3, *E_3.data(version)[:2])),
         **by_point("tab5IV.E4", polynomial(E4, A, omega), range(4, 13)),
@@ -194,7 +176,7 @@ def fitted_coefficients() -> dict[str, float]:
         results |= {f"eq539.{own.name}_{name}": own.coefficients(version) for own in (E_1, E_2)}
         results[f"eq5314.E3_{name}"] = E_3.coefficients(version)
         single[f"eq5315.E4_{name}"] = E_4.coefficients(version)["A3w2"]
-        single[f"sec53.viscous_2.39_{name}"] = VISCOUS.coefficients(version)["A2w"] / pi
+        single[f"sec53.viscous_2.39_{name}"] = FITS["viscous"].coefficients(version)["A2w"] / pi
     return single | {f"{name}[{term}]": float(a) for name, terms in results.items() for term, a in terms.items()}
 
 
@@ -233,7 +215,7 @@ def tabulate_regressions() -> pd.DataFrame:
     ``printed``, ``printed_force``: as printed, NaN where the report prints none.
     """
     parts = []
-    for energy_fit in FITS:
+    for energy_fit in FITS.values():
         printed = np.concatenate(energy_fit.data("printed"))
         for inputs, data in energy_fit.inputs().items():
             changed = int(np.sum(np.concatenate(data) != printed))
@@ -276,8 +258,8 @@ def tabulate_regression_deviations() -> pd.DataFrame:
     inputs X, of the fit's own points.
     """
     parts = []
-    for energy_fit in (own for own in FITS if own.fitted):
-        table = load_table(energy_fit.table)[energy_fit.rows]
+    for energy_fit in (own for own in FITS.values() if own.fitted):
+        table = load_table(energy_fit.table)[slice(*energy_fit.rows)]
         A, omega, E = energy_fit.data("printed")
         part = pd.DataFrame({"fit": energy_fit.name, "table": energy_fit.table.replace("_", ".")}, index=table.index)
         part["point"] = table["row" if "row" in table else "point"]
