@@ -100,7 +100,9 @@ def _names(mode: Mode | None, given: str | None) -> Units:
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
     stated = Units(*SYSTEMS[given], "s")
-    for what, text in vars(mode.units).items() if mode else ():
+    if mode is None:
+        return stated
+    for what, text in vars(mode.units).items():
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
         if (named.powers, named.factor) != (meant.powers, meant.factor):

@@ -176,7 +176,7 @@ def _decays(
 
 
 def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary) -> Decay:
-    known = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
+    known: dict[str, Any] = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
     levels = ring_down(history.t, history.signal, **known, **window)
     summary.add(
         f"decay {history.label!r}",

@@ -77,7 +77,7 @@ def fleet(
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
             if not first or (scheduler is None and workers == 0):
-                book.keep(map(runners.analyse, tasks), done)
+                book.keep(runners.serial(tasks), done)
             else:
                 with runners.connected(scheduler, workers, address) as client:
                     _greet(client, done, shown=scheduler is not None or address is not None)

@@ -1,4 +1,4 @@
-"""Tasks on Dask, a bounded number under way."""
+"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
 
 from __future__ import annotations
 
@@ -42,6 +42,11 @@ _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 
 Work = Callable[[FleetTask], FleetResult]
+
+
+def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
+    """One after the other, in this process."""
+    return map(analyse, tasks)
 
 
 @contextmanager
