@@ -14,13 +14,11 @@ from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
-from damping_pipelines.decks import write_deck
-from damping_pipelines.forms import AnswerForm, DampingForm, LoadsForm, ParameterForm, RankForm, read_form
+from damping_pipelines.decks import export_deck
+from damping_pipelines.forms import MAX_FORM_SIZE, AnswerForm, LoadsForm, ParameterForm, RankForm, read_form
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console
 
-#: Largest ranking or loads form that is read, bytes (a form of a hundred candidates takes 50 000).
-MAX_FORM_SIZE = 10_000_000
 _UFF = (".uff", ".unv")
 _EXPECTED = "a name ending in .uff, .unv, .csv or .parquet"
 
@@ -79,18 +77,6 @@ def export(
             )
         write_text(mode_out, describe_mode_to_toml(described))
     _write_record(record, names, out, notes, text=text)
-
-
-def export_deck(source: Path, out: Path, code: str) -> None:
-    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
-
-    InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
-    """
-    check_outputs({"--out": out}, source)
-    content = read_bytes(source, MAX_FORM_SIZE)
-    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
-    write_text(out, write_deck(code, content, form, str(source)))
-    console().print(f"{out} written: damping for {code}")
 
 
 def _names(mode: Mode | None, given: str | None) -> Units:

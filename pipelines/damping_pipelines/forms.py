@@ -10,6 +10,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, V
 from damping.errors import InputError
 from damping.records.text import unguarded
 
+#: Largest form that is read, bytes (a ranking of a hundred candidates takes 50 000).
+MAX_FORM_SIZE = 10_000_000
 Positive = Annotated[float, Field(gt=0.0)]
 
 

@@ -109,11 +109,10 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
         raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
     required = list_required_columns(names, list(table.columns))
     numbers = [name for name in required if name != "sweep"]
-    if "sweep" in names:  # used as a number
-        return read_table(path, required=required, max_size=max_size)
-    if all(name in table.columns and pd.api.types.is_float_dtype(table[name]) for name in numbers):
+    text = ("sweep",) if "sweep" not in names else ()  # a label, unless a term takes it as a number
+    if text and all(name in table.columns and pd.api.types.is_float_dtype(table[name]) for name in numbers):
         return table
-    return read_table(path, required=required, text_columns=("sweep",), max_size=max_size)
+    return read_table(path, required=required, text_columns=text, max_size=max_size)
 
 
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
@@ -164,8 +163,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     """
     check_outputs({"--out": out}, raw, config)
     description = read_description(config)
-    table = read_raw(raw, description, max_size)
-    done = condition_steps(table, description)
+    done = condition_steps(read_raw(raw, description, max_size), description)
     record = done[-1].after
     check_repeats(record, raw, max_size)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
@@ -180,8 +178,7 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
     """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
     files = {}
     for place, step in enumerate(steps, 1):
-        removed = step.removed.add_prefix("removed ")
-        table = step.after.reindex(step.before.index).join(removed)
+        table = step.after.reindex(step.before.index).join(step.removed.add_prefix("removed "))
         if len(step.after) < len(step.before):  # rows that were left out keep what the step does not change
             kept = step.before.loc[step.after.index]
             for name in step.before.columns.intersection(step.after.columns):
