@@ -1,7 +1,5 @@
 """``damping compare``: studies side by side on one page. Each is read by its manifest, so that none is of two runs."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

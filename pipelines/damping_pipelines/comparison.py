@@ -1,7 +1,5 @@
 """The page that sets studies, modes and configurations side by side: one table with units; the same law or not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,8 +9,6 @@ force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median st
 by non-negative least squares over the load levels.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass

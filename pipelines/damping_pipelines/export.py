@@ -1,7 +1,5 @@
 """``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Forms that commands wrote, read back and checked: of a ranking, loads, a curve, a campaign and a study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 

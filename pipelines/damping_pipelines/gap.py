@@ -1,7 +1,5 @@
 """``damping gap``: the gap between a simulation and a test, of one record or of a folder of cases (form ``gap/1``)."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

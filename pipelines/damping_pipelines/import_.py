@@ -1,7 +1,5 @@
 """``damping import``: a laboratory's file to a record, with a table of what was understood."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path

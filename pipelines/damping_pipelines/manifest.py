@@ -6,8 +6,6 @@ so a reader that checks it never takes files of two runs for one: it says which 
 What a result depends on beside its inputs: versions of packages, and the source of this project.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import os

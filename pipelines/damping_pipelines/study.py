@@ -1,7 +1,5 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed

@@ -1,7 +1,5 @@
 """What a study reads and what it leaves: settings, checked before anything runs; report, summary, tables, figures."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Iterable, Mapping

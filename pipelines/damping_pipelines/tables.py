@@ -4,8 +4,6 @@
 what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).
 """
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -1,7 +1,5 @@
 """The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 import time

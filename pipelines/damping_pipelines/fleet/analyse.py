@@ -1,7 +1,5 @@
 """One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

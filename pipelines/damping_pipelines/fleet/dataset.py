@@ -3,8 +3,6 @@
 The data set is a folder of Parquet files, one a batch, each written whole and then renamed.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

@@ -7,8 +7,6 @@ record, ``conversion.time_histories`` turns time histories into displacement for
 file nor the user says is asked for in an error; nothing is guessed.
 """
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Collection, Mapping
 from pathlib import Path

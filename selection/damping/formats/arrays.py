@@ -3,8 +3,6 @@
 The memory and the time of that process are limited; when it dies, an error names the file as the cause.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

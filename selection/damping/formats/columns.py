@@ -3,8 +3,6 @@
 Lines are taken one at a time and only the mapped columns are kept, so that memory stays below a few times the file.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from array import array

@@ -3,8 +3,6 @@
 What the user states goes before what the file says; what neither says is asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(o
 X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Whether R is rms only the user can say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi

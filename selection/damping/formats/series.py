@@ -4,8 +4,6 @@ A header holds a name, a unit and a scaling: ``Accel [g rms]``; ``F [N]`` is a f
 the unit. What was understood of a file: a table of fact and whence, and notes on what was left out.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence

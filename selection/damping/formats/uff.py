@@ -6,8 +6,6 @@ precision), and must read what laboratories have: touching columns, letters D, e
 abscissas, padded last lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

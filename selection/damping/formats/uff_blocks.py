@@ -4,8 +4,6 @@ Data set 58 (function at nodal DOF), revision of 30-Jun-1999: eleven header line
 the values, as text or (58b) as bytes. Header lines are counted, not searched, so that an ID line may read ``-1``.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

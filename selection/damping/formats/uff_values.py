@@ -6,8 +6,6 @@ text with 13 digits of the ordinate and 6 of the abscissa. The fourth ID line sa
 which the format has no field for; reading knows it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 

@@ -4,8 +4,6 @@ Their sentences are in ``screens.txt``; here the numbers and the tables that fil
 (:mod:`damping.report.study`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`); here what it rests on, folded.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path

@@ -4,8 +4,6 @@ Numbers are in the units of the record; intervals of parameters have the content
 the level of the study. A number that does not exist is NaN.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 
