@@ -70,9 +70,8 @@ def export(
         described = None if described is None else convert_mode(described, by, units)
     if mode_out is not None:
         if described is None or units is None:
-            raise InputError(
-                "--mode-out without a mode to convert", file=mode_out, expected="--mode MODE.toml and --units"
-            )
+            expected = "--mode MODE.toml and --units"
+            raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
     _write_record(record, names, out, notes, text=text)
 
@@ -90,11 +89,8 @@ def _names(mode: Mode | None, given: str | None) -> Units:
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
         if (named.powers, named.factor) != (meant.powers, meant.factor):
-            raise InputError(
-                f"the mode has {what} in {text} and --from {given} says {meant.text}",
-                file=mode.source,
-                expected="one of them, or both alike",
-            )
+            message = f"the mode has {what} in {text} and --from {given} says {meant.text}"
+            raise InputError(message, file=mode.source, expected="one of them, or both alike")
     return stated
 
 
@@ -108,11 +104,8 @@ def _export_form(
         _write_table(table, out)
         return
     if isinstance(form, RankForm):
-        raise InputError(
-            "--units is for records and loads, and this is a ranking, with coefficients of many dimensions",
-            file=source,
-            expected="a ranking of the converted record",
-        )
+        message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
+        raise InputError(message, file=source, expected="a ranking of the converted record")
     names = _names(read_mode(mode) if mode else None, given)
     _write_table(convert_loads(table, factors(names, units, source=str(mode or source))), out)
     show = console()

@@ -47,9 +47,8 @@ def gap(
     AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if len(records) != len(states) + bool(records):
-        raise InputError(
-            f"{len(records)} records for {1 + len(states)} models", expected="MODEL.toml RECORD.csv, also after --with"
-        )
+        expected = "MODEL.toml RECORD.csv, also after --with"
+        raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
     if not records:
         if simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")

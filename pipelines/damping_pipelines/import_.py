@@ -199,11 +199,8 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
     for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
         if text and unit(text) != unit(name) and unit(text).factor != unit(name).factor:
             other = next(key for key in SYSTEMS if key != stated.system)
-            raise InputError(
-                f"the mode is in {text} and the record in {name}",
-                file=mode.source,
-                expected=f"--to {other}, or a mode in {name}",
-            )
+            expected = f"--to {other}, or a mode in {name}"
+            raise InputError(f"the mode is in {text} and the record in {name}", file=mode.source, expected=expected)
 
 
 def _print(imported: Imported, out: Path, to: Console) -> None:

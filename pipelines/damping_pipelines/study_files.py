@@ -180,9 +180,8 @@ def to_netcdf(data: Any) -> bytes:
         try:
             data.to_netcdf(str(path), engine="netcdf4")  # six times faster than h5netcdf
         except (OSError, RuntimeError) as error:  # RuntimeError: what the netCDF library makes of a full disk
-            raise InputError(
-                f"cannot be written ({error})", file=path, expected="free space for temporary files"
-            ) from None
+            expected = "free space for temporary files"
+            raise InputError(f"cannot be written ({error})", file=path, expected=expected) from None
         return path.read_bytes()
 
 

@@ -90,9 +90,8 @@ def run_regress(
     widest = max(len(terms) for terms in parsed)
     for path, table in tables:
         if len(table) * widest > MOST_NUMBERS:
-            raise AnalysisError(
-                f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
-            )
+            message = f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
+            raise AnalysisError(message)
     return [
         damping.regress(table, response=wanted, terms=curve, source=str(path), **choice)
         for path, table in tables
@@ -244,9 +243,8 @@ def sweep(model: Path, force: list[float], frequency: str, out: Path, direction:
     check_outputs({"--out": out}, model)
     hertz = _read_frequencies(frequency)
     if len(hertz) * len(force) > MOST_POINTS:
-        raise InputError(
-            f"{len(hertz) * len(force)} rows", expected=f"{MOST_POINTS} rows (points times forces) at most"
-        )
+        expected = f"{MOST_POINTS} rows (points times forces) at most"
+        raise InputError(f"{len(hertz) * len(force)} rows", expected=expected)
     swept = damping.sweep(
         read_mode(model), force=force, frequency=hertz, direction=direction, method=method, progress=progress
     )

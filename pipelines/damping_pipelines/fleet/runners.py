@@ -68,10 +68,8 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
                 client = Client(scheduler, timeout=CONNECT)
             except (OSError, ValueError) as error:
                 reason = str(error).splitlines()[0]
-                raise InputError(
-                    f"--scheduler {scheduler}: no scheduler answers ({reason})",
-                    expected="an address such as tcp://host:8786",
-                ) from error
+                message = f"--scheduler {scheduler}: no scheduler answers ({reason})"
+                raise InputError(message, expected="an address such as tcp://host:8786") from error
             with client:
                 yield client
             return

@@ -237,9 +237,7 @@ def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
 
 def _matrix(values: Samples, n: int, role: str) -> Samples:
     """An array as (n, k): points along the first axis, sweeps along the second."""
-    squeezed = np.squeeze(values)
-    if squeezed.ndim == 0:
-        squeezed = squeezed.reshape(1)
+    squeezed = np.atleast_1d(np.squeeze(values))
     if squeezed.ndim == 1 and n == 1:
         squeezed = squeezed.reshape(1, -1)
     if squeezed.ndim == 1 and len(squeezed) == n:
