@@ -18,7 +18,6 @@ from damping_pipelines.store import check_outputs, to_parquet, write_bytes, writ
 from damping_pipelines.terminal import console
 
 _UFF = (".uff", ".unv")
-_EXPECTED = "a name ending in .uff, .unv, .csv or .parquet"
 
 
 def export(
@@ -47,7 +46,8 @@ def export(
         return
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
-        raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)
+        expected = "a name ending in .uff, .unv, .csv or .parquet"
+        raise InputError(f"--out {out.name!r} is of no known format", expected=expected)
     if text and kind not in _UFF:
         raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
     inputs = [path for path in (source, mode) if path is not None]

@@ -80,8 +80,6 @@ def render_gap_page(
         **vars(diagnosis),
         "told": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
-        "closed": _describe_percent(diagnosis.gap.shrinkage),
-        "shrunk": _describe_percent(diagnosis.held_out.shrinkage if diagnosis.held_out else None),
         "rows": rows,
         "sd_amplitude": np.median(rows.sd_amplitude),
         "sd_phase": np.median(rows.sd_phase),
@@ -140,10 +138,6 @@ def _tabulate_folds(folds: Sequence[HeldOutFold]) -> pd.DataFrame:
     )
 
 
-def _describe_percent(value: float | None) -> str:
-    return words.NOTHING if value is None else f"{words.format_percent(100.0 * value)} %"
-
-
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
@@ -177,7 +171,7 @@ def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
 
     Listed are those that together reach 0.95.
     """
-    rows = [
+    return pd.DataFrame(
         {
             "explanation": " + ".join(hypothesis.effects) or "no effect",
             "probability": hypothesis.probability,
@@ -185,8 +179,7 @@ def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
             "listed": hypothesis in diagnosis.explanations,
         }
         for hypothesis in diagnosis.hypotheses
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def _list_models(leading: ModelFit, terms_of: Callable[[ModelFit], Terms]) -> dict[str, Terms]:
