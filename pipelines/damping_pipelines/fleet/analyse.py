@@ -30,7 +30,7 @@ from damping.records.record import Record
 from damping.report import forms, number, page
 from damping.report.gap import describe_diagnosis, render_gap_page
 from damping.report.tables import tabulate_by_model
-from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
+from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 from damping_pipelines.terminal import OutOfTimeError, limit_time
 
@@ -39,17 +39,8 @@ _GRID = 40
 Made = TypeVar("Made")
 #: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
 OUT_OF_TIME = "out of time"
-#: Columns of the loads, as ``damping.report.forms.tabulate_loads`` names them, that a row holds under the same names.
-_LOADS = (
-    *("extrapolation_ratio", "median", "low", "high", "frequency", "damping_ratio", "damping_ratio_low"),
-    *("damping_ratio_high", "linear", *(f"linear_overprediction_{name}" for name in ("percent", "low", "high"))),
-)
-
-
 #: The way back from the page of a record.
 SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
-#: Parts of the gap that a row holds.
-_GAP = ("nominal", "before", "after", "shrinkage")
 
 
 @dataclass(frozen=True)
@@ -165,7 +156,8 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
         columns |= {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
         columns |= {"law": best.name, "rank_form": to_json(forms.rank_form(ranking))}
     if diagnosis:
-        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in _GAP}
+        parts = ("nominal", "before", "after", "shrinkage")
+        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in parts}
         columns["effects"], columns["unexplained"] = list(diagnosis.leading.effects), diagnosis.unexplained
         columns["effects_probability"] = diagnosis.hypotheses[0].probability
         columns["gap_form"] = to_json(forms.gap_form(diagnosis))
@@ -192,7 +184,7 @@ def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
         "load_law": best.name,
         "load_weight": best.weight,
         "design_force": row["force"],
-        **row[list(_LOADS)],
+        **{name: row[name] for name in SCHEMA.names if name in row},
         "cautions": list(loads.cautions[i]),
         "loads_form": to_json(forms.loads_form(loads, predicted.plan, predicted.curve)),
     }

@@ -93,8 +93,7 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
         even = len(widths) == 1 and len(last) > 1 and numbers >= min(2, len(last))
         if even and (name != "comma" or DELIMITERS["semicolon"] not in lines[0]):
             return name
-    heads = [name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]]
-    return heads[0] if heads else "comma"
+    return next((name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]), "comma")
 
 
 def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:

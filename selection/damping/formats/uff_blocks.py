@@ -22,6 +22,7 @@ _INTEGER = re.compile(rb"\s*[+-]?\d{1,12}\s*")
 D_TO_E = bytes.maketrans(b"Dd", b"EE")  #: Fortran's letter of an exponent to that of C
 _MOST_OTHERS = 12  #: data sets of other numbers that are named
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
+FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of data set 58)
 
 
