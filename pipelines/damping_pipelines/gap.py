@@ -83,9 +83,10 @@ def gap(
         write_picture(plot, result.plot(), result.title)
     if report is not None:
         from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+        from damping.report.page import Footer  # noqa: PLC0415 - as above
 
         digests = {path.name: digest_file(path) for path in inputs}
-        write_text(report, render_gap_page(result.diagnosis, result.posterior, seed, versions(), digests))
+        write_text(report, render_gap_page(result.diagnosis, result.posterior, Footer(seed, versions(), digests)))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)

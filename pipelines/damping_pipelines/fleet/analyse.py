@@ -1,6 +1,6 @@
 """One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -87,9 +87,8 @@ def failed(task: FleetTask, reason: str) -> FleetResult:
     row = row_of(task) | {"reason": reason}
     method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
     answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
-    return FleetResult(
-        row, {row["report"]: _describe_page(task, [answer, page.Section("fleet", "The fleet", [SUMMARY])])}
-    )
+    sections = [answer, page.Section("fleet", "The fleet", [SUMMARY])]
+    return FleetResult(row, {row["report"]: page.render_page(task.name, sections, _build_footer(task))})
 
 
 def _analyse(task: FleetTask) -> FleetResult:
@@ -125,8 +124,7 @@ def _complete(read: FleetRecord) -> FleetResult:
     row = row_of(task) | _columns(record)
     pages = {row["report"]: record_page(record)}
     if diagnosis:
-        versions = task.settings.versions
-        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, task.seed, versions, task.inputs)
+        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, _build_footer(task))
     return FleetResult(row, pages)
 
 
@@ -207,11 +205,12 @@ def record_page(record: FleetRecord) -> str:
         parts["explanations"] = page.Table(explanations, "", {"p": report.format_share}, {"p": "probability"})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
-    return _describe_page(record.task, page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
+    sections = page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts)
+    return page.render_page(record.task.name, sections, _build_footer(record.task))
 
 
-def _describe_page(task: FleetTask, sections: Sequence[page.Section]) -> str:
-    return page.render_page(task.name, sections, page.Footer(task.seed, task.settings.versions, task.inputs))
+def _build_footer(task: FleetTask) -> page.Footer:
+    return page.Footer(task.seed, task.settings.versions, task.inputs)
 
 
 def _collect_facts(record: FleetRecord) -> page.Facts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,13 +66,7 @@ def _list_sentences(block: Block) -> list[str]:
     return list(block.items) if isinstance(block, List) else [block.text] if isinstance(block, Text) else []
 
 
-def render_gap_page(
-    diagnosis: Diagnosis,
-    posterior: EffectPosterior | None,
-    seed: int,
-    versions: Mapping[str, str],
-    inputs: Mapping[str, str],
-) -> str:
+def render_gap_page(diagnosis: Diagnosis, posterior: EffectPosterior | None, footer: Footer) -> str:
     """The page as HTML. Equal arguments give equal text."""
     model = diagnosis.leading.best.model
     rows = model.problem.rows
@@ -89,7 +83,7 @@ def render_gap_page(
     figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn}
     parts = {**figures, **_build_tables(diagnosis, posterior)}
     sections = write_sections(Path(__file__).with_name("gap_page.txt"), values, parts)
-    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
+    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, footer)
 
 
 def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:
