@@ -1,7 +1,5 @@
 """``damping campaign``: a laboratory's files to modes, records, a study and its page (form ``campaign/1``)."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Heavy packages are imported by the command that needs them, so that ``damping --help`` answers at once.
 """
 
-from __future__ import annotations
-
 import errno
 import gc
 import os

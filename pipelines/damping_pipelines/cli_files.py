@@ -3,8 +3,6 @@
 A command is written as its options, whose meaning ``--help`` says; what it does stands in the module that it names.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import wraps
 from importlib import import_module

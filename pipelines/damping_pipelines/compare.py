@@ -1,7 +1,5 @@
 """``damping compare``: studies side by side on one page. Each is read by its manifest, so that none is of two runs."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os
@@ -93,9 +91,8 @@ def _tabulate_posteriors(folder: Folder, name: str) -> pd.DataFrame:
         except (UnicodeDecodeError, csv.Error) as error:
             raise InputError(f"not CSV: {error}", file=path) from None
     table = pd.DataFrame(rows, columns=list(PosteriorRow.model_fields))
-    return table.astype(dict.fromkeys(("law", "parameter", "unit"), "str")).astype(
-        dict.fromkeys(("low", "median", "high"), "float64")
-    )
+    texts, numbers = ("law", "parameter", "unit"), ("low", "median", "high")
+    return table.astype(dict.fromkeys(texts, "str") | dict.fromkeys(numbers, "float64"))
 
 
 def _read_observations(folder: Folder, name: str) -> Observations | None:

@@ -1,7 +1,5 @@
 """The page that sets studies, modes and configurations side by side: one table with units; the same law or not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,15 +23,11 @@ MOST_POOLED = 8
 
 @dataclass(frozen=True)
 class RecordSummary:
-    """What a study found for a record.
-
-    ``posteriors``: ``law, parameter, unit, low, median, high``; may be empty. ``observations``: for a joint fit, where
-    the study keeps them.
-    """
+    """What a study found for a record."""
 
     form: StudyRecordForm
-    posteriors: pd.DataFrame
-    observations: Observations | None
+    posteriors: pd.DataFrame  #: ``law, parameter, unit, low, median, high``; may be empty
+    observations: Observations | None  #: for a joint fit, where the study keeps them
 
     @property
     def title(self) -> str:
@@ -50,7 +44,8 @@ class RecordSummary:
     def ranking(self) -> pd.DataFrame:
         """``law, weight, held_out_error``, one row for each candidate."""
         rows = [(model.name, model.weight, model.held_out_error) for model in self.form.rank.models]
-        return pd.DataFrame(rows, columns=["law", "weight", "held_out_error"]).astype(dict.fromkeys(_NUMBERS, float))
+        table = pd.DataFrame(rows, columns=["law", "weight", "held_out_error"])
+        return table.astype({"weight": float, "held_out_error": float})
 
     @property
     def loads(self) -> pd.DataFrame:
@@ -58,9 +53,6 @@ class RecordSummary:
         columns = ["force", "median", "low", "high", "linear", "linear_overprediction_percent"]
         rows = [vars(prediction) for prediction in self.form.loads.predictions] if self.form.loads else []
         return pd.DataFrame(rows, columns=columns).astype(float)
-
-
-_NUMBERS = ("weight", "held_out_error")
 
 
 @dataclass(frozen=True)

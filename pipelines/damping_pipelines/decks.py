@@ -9,8 +9,6 @@ force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median st
 by non-negative least squares over the load levels.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +19,12 @@ from pathlib import Path
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.records.text import read_bytes
 from damping.report.page import fill_text
-from damping_pipelines.forms import DampedRow, DampingForm
+from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, read_form
 from damping_pipelines.manifest import digest
+from damping_pipelines.store import check_outputs, write_text
+from damping_pipelines.terminal import console
 
 #: Structural codes, each with how its comments begin.
 COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "openfast": "!"}
@@ -48,12 +49,15 @@ class Point:
     remark: str
 
 
-def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str:
-    """The damping of a form as text for a structural code, one of ``COMMENTS`` (``decks.txt``).
+def export_deck(source: Path, out: Path, code: str) -> None:
+    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
 
-    ``content``: the form as it was read, whose hash goes into the comments. InputError: an unknown code. AnalysisError:
-    no level of the form has a damping ratio, or not what the code needs.
+    The code is one of ``COMMENTS``, the text in ``decks.txt``. InputError: an unknown code, or a file that is no such
+    form. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
+    check_outputs({"--out": out}, source)
+    content = read_bytes(source, MAX_FORM_SIZE)
+    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
     if code not in COMMENTS:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     levels, modes = defaultdict[float, list[Point]](list), defaultdict[str, list[Point]](list)
@@ -80,7 +84,8 @@ def write_deck(code: str, content: bytes, form: DampingForm, source: str) -> str
         "flank": FLANK,
         "ratios_per_line": RATIOS_PER_LINE,
     }
-    return fill_text(Path(__file__).with_suffix(".txt"), values)
+    write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
+    console().print(f"{out} written: damping for {code}")
 
 
 def _find_force(row: DampedRow) -> float | None:

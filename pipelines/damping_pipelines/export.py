@@ -1,7 +1,5 @@
 """``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +12,12 @@ from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
-from damping_pipelines.decks import write_deck
-from damping_pipelines.forms import AnswerForm, DampingForm, LoadsForm, ParameterForm, RankForm, read_form
+from damping_pipelines.decks import export_deck
+from damping_pipelines.forms import MAX_FORM_SIZE, AnswerForm, LoadsForm, ParameterForm, RankForm, read_form
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console
 
-#: Largest ranking or loads form that is read, bytes (a form of a hundred candidates takes 50 000).
-MAX_FORM_SIZE = 10_000_000
 _UFF = (".uff", ".unv")
-_EXPECTED = "a name ending in .uff, .unv, .csv or .parquet"
 
 
 def export(
@@ -51,7 +46,8 @@ def export(
         return
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
-        raise InputError(f"--out {out.name!r} is of no known format", expected=_EXPECTED)
+        expected = "a name ending in .uff, .unv, .csv or .parquet"
+        raise InputError(f"--out {out.name!r} is of no known format", expected=expected)
     if text and kind not in _UFF:
         raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
     inputs = [path for path in (source, mode) if path is not None]
@@ -74,23 +70,10 @@ def export(
         described = None if described is None else convert_mode(described, by, units)
     if mode_out is not None:
         if described is None or units is None:
-            raise InputError(
-                "--mode-out without a mode to convert", file=mode_out, expected="--mode MODE.toml and --units"
-            )
+            expected = "--mode MODE.toml and --units"
+            raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
     _write_record(record, names, out, notes, text=text)
-
-
-def export_deck(source: Path, out: Path, code: str) -> None:
-    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
-
-    InputError: an unknown code or a file that is no such form. AnalysisError: it holds no damping ratio.
-    """
-    check_outputs({"--out": out}, source)
-    content = read_bytes(source, MAX_FORM_SIZE)
-    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
-    write_text(out, write_deck(code, content, form, str(source)))
-    console().print(f"{out} written: damping for {code}")
 
 
 def _names(mode: Mode | None, given: str | None) -> Units:
@@ -100,15 +83,14 @@ def _names(mode: Mode | None, given: str | None) -> Units:
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
     stated = Units(*SYSTEMS[given], "s")
-    for what, text in vars(mode.units).items() if mode else ():
+    if mode is None:
+        return stated
+    for what, text in vars(mode.units).items():
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
         if (named.powers, named.factor) != (meant.powers, meant.factor):
-            raise InputError(
-                f"the mode has {what} in {text} and --from {given} says {meant.text}",
-                file=mode.source,
-                expected="one of them, or both alike",
-            )
+            message = f"the mode has {what} in {text} and --from {given} says {meant.text}"
+            raise InputError(message, file=mode.source, expected="one of them, or both alike")
     return stated
 
 
@@ -122,11 +104,8 @@ def _export_form(
         _write_table(table, out)
         return
     if isinstance(form, RankForm):
-        raise InputError(
-            "--units is for records and loads, and this is a ranking, with coefficients of many dimensions",
-            file=source,
-            expected="a ranking of the converted record",
-        )
+        message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
+        raise InputError(message, file=source, expected="a ranking of the converted record")
     names = _names(read_mode(mode) if mode else None, given)
     _write_table(convert_loads(table, factors(names, units, source=str(mode or source))), out)
     show = console()

@@ -1,20 +1,22 @@
 """Forms that commands wrote, read back and checked: of a ranking, loads, a curve, a campaign and a study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, Field, RootModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError
 
 from damping.errors import InputError
 from damping.records.text import unguarded
 
+#: Largest form that is read, bytes (a ranking of a hundred candidates takes 50 000).
+MAX_FORM_SIZE = 10_000_000
 Positive = Annotated[float, Field(gt=0.0)]
 
 
-class FormPart(BaseModel, extra="ignore", frozen=True, allow_inf_nan=False):
+class FormPart(BaseModel):
     """A part of a form: keys that are not named are passed over, and no number is NaN or infinite."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
 AnyForm = TypeVar("AnyForm", bound=BaseModel)

@@ -1,7 +1,5 @@
 """``damping gap``: the gap between a simulation and a test, of one record or of a folder of cases (form ``gap/1``)."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys
@@ -49,9 +47,8 @@ def gap(
     AnalysisError: the diagnosis cannot be made, or some cases of a folder failed.
     """
     if len(records) != len(states) + bool(records):
-        raise InputError(
-            f"{len(records)} records for {1 + len(states)} models", expected="MODEL.toml RECORD.csv, also after --with"
-        )
+        expected = "MODEL.toml RECORD.csv, also after --with"
+        raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
     if not records:
         if simulator is not None or plot is not None:
             raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
@@ -86,9 +83,10 @@ def gap(
         write_picture(plot, result.plot(), result.title)
     if report is not None:
         from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+        from damping.report.page import Footer  # noqa: PLC0415 - as above
 
         digests = {path.name: digest_file(path) for path in inputs}
-        write_text(report, render_gap_page(result.diagnosis, result.posterior, seed, versions(), digests))
+        write_text(report, render_gap_page(result.diagnosis, result.posterior, Footer(seed, versions(), digests)))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)

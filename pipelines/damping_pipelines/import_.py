@@ -1,7 +1,5 @@
 """``damping import``: a laboratory's file to a record, with a table of what was understood."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -34,39 +32,26 @@ def import_(
     mode: Path | None,
     **options: Any,
 ) -> None:
-    """:func:`import_file` with what the command line says of the file.
+    """:func:`import_file` with what the command line says of the file; ``options`` are the fields of ``Stated``.
 
     InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
     """
     parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
     window = {name: value for name, value in parts.items() if value is not None}
-    stated = _as_stated(**options)
+    options["scaling"], options["force_scaling"] = scalings(options["scaling"])
+    options |= {
+        "columns": pairs("--column", options["columns"]),
+        "units": pairs("--unit", options["units"]),
+        "scale": scales(options["scale"]),
+        "band": read_band(options["band"]),
+        **{name: tuple(options[name]) for name in ("forces", "labels", "datasets")},
+    }
     if not ring_down and (mode is not None or window):
         name = "mode" if mode is not None else next(iter(window))
         raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
     if ring_down and mode is None:
         raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
-    import_file(file, out, stated, mode, json_out, max_size, despite, **window)
-
-
-def _as_stated(
-    columns: Sequence[str], units: Sequence[str], scaling: Sequence[str], scale: Sequence[str], band: str | None,
-    forces: Sequence[float], labels: Sequence[str], datasets: Sequence[int], **others: Any,
-) -> Stated:  # fmt: skip
-    """What the options say of a file; ``others`` are fields of ``Stated`` as they are."""
-    of_response, of_force = scalings(scaling)
-    return Stated(
-        columns=pairs("--column", columns),
-        scaling=of_response,
-        force_scaling=of_force,
-        units=pairs("--unit", units),
-        scale=scales(scale),
-        band=read_band(band),
-        forces=tuple(forces),
-        labels=tuple(labels),
-        datasets=tuple(datasets),
-        **others,
-    )
+    import_file(file, out, Stated(**options), mode, json_out, max_size, despite, **window)
 
 
 def import_file(
@@ -176,7 +161,7 @@ def _decays(
 
 
 def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary) -> Decay:
-    known = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
+    known: dict[str, Any] = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
     levels = ring_down(history.t, history.signal, **known, **window)
     summary.add(
         f"decay {history.label!r}",
@@ -201,11 +186,8 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
     for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
         if text and unit(text) != unit(name) and unit(text).factor != unit(name).factor:
             other = next(key for key in SYSTEMS if key != stated.system)
-            raise InputError(
-                f"the mode is in {text} and the record in {name}",
-                file=mode.source,
-                expected=f"--to {other}, or a mode in {name}",
-            )
+            expected = f"--to {other}, or a mode in {name}"
+            raise InputError(f"the mode is in {text} and the record in {name}", file=mode.source, expected=expected)
 
 
 def _print(imported: Imported, out: Path, to: Console) -> None:

@@ -6,8 +6,6 @@ so a reader that checks it never takes files of two runs for one: it says which 
 What a result depends on beside its inputs: versions of packages, and the source of this project.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import os
@@ -64,11 +62,8 @@ class Folder:
             raise InputError("is a link", file=path, expected="the file that the run wrote")
         content = read_bytes(path, _MOST_FILE)
         if digest(content) != self.manifest.outputs[name]:
-            raise InputError("is not of the run of the manifest", file=path, expected=_AGAIN)
+            raise InputError("is not of the run of the manifest", file=path, expected="files of one run; run it again")
         return content
-
-
-_AGAIN = "files of one run; run it again"
 
 
 def digest(content: bytes) -> str:

@@ -4,8 +4,6 @@
 (``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -81,9 +81,8 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
     if target is None or target == "-":
         return
     if os.path.realpath(target) in map(os.path.realpath, inputs):  # Path.resolve fails on a link to itself
-        raise InputError(
-            f"{option} is one of the inputs, which are never written over", file=target, expected="another file"
-        )
+        expected = "another file"
+        raise InputError(f"{option} is one of the inputs, which are never written over", file=target, expected=expected)
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:

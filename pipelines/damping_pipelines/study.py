@@ -1,7 +1,5 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -126,15 +124,7 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
         named = {record.name: record.ranking for record in records}
         loads = {record.name: record.design for record in records if record.design}
         exhibits = tuple(exhibit.finish(named, loads) for exhibit in started)
-    return StudyResult(
-        title=settings.title,
-        seed=settings.seed,
-        level=settings.level,
-        records=records,
-        inputs=digests,
-        versions=versions(),
-        exhibits=exhibits,
-    )
+    return StudyResult(settings.title, settings.seed, settings.level, records, digests, versions(), exhibits)
 
 
 def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
@@ -186,12 +176,11 @@ def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ra
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
     """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
     with progress("sampling", len(tasks)) as done:
-        futures = {pool.submit(sample_law, task): task for task in tasks}
-        results = {}
+        futures = [pool.submit(sample_law, task) for task in tasks]
         for future in as_completed(futures):
-            law = results[id(futures[future])] = future.result()
+            law = future.result()
             done(law.law.name + (f" FAILED: {law.posterior.failure}" if law.posterior.failure else ""))
-    return [(task, results[id(task)]) for task in tasks]
+    return [(task, future.result()) for task, future in zip(tasks, futures, strict=True)]
 
 
 def sample_law(task: Task) -> LawPosterior:

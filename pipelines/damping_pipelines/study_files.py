@@ -1,20 +1,4 @@
-"""What a study reads and what it leaves: settings, checked before anything runs; report, summary, tables, figures.
-
-title = "Bolted joint, spring campaign"
-seed = 1970                        # of everything sampled
-level = 0.9                        # content of every band
-
-[[records]]
-name = "panel-mode-1"              # of its files: letters, digits, - and _
-title = "Panel, first mode"        # for people
-record = "panel.csv"               # relative to this file
-mode = "panel.toml"
-design_forces = [30.0, 60.0, 90.0] # where amplitudes are predicted; none by default
-laws = [["viscous"], ["viscous", "coulomb"]]  # always sampled, whatever their weight
-note = "The force was held by hand."    # what to know of the record, said with the answer
-"""
-
-from __future__ import annotations
+"""What a study reads and what it leaves: settings, checked before anything runs; report, summary, tables, figures."""
 
 import re
 import tempfile
@@ -52,13 +36,13 @@ DEFAULT_SEED = 1970
 class RecordSettings(BaseModel, extra="forbid", frozen=True):
     """One record of a study."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]
-    title: str = ""
-    record: str
-    mode: str
-    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()
-    laws: tuple[tuple[str, ...], ...] = ()
-    note: Annotated[str, Field(max_length=400)] = ""
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=80)]  #: of its files
+    title: str = ""  #: for people
+    record: str  #: relative to the settings
+    mode: str  #: likewise
+    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()  #: where amplitudes are predicted
+    laws: tuple[tuple[str, ...], ...] = ()  #: always sampled, whatever their weight
+    note: Annotated[str, Field(max_length=400)] = ""  #: what to know of the record, said with the answer
 
     @field_validator("laws")
     @classmethod
@@ -73,12 +57,12 @@ class RecordSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class StudySettings(BaseModel, extra="forbid", frozen=True):
-    """A study: its records in order."""
+    """A study: its records in order; ``docs/reference/files.md`` shows every key."""
 
     title: str
-    seed: Annotated[int, Field(ge=0, strict=True)] = DEFAULT_SEED
-    level: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)] = 0.9
-    source_report: bool = False
+    seed: Annotated[int, Field(ge=0, strict=True)] = DEFAULT_SEED  #: of everything sampled
+    level: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)] = 0.9  #: content of every band
+    source_report: bool = False  #: whether the reproduction of the report of 1970 joins
     records: Annotated[tuple[RecordSettings, ...], Field(min_length=1)]
 
     @field_validator("records")
@@ -196,9 +180,8 @@ def to_netcdf(data: Any) -> bytes:
         try:
             data.to_netcdf(str(path), engine="netcdf4")  # six times faster than h5netcdf
         except (OSError, RuntimeError) as error:  # RuntimeError: what the netCDF library makes of a full disk
-            raise InputError(
-                f"cannot be written ({error})", file=path, expected="free space for temporary files"
-            ) from None
+            expected = "free space for temporary files"
+            raise InputError(f"cannot be written ({error})", file=path, expected=expected) from None
         return path.read_bytes()
 
 

@@ -4,8 +4,6 @@
 what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).
 """
 
-from __future__ import annotations
-
 import math
 import re
 import sys
@@ -92,9 +90,8 @@ def run_regress(
     widest = max(len(terms) for terms in parsed)
     for path, table in tables:
         if len(table) * widest > MOST_NUMBERS:
-            raise AnalysisError(
-                f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
-            )
+            message = f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
+            raise AnalysisError(message)
     return [
         damping.regress(table, response=wanted, terms=curve, source=str(path), **choice)
         for path, table in tables
@@ -109,11 +106,10 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
         raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
     required = list_required_columns(names, list(table.columns))
     numbers = [name for name in required if name != "sweep"]
-    if "sweep" in names:  # used as a number
-        return read_table(path, required=required, max_size=max_size)
-    if all(name in table.columns and pd.api.types.is_float_dtype(table[name]) for name in numbers):
+    text = ("sweep",) if "sweep" not in names else ()  # a label, unless a term takes it as a number
+    if text and all(name in table.columns and pd.api.types.is_float_dtype(table[name]) for name in numbers):
         return table
-    return read_table(path, required=required, text_columns=("sweep",), max_size=max_size)
+    return read_table(path, required=required, text_columns=text, max_size=max_size)
 
 
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
@@ -164,8 +160,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     """
     check_outputs({"--out": out}, raw, config)
     description = read_description(config)
-    table = read_raw(raw, description, max_size)
-    done = condition_steps(table, description)
+    done = condition_steps(read_raw(raw, description, max_size), description)
     record = done[-1].after
     check_repeats(record, raw, max_size)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
@@ -180,8 +175,7 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
     """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
     files = {}
     for place, step in enumerate(steps, 1):
-        removed = step.removed.add_prefix("removed ")
-        table = step.after.reindex(step.before.index).join(removed)
+        table = step.after.reindex(step.before.index).join(step.removed.add_prefix("removed "))
         if len(step.after) < len(step.before):  # rows that were left out keep what the step does not change
             kept = step.before.loc[step.after.index]
             for name in step.before.columns.intersection(step.after.columns):
@@ -249,9 +243,8 @@ def sweep(model: Path, force: list[float], frequency: str, out: Path, direction:
     check_outputs({"--out": out}, model)
     hertz = _read_frequencies(frequency)
     if len(hertz) * len(force) > MOST_POINTS:
-        raise InputError(
-            f"{len(hertz) * len(force)} rows", expected=f"{MOST_POINTS} rows (points times forces) at most"
-        )
+        expected = f"{MOST_POINTS} rows (points times forces) at most"
+        raise InputError(f"{len(hertz) * len(force)} rows", expected=expected)
     swept = damping.sweep(
         read_mode(model), force=force, frequency=hertz, direction=direction, method=method, progress=progress
     )

@@ -3,8 +3,6 @@
 Also processes that end with their parent, and work with an end.
 """
 
-from __future__ import annotations
-
 import ctypes
 import math
 import multiprocessing

@@ -1,7 +1,5 @@
 """The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 import time
@@ -77,7 +75,7 @@ def fleet(
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
             if not first or (scheduler is None and workers == 0):
-                book.keep(map(runners.analyse, tasks), done)
+                book.keep(runners.serial(tasks), done)
             else:
                 with runners.connected(scheduler, workers, address) as client:
                     _greet(client, done, shown=scheduler is not None or address is not None)
@@ -164,10 +162,8 @@ def _check_code(client: Client) -> None:
     for address, theirs in client.run(describe_code).items():
         for name, version in own.items():
             if theirs.get(name) != version:
-                raise InputError(
-                    f"worker {address} has {name} {theirs.get(name)}",
-                    expected=f"{version}, as here: results depend on it",
-                )
+                expected = f"{version}, as here: results depend on it"
+                raise InputError(f"worker {address} has {name} {theirs.get(name)}", expected=expected)
 
 
 def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask]) -> None:
@@ -182,11 +178,8 @@ def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask])
     contained = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
     lost = [content[0] for content in contained if content[0] not in names or content in contents]
     if lost:
-        raise InputError(
-            f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}",
-            file=kept.folder,
-            expected="another --out, or --replace to drop them",
-        )
+        message = f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}"
+        raise InputError(message, file=kept.folder, expected="another --out, or --replace to drop them")
 
 
 def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:

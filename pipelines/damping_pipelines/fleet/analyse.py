@@ -1,8 +1,6 @@
 """One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,7 +30,7 @@ from damping.records.record import Record
 from damping.report import forms, number, page
 from damping.report.gap import describe_diagnosis, render_gap_page
 from damping.report.tables import tabulate_by_model
-from damping_pipelines.fleet.dataset import MULTIPLES, FleetResult, FleetTask, read_files, row_of
+from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 from damping_pipelines.terminal import OutOfTimeError, limit_time
 
@@ -41,17 +39,8 @@ _GRID = 40
 Made = TypeVar("Made")
 #: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
 OUT_OF_TIME = "out of time"
-#: Columns of the loads, as ``damping.report.forms.tabulate_loads`` names them, that a row holds under the same names.
-_LOADS = (
-    *("extrapolation_ratio", "median", "low", "high", "frequency", "damping_ratio", "damping_ratio_low"),
-    *("damping_ratio_high", "linear", *(f"linear_overprediction_{name}" for name in ("percent", "low", "high"))),
-)
-
-
 #: The way back from the page of a record.
 SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
-#: Parts of the gap that a row holds.
-_GAP = ("nominal", "before", "after", "shrinkage")
 
 
 @dataclass(frozen=True)
@@ -98,9 +87,8 @@ def failed(task: FleetTask, reason: str) -> FleetResult:
     row = row_of(task) | {"reason": reason}
     method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
     answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
-    return FleetResult(
-        row, {row["report"]: _describe_page(task, [answer, page.Section("fleet", "The fleet", [SUMMARY])])}
-    )
+    sections = [answer, page.Section("fleet", "The fleet", [SUMMARY])]
+    return FleetResult(row, {row["report"]: page.render_page(task.name, sections, _build_footer(task))})
 
 
 def _analyse(task: FleetTask) -> FleetResult:
@@ -136,8 +124,7 @@ def _complete(read: FleetRecord) -> FleetResult:
     row = row_of(task) | _columns(record)
     pages = {row["report"]: record_page(record)}
     if diagnosis:
-        versions = task.settings.versions
-        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, task.seed, versions, task.inputs)
+        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, _build_footer(task))
     return FleetResult(row, pages)
 
 
@@ -167,7 +154,8 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
         columns |= {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
         columns |= {"law": best.name, "rank_form": to_json(forms.rank_form(ranking))}
     if diagnosis:
-        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in _GAP}
+        parts = ("nominal", "before", "after", "shrinkage")
+        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in parts}
         columns["effects"], columns["unexplained"] = list(diagnosis.leading.effects), diagnosis.unexplained
         columns["effects_probability"] = diagnosis.hypotheses[0].probability
         columns["gap_form"] = to_json(forms.gap_form(diagnosis))
@@ -194,7 +182,7 @@ def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
         "load_law": best.name,
         "load_weight": best.weight,
         "design_force": row["force"],
-        **row[list(_LOADS)],
+        **{name: row[name] for name in SCHEMA.names if name in row},
         "cautions": list(loads.cautions[i]),
         "loads_form": to_json(forms.loads_form(loads, predicted.plan, predicted.curve)),
     }
@@ -217,11 +205,12 @@ def record_page(record: FleetRecord) -> str:
         parts["explanations"] = page.Table(explanations, "", {"p": report.format_share}, {"p": "probability"})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
-    return _describe_page(record.task, page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts))
+    sections = page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts)
+    return page.render_page(record.task.name, sections, _build_footer(record.task))
 
 
-def _describe_page(task: FleetTask, sections: Sequence[page.Section]) -> str:
-    return page.render_page(task.name, sections, page.Footer(task.seed, task.settings.versions, task.inputs))
+def _build_footer(task: FleetTask) -> page.Footer:
+    return page.Footer(task.seed, task.settings.versions, task.inputs)
 
 
 def _collect_facts(record: FleetRecord) -> page.Facts:

@@ -3,8 +3,7 @@
 The data set is a folder of Parquet files, one a batch, each written whole and then renamed.
 """
 
-from __future__ import annotations
-
+import csv
 import hashlib
 import io
 import json
@@ -185,30 +184,13 @@ def read_files(task: FleetTask) -> tuple[Record, Mode]:
     return replace(record, source=first), replace(mode, source=second, name=name)
 
 
-#: Columns of the data set. ``status``: done, partial (a stage failed, ``reason`` says which) or failed.
-SCHEMA = pa.schema(
-    [
-        (name, kind)
-        for kind, names in (
-            (pa.string(), "key name status reason audit method mode report units_force units_length"),
-            (pa.string(), "record_sha256 model_sha256 version code"),
-            (pa.int64(), "seed rows levels"),
-            (pa.float64(), "largest_tested_force"),
-            (pa.string(), "law"),
-            (pa.float64(), "weight average_absolute_percent held_out_error"),
-            (pa.string(), "load_law"),
-            (pa.float64(), "load_weight design_force extrapolation_ratio median low high linear"),
-            (pa.float64(), "frequency damping_ratio damping_ratio_low damping_ratio_high"),
-            (pa.float64(), "linear_overprediction_percent linear_overprediction_low linear_overprediction_high"),
-            (pa.list_(pa.string()), "cautions effects"),
-            (pa.float64(), "effects_probability"),
-            (pa.bool_(), "unexplained"),
-            (pa.float64(), "gap_nominal gap_before gap_after gap_shrinkage"),
-            (pa.string(), "rank_form loads_form gap_form"),
-        )
-        for name in names.split()
-    ]
-)
+_TYPES = {
+    **{"text": pa.string(), "texts": pa.list_(pa.string()), "logical": pa.bool_()},
+    **{"whole": pa.int64(), "number": pa.float64()},
+}
+with Path(__file__).with_name("columns.csv").open(encoding="utf-8") as _stream:
+    #: Columns of the data set; the file says what each of them is.
+    SCHEMA = pa.schema([(row["name"], _TYPES[row["type"]]) for row in csv.DictReader(_stream)])
 
 
 def row_of(task: FleetTask) -> dict[str, Any]:

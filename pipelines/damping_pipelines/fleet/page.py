@@ -1,7 +1,5 @@
 """The page of a fleet: which laws lead, by how much linear damping overpredicts, outliers, failures, all records."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,6 +1,4 @@
-"""Tasks on Dask, a bounded number under way."""
-
-from __future__ import annotations
+"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
 
 import itertools
 import logging
@@ -44,6 +42,11 @@ _GONE = "the scheduler went away; what is done is kept, run again to go on"
 Work = Callable[[FleetTask], FleetResult]
 
 
+def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
+    """One after the other, in this process."""
+    return map(analyse, tasks)
+
+
 @contextmanager
 def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
@@ -65,10 +68,8 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
                 client = Client(scheduler, timeout=CONNECT)
             except (OSError, ValueError) as error:
                 reason = str(error).splitlines()[0]
-                raise InputError(
-                    f"--scheduler {scheduler}: no scheduler answers ({reason})",
-                    expected="an address such as tcp://host:8786",
-                ) from error
+                message = f"--scheduler {scheduler}: no scheduler answers ({reason})"
+                raise InputError(message, expected="an address such as tcp://host:8786") from error
             with client:
                 yield client
             return

@@ -7,8 +7,6 @@ record, ``conversion.time_histories`` turns time histories into displacement for
 file nor the user says is asked for in an error; nothing is guessed.
 """
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -140,10 +138,8 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     else:
         text = "csv"
     if stated.format == "auto" and text == "csv" and _is_binary(start):
-        raise InputError(
-            "neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text",
-            expected="a file of one of these (save a MAT file of version 4 again with -v7)",
-        )
+        expected = "a file of one of these (save a MAT file of version 4 again with -v7)"
+        raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):
         raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")
     kind = text if stated.format in ("auto", "mat") else stated.format

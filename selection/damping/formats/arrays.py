@@ -3,8 +3,6 @@
 The memory and the time of that process are limited; when it dies, an error names the file as the cause.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -78,9 +76,8 @@ def read_arrays(
     head, _, body = done.stdout.partition(b"\n")
     if done.returncode != 0 or not head:
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
-        raise InputError(
-            f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=NAMES["whole"][kind]
-        )
+        expected = NAMES["whole"][kind]
+        raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=expected)
     answer = json.loads(head)
     if answer["problem"]:
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=NAMES["whole"][kind])

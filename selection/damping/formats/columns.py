@@ -3,8 +3,6 @@
 Lines are taken one at a time and only the mapped columns are kept, so that memory stays below a few times the file.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from array import array
@@ -18,10 +16,6 @@ from damping.errors import InputError
 from damping.formats.series import ColumnHeader, parse_header, recognise
 from damping.records.text import CsvRows, describe_meant, describe_shortened, unguarded
 
-#: Numbers as they look with the other mark than the stated one.
-_OTHER_MARK = {
-    mark: re.compile(rf"[+-]?\d*{other}\d*([eE][+-]?\d+)?") for mark, other in (("point", ","), ("comma", r"\."))
-}
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
 _LOOKED_AT = 60  # lines by which the layout is told
@@ -29,11 +23,12 @@ _LOOKED_AT = 60  # lines by which the layout is told
 _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
-DECIMALS = ("point", "comma")  #: marks that separate the decimals of a number
+#: Marks that separate the decimals of a number.
+DECIMALS = {"point": ".", "comma": ","}
 _COMMENTS = ("#", "%")
 _NUMBER = {
-    "point": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|"),
-    "comma": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|"),
+    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|")
+    for name, mark in DECIMALS.items()
 }
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -98,8 +93,7 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
         even = len(widths) == 1 and len(last) > 1 and numbers >= min(2, len(last))
         if even and (name != "comma" or DELIMITERS["semicolon"] not in lines[0]):
             return name
-    heads = [name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]]
-    return heads[0] if heads else "comma"
+    return next((name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]), "comma")
 
 
 def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
@@ -152,8 +146,7 @@ def read_columns(
     rows = CsvRows(data, mark, comments=layout.comments, skip=above)
     line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
     if header is None:
-        expected = f"a row of column names after {skip} lines"
-        raise rows.problem or InputError("no header", expected=expected)
+        raise rows.problem or InputError("no header", expected=f"a row of column names after {skip} lines")
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
     places, response = _places(names, mapped, known, line)
     if not places:
@@ -192,14 +185,14 @@ def _number(cell: str, decimal: str, line: int, column: str) -> float:
     text = cell.strip()
     if text in _MISSING:
         return float("nan")
-    other, mark = (",", ".") if decimal == "point" else (".", ",")
+    name = "comma" if decimal == "point" else "point"
+    other = DECIMALS[name]
     try:
         if "_" not in text and other not in text and text.isascii():
-            return float(text.replace(mark, "."))
+            return float(text.replace(DECIMALS[decimal], "."))
     except ValueError:
         pass
-    name = "comma" if decimal == "point" else "point"
-    hint = f" (is --decimal {name} meant?)" if _OTHER_MARK[decimal].fullmatch(text) else ""
+    hint = f" (is --decimal {name} meant?)" if re.fullmatch(rf"[+-]?\d*[{other}]\d*([eE][+-]?\d+)?", text) else ""
     message, expected = f"{describe_shortened(text)!r} is not a number{hint}", f"a number with a decimal {decimal}"
     raise InputError(message, line=line, column=describe_shortened(column), expected=expected)
 

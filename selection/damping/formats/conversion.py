@@ -3,8 +3,6 @@
 What the user states goes before what the file says; what neither says is asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,12 +15,7 @@ from damping.formats.series import NAMES, FileFacts, Series, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
-    "receptance": (0, True),
-    "mobility": (1, True),
-    "accelerance": (2, True),
-    "displacement": (0, False),
-    "velocity": (1, False),
-    "acceleration": (2, False),
+    name: (kind["order"], kind["per_force"]) for name, kind in NAMES["response"].items()
 }
 #: What an amplitude may be, and its size in amplitudes of the sine.
 SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
@@ -32,7 +25,7 @@ _FOUND = "found in the file"
 _FOLLOWS = "follows"
 _OF_ROLE = "of the role, or found in the file"
 #: A unit of each response type.
-_EXAMPLES: dict[str, str] = NAMES["unit"]
+_EXAMPLES: dict[str, str] = {name: kind["unit"] for name, kind in NAMES["response"].items()}
 
 
 @dataclass(frozen=True)

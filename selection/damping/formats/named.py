@@ -4,8 +4,6 @@ A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(o
 X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Whether R is rms only the user can say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi
@@ -239,9 +237,7 @@ def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
 
 def _matrix(values: Samples, n: int, role: str) -> Samples:
     """An array as (n, k): points along the first axis, sweeps along the second."""
-    squeezed = np.squeeze(values)
-    if squeezed.ndim == 0:
-        squeezed = squeezed.reshape(1)
+    squeezed = np.atleast_1d(np.squeeze(values))
     if squeezed.ndim == 1 and n == 1:
         squeezed = squeezed.reshape(1, -1)
     if squeezed.ndim == 1 and len(squeezed) == n:

@@ -4,8 +4,6 @@ A header holds a name, a unit and a scaling: ``Accel [g rms]``; ``F [N]`` is a f
 the unit. What was understood of a file: a table of fact and whence, and notes on what was left out.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -134,20 +132,15 @@ class FileFacts:
 
 @dataclass(frozen=True)
 class Series:
-    """One sweep (``abscissa`` in Hz) or one time history (``is_time``, in s), as a file has it.
-
-    ``response`` (n,) is complex with the sign of exp(i omega t) where the phase is known (``has_phase``), else the
-    amplitude; ``force`` (n,) likewise, None where the file has none. ``extra`` are further columns of a record by
-    name.
-    """
+    """One sweep or one time history, as a file has it."""
 
     label: str
-    abscissa: FloatArray
-    response: Samples
-    force: Samples | None = None
+    abscissa: FloatArray  #: in Hz, of a time history in s
+    response: Samples  #: (n,), complex with the sign of exp(i omega t) where the phase is known, else the amplitude
+    force: Samples | None = None  #: (n,) likewise, None where the file has none
     is_time: bool = False
-    has_phase: bool = True
-    extra: Mapping[str, FloatArray] = field(default_factory=dict)
+    has_phase: bool = True  #: whether the phase is known
+    extra: Mapping[str, FloatArray] = field(default_factory=dict)  #: further columns of a record by name
     facts: FileFacts = FileFacts()
 
 
@@ -208,14 +201,10 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     if not set(_MOTIONS) & set(of_role):
         free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
-        raise InputError(
-            f"which column is the response? {describe_shortened(', '.join(free), 80)}",
-            expected=f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all",
-        )
+        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all"
+        raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
     if guessed and not own & _MODULI:
-        raise InputError(
-            "are x and y the parts of one complex response, or two motions?",
-            expected="--column x=x --column y=y for parts, --column amplitude=x for a motion",
-        )
+        expected = "--column x=x --column y=y for parts, --column amplitude=x for a motion"
+        raise InputError("are x and y the parts of one complex response, or two motions?", expected=expected)

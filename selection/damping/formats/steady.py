@@ -1,7 +1,5 @@
 """Sweeps to a record: displacement amplitude, its lag behind the force, and the force, in one system of units."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

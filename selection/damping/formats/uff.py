@@ -6,8 +6,6 @@ precision), and must read what laboratories have: touching columns, letters D, e
 abscissas, padded last lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +14,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import unit
 from damping.formats.series import ABSCISSAS, NAMES, FileFacts, Samples, Series, Summary
-from damping.formats.uff_blocks import DataSet, find_sets
+from damping.formats.uff_blocks import FREQUENCY, DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
 
@@ -24,7 +22,6 @@ from damping.records.text import describe_shortened
 _FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["function"].items()}
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
-_FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _MOST_LISTED = 12
 _MOST_SWEEPS = 1000
 
@@ -150,7 +147,7 @@ def _describe_unfit(entry: DataSet) -> str:
         return "a frequency response of real values, whose phase is lost"
     if entry.is_time and entry.ordinate in (5, 6):
         return "a time history of complex values"
-    if not entry.is_time and entry.function != 4 and entry.abscissa.code not in (_FREQUENCY, 0):
+    if not entry.is_time and entry.function != 4 and entry.abscissa.code not in (FREQUENCY, 0):
         return f"a function of abscissa type {entry.abscissa.code}"
     if entry.function == 0 and entry.abscissa.code == 0:
         return "a function whose abscissa is neither said to be frequency nor time"

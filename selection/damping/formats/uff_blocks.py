@@ -4,8 +4,6 @@ Data set 58 (function at nodal DOF), revision of 30-Jun-1999: eleven header line
 the values, as text or (58b) as bytes. Header lines are counted, not searched, so that an ID line may read ``-1``.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 
@@ -24,6 +22,7 @@ _INTEGER = re.compile(rb"\s*[+-]?\d{1,12}\s*")
 D_TO_E = bytes.maketrans(b"Dd", b"EE")  #: Fortran's letter of an exponent to that of C
 _MOST_OTHERS = 12  #: data sets of other numbers that are named
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
+FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of data set 58)
 
 

@@ -6,8 +6,6 @@ text with 13 digits of the ordinate and 6 of the abscissa. The fourth ID line sa
 which the format has no field for; reading knows it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 
@@ -17,7 +15,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.formats.named import cartesian
 from damping.formats.series import Samples
-from damping.formats.uff_blocks import D_TO_E, DataSet
+from damping.formats.uff_blocks import D_TO_E, FREQUENCY, DataSet
 from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
 from damping.records.record import Record
 
@@ -132,7 +130,6 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
 
 
 PEAK = "peak amplitudes"  #: fourth ID line of a set whose amplitudes are those of the sine
-_FREQUENCY = 18  #: data type of the abscissa
 _DISPLACEMENT = 8  #: data type of the numerator
 _FORCE = 13  #: data type of the denominator
 
@@ -184,7 +181,7 @@ def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, 
         *(f"{line or 'NONE'}\n" for line in (title, "", "", PEAK, "")),
         f"{function:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10s}{1:10d}{0:4d} {'NONE':<10s}{1:10d}{0:4d}\n",
         f"{6 if np.iscomplexobj(y) else 4:10d}{len(x):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}\n",
-        _describe_axis(_FREQUENCY, "Frequency", "Hz"),
+        _describe_axis(FREQUENCY, "Frequency", "Hz"),
         *axes,
         _describe_axis(0, "NONE", ""),
     ]

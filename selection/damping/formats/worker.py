@@ -5,8 +5,6 @@ process and not the program. Standard output gets one line of JSON, then the byt
 numbers are read: no objects, references, functions or text, nothing outside the file (external, virtual), no pickles.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

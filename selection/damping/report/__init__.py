@@ -1,7 +1,5 @@
 """The report: results in, tables, figures and one self-contained HTML page out. Here what is said in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from math import isfinite, isnan

@@ -1,7 +1,5 @@
 """The figures of a record, each with its title and its description in words; that of design loads with its slider."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any

@@ -54,7 +54,7 @@ def tabulate_tested(data: Observations) -> pd.DataFrame:
 
 def tabulate_candidates(ranking: Ranking) -> pd.DataFrame:
     """One row for each candidate, best first: criteria, errors in per cent of resonant amplitude, cautions."""
-    rows = [
+    table = pd.DataFrame(
         {
             "rank": candidate.rank,
             "law": candidate.name,
@@ -68,8 +68,8 @@ def tabulate_candidates(ranking: Ranking) -> pd.DataFrame:
             "cautions": "; ".join(candidate.cautions),
         }
         for candidate in ranking.candidates
-    ]
-    return pd.DataFrame(rows).astype({"rank": "Int64"})
+    )
+    return table.astype({"rank": "Int64"})
 
 
 #: Keys of a model of ``rank/1`` that are columns of the table, in the order of the form.
@@ -123,6 +123,7 @@ def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
     The linear prediction stands beside; with ``curve`` the frequency and the damping ratio there.
     """
     asked = {"force": loads.force} if loads.amplitude is None else {"amplitude": loads.amplitude}
+    damped = [f"{name}{end}" for name in ("frequency", "damping_ratio") for end in ("", "_low", "_high")]
     return pd.DataFrame(
         {
             **asked,
@@ -133,14 +134,10 @@ def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
             "linear_overprediction_low": loads.overprediction_low,
             "linear_overprediction_high": loads.overprediction_high,
             **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
-            **(curve.table[_CURVE_COLUMNS] if curve else {}),
+            **(curve.table[damped] if curve else {}),
             "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
     )
-
-
-#: Columns of a curve that predictions hold too.
-_CURVE_COLUMNS = [f"{name}{end}" for name in ("frequency", "damping_ratio") for end in ("", "_low", "_high")]
 
 
 def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:

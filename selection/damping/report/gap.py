@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,13 +66,7 @@ def _list_sentences(block: Block) -> list[str]:
     return list(block.items) if isinstance(block, List) else [block.text] if isinstance(block, Text) else []
 
 
-def render_gap_page(
-    diagnosis: Diagnosis,
-    posterior: EffectPosterior | None,
-    seed: int,
-    versions: Mapping[str, str],
-    inputs: Mapping[str, str],
-) -> str:
+def render_gap_page(diagnosis: Diagnosis, posterior: EffectPosterior | None, footer: Footer) -> str:
     """The page as HTML. Equal arguments give equal text."""
     model = diagnosis.leading.best.model
     rows = model.problem.rows
@@ -80,8 +74,6 @@ def render_gap_page(
         **vars(diagnosis),
         "told": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
-        "closed": _describe_percent(diagnosis.gap.shrinkage),
-        "shrunk": _describe_percent(diagnosis.held_out.shrinkage if diagnosis.held_out else None),
         "rows": rows,
         "sd_amplitude": np.median(rows.sd_amplitude),
         "sd_phase": np.median(rows.sd_phase),
@@ -91,7 +83,7 @@ def render_gap_page(
     figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn}
     parts = {**figures, **_build_tables(diagnosis, posterior)}
     sections = write_sections(Path(__file__).with_name("gap_page.txt"), values, parts)
-    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, Footer(seed, versions, inputs))
+    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, footer)
 
 
 def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:
@@ -140,10 +132,6 @@ def _tabulate_folds(folds: Sequence[HeldOutFold]) -> pd.DataFrame:
     )
 
 
-def _describe_percent(value: float | None) -> str:
-    return words.NOTHING if value is None else f"{words.format_percent(100.0 * value)} %"
-
-
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
@@ -177,7 +165,7 @@ def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
 
     Listed are those that together reach 0.95.
     """
-    rows = [
+    return pd.DataFrame(
         {
             "explanation": " + ".join(hypothesis.effects) or "no effect",
             "probability": hypothesis.probability,
@@ -185,8 +173,7 @@ def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
             "listed": hypothesis in diagnosis.explanations,
         }
         for hypothesis in diagnosis.hypotheses
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def _list_models(leading: ModelFit, terms_of: Callable[[ModelFit], Terms]) -> dict[str, Terms]:

@@ -17,8 +17,6 @@ ends a block. A block is a paragraph unless its first line begins with one of
 - ``[table NAME] caption`` or any other word in such brackets: what the module gives for it.
 """
 
-from __future__ import annotations
-
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Everything a study found, as the report and the tables need it, and what several of their parts ask of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache

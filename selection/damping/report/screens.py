@@ -4,8 +4,6 @@ Their sentences are in ``screens.txt``; here the numbers and the tables that fil
 (:mod:`damping.report.study`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -150,7 +148,7 @@ def _list_shown_laws(result: RecordResult) -> list[Candidate]:
 
 
 def _tabulate_laws(result: RecordResult) -> Table:
-    rows = [
+    table = pd.DataFrame(
         {
             "law": law.name,
             "weight": words.format_share(law.weight),
@@ -162,8 +160,8 @@ def _tabulate_laws(result: RecordResult) -> Table:
             "predicts the same": _describe_equivalents(law.equivalents),
         }
         for law in _list_shown_laws(result)
-    ]
-    return Table(pd.DataFrame(rows), "", key=result.stem("ranking"))
+    )
+    return Table(table, "", key=result.stem("ranking"))
 
 
 def _describe_coefficients(result: RecordResult, law: Candidate) -> str:

@@ -3,8 +3,6 @@
 Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`); here what it rests on, folded.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -179,13 +177,13 @@ def _build_method(study: StudyResult) -> list[Block]:
 def _tabulate_forces(study: StudyResult) -> Table:
     """Every force that takes part in a candidate, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
-    parts = [component(name) for name in dict.fromkeys(names)]
     table = pd.DataFrame(
         {
-            "force": [part.name for part in parts],
-            "what it is": [part.example.label for part in parts],
-            "formula": [part.example.formula for part in parts],
-            "free beside the coefficient": [", ".join(shape.name for shape in part.free_shapes) for part in parts],
+            "force": part.name,
+            "what it is": part.example.label,
+            "formula": part.example.formula,
+            "free beside the coefficient": ", ".join(shape.name for shape in part.free_shapes),
         }
+        for part in map(component, dict.fromkeys(names))
     )
     return Table(table, "")

@@ -4,8 +4,6 @@ Numbers are in the units of the record; intervals of parameters have the content
 the level of the study. A number that does not exist is NaN.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 
@@ -46,7 +44,7 @@ def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
 
 def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
     """Least squares with T-ratio, and the credible interval, of each parameter of each candidate."""
-    rows = [
+    return pd.DataFrame(
         {
             "law": candidate.name,
             "parameter": f"{c.force} {c.shape}".strip(),
@@ -59,8 +57,7 @@ def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
         }
         for candidate in result.ranking.candidates
         for c in candidate.coefficients
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
@@ -88,7 +85,7 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:
     """One row for each sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
-    rows = [
+    return pd.DataFrame(
         {
             "law": sampled.law.name,
             "weight": sampled.weight,
@@ -103,18 +100,16 @@ def tabulate_checks(result: RecordResult) -> pd.DataFrame:
             "predictive_p_value": sampled.check.p_value,
         }
         for sampled in result.posteriors
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     """One row for each sampled law and reported quantity."""
-    rows = [
+    return pd.DataFrame(
         {"law": sampled.law.name, "quantity": d.name, **{name: getattr(d, name) for name in _CONVERGENCE}}
         for sampled in result.posteriors
         for d in sampled.posterior.diagnoses
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
