@@ -22,16 +22,13 @@ from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
+from damping_validation import calibration
 from damping_validation import calibration_tables as tables
 from damping_validation.calibration import (
     CALIBRATED,
-    FREQUENCY_NOISES,
     LEVEL,
-    LEVELS,
-    NOISES,
     RANKED,
     RATIOS,
-    SPANS,
     coverage_trial,
     ecdf,
     ecdf_band,
@@ -152,10 +149,7 @@ def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, see
         "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
         "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
         "predictions": predictions,
-        "levels": LEVELS,
-        "spans": SPANS,
-        "noises": NOISES,
-        "frequency_noises": FREQUENCY_NOISES,
+        "trial": calibration,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values) + "\n"
 

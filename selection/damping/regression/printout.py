@@ -24,6 +24,7 @@ _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 def printout(result: Regression) -> str:
     """All statistics of one curve on one table, as text that ends in a line end."""
     choice, fit, deviations = result.choice, result.selected.fit, result.deviations
+    judge = NAMES[choice.criterion] if choice.t_stop is None else f"|T| = {choice.t_stop:g}"
     names = (*result.design.names, result.design.response)
     by_size = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
     columns = (deviations.observed, deviations.fitted, deviations.deviation)
@@ -38,7 +39,7 @@ def printout(result: Regression) -> str:
         ],
         "alone": [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term],
         "selects": choice.method != "none" or choice.nonnegative,
-        "by": _describe_judge(result),
+        "by": "" if choice.method == "none" else f", by {judge}",
         "criterion": NAMES[choice.criterion],
         "models": _list_models(result),
         "most_models": _MOST_MODELS,
@@ -80,14 +81,6 @@ def _number(value: Floats, form: str = ".6g") -> str:
     return "-" if np.isnan(value) else format(value, form)
 
 
-def _describe_judge(result: Regression) -> str:
-    """By what the steps of a selection were judged."""
-    if result.choice.method == "none":
-        return ""
-    by = NAMES[result.choice.criterion] if result.choice.t_stop is None else f"|T| = {result.choice.t_stop:g}"
-    return f", by {by}"
-
-
 def _list_models(result: Regression) -> list[tuple[Any, ...]]:
     """Terms, size, criterion and error of the best subsets, where all were searched."""
     models = result.selected.models
@@ -103,7 +96,9 @@ def _list_models(result: Regression) -> list[tuple[Any, ...]]:
 def _align_columns(header: Sequence[str] | None, rows: Iterable[Sequence[Any]], left: int = 1) -> str:
     """Lines of aligned columns, the first ``left`` to the left; those that do not fit beside them follow below."""
     written = [header] if header else []
-    written += [[_write_cell(cell) for cell in row] for row in rows]
+    written += [
+        [str(cell) if isinstance(cell, str | int | np.integer) else _number(cell) for cell in row] for row in rows
+    ]
     widths = [max(len(cell) for cell in column) for column in zip(*written, strict=True)]
     blocks = [
         "\n".join(
@@ -113,10 +108,6 @@ def _align_columns(header: Sequence[str] | None, rows: Iterable[Sequence[Any]], 
         for columns in _split_columns(widths, left)
     ]
     return "\n\n".join(blocks)
-
-
-def _write_cell(cell: Any) -> str:
-    return str(cell) if isinstance(cell, str | int | np.integer) else _number(cell)
 
 
 def _split_columns(widths: Sequence[int], left: int) -> list[list[int]]:
