@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from jinja2 import Environment, StrictUndefined
 from damping.arrays import Floats
 from damping.errors import escape_control
 from damping.regression.criteria import NAMES
-from damping.regression.program import Regression
+from damping.regression.design import correlations, tabulate_variables
+from damping.regression.program import Regression, break_down, sum_up
 
 #: Columns of a terminal that a line keeps to.
 WIDTH = 80
@@ -33,9 +35,11 @@ def printout(result: Regression) -> str:
         "fit": fit,
         "terms": [f"a{i + 1} {name}" for i, name in enumerate(result.design.names)],
         "names": names,
+        "variables": tabulate_variables(result.design),
+        "sums": sum_up(fit),
         "triangle": [
             (name, *(_number(value, ".5f") for value in row[: i + 1]), *[""] * (len(names) - i - 1))
-            for i, (name, row) in enumerate(zip(names, result.correlations, strict=True))
+            for i, (name, row) in enumerate(zip(names, correlations(result.design), strict=True))
         ],
         "alone": [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term],
         "selects": choice.method != "none" or choice.nonnegative,
@@ -46,7 +50,7 @@ def printout(result: Regression) -> str:
         "by_t_ratio": [(fit.names[i], fit.t_ratios[i]) for i in by_size],
         "shares": [
             (f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more", number, _number(percent, ".1f"))
-            for low, high, number, percent in result.bands.itertuples(index=False)
+            for low, high, number, percent in break_down(deviations).itertuples(index=False)
         ],
         "listed": [
             (str(row + 1), *numbers, _number(percent, ".3f"))
@@ -55,7 +59,10 @@ def printout(result: Regression) -> str:
         "most_rows": _MOST_ROWS,
     }
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)
-    functions = {"table": _align_columns, "wrap": _wrap, "number": _number, "zip": zip}
+    # lines of prose or of a formula, no name broken
+    unbroken = {"subsequent_indent": "  ", "break_long_words": False, "break_on_hyphens": False}
+    wrap = partial(textwrap.fill, width=WIDTH, **unbroken)
+    functions = {"table": _align_columns, "wrap": wrap, "number": _number, "zip": zip}
     template = environment.from_string(Path(__file__).with_suffix(".txt").read_text("utf-8"), globals=functions)
     return _show_control(template.render(values))
 
@@ -119,8 +126,3 @@ def _split_columns(widths: Sequence[int], left: int) -> list[list[int]]:
             blocks.append(list(first))
         blocks[-1].append(i)
     return blocks
-
-
-def _wrap(text: str) -> str:
-    """Lines of prose or of a formula, no name broken."""
-    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
