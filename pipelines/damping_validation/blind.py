@@ -116,8 +116,8 @@ def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
 
 def _describe_generator_digest() -> str:
     """SHA-256 of the generator's source."""
-    modules = sorted(Path(generator.__file__).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
+    files = sorted(Path(generator.__file__).parent.glob("*.*"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
