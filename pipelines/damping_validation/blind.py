@@ -92,7 +92,7 @@ def make_proposed_tests(out: Path, tasks: Iterable[_Task], jobs: int | None) -> 
         proposed = read_answer(out / "answers" / f"{task.name}.json").get("next_test") or {}
         if proposed.get("rows"):
             data = (out / "cases" / task.name / "data.csv").read_text(encoding="utf-8")
-            proposals.append(_Proposal(task, data, proposed["rows"], frozenset(proposed.get("columns") or ())))
+            proposals.append(_Proposal(task, data, proposed["rows"], set(proposed.get("columns") or ())))
     with progress("proposed tests made", len(proposals)) as advance:
         for proposal, text in zip(proposals, _each(_make_test, proposals, jobs), strict=True):
             name = proposal.task.name
@@ -116,8 +116,8 @@ def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
 
 def _describe_generator_digest() -> str:
     """SHA-256 of the generator's source."""
-    modules = sorted(Path(generator.__file__).parent.glob("*.py"))
-    return hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
+    files = sorted(Path(generator.__file__).parent.glob("*.*"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
@@ -154,7 +154,8 @@ def read_answer(path: Path) -> Mapping[str, Any]:
 
 
 class _Task(NamedTuple):
-    stratum: generator.Stratum
+    kind: str
+    field: bool
     seed: tuple[int, int]
     name: str
 
@@ -163,7 +164,7 @@ class _Proposal(NamedTuple):
     task: _Task
     data: str
     rows: list[dict[str, Any]]
-    asked: frozenset[str]
+    asked: set[str]
 
 
 def make_cases(
@@ -192,7 +193,7 @@ def make_cases(
 
 def _list_tasks(n: int, seed: int, kinds: tuple[str, ...] | None = None) -> list[_Task]:
     drawn = zip(generator.strata(n, kinds), _list_names(n, seed), strict=True)
-    return [_Task(stratum, (seed, number), name) for number, (stratum, name) in enumerate(drawn)]
+    return [_Task(stratum.kind, stratum.field, (seed, number), name) for number, (stratum, name) in enumerate(drawn)]
 
 
 def _list_names(n: int, seed: int) -> list[str]:
@@ -212,14 +213,13 @@ def _each(do: Callable[[Work], Done], work: list[Work], jobs: int | None) -> Ite
 
 
 def _draw(task: _Task) -> generator.BlindCase:
-    return generator.draw_case(task.stratum.kind, task.stratum.field, task.seed, f"case {task.name}")
+    return generator.draw_case(task.kind, task.field, task.seed, f"case {task.name}")
 
 
 def _make_test(proposal: _Proposal) -> str | None:
     """The data of a case with the rows of the test that was proposed; None where there is no steady state."""
-    stratum, seed, _ = proposal.task
-    kind, field = stratum.kind, stratum.field
+    (kind, field, seed, _), data, rows, asked = proposal
     try:
-        return generator.draw_further_rows(kind, field, seed, proposal.data, proposal.rows, set(proposal.asked))
+        return generator.draw_further_rows(kind, field, seed, data, rows, asked)
     except generator.NoSteadyStateError:
         return None

@@ -22,22 +22,22 @@ from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
-from damping_validation import calibration_tables as tables
+from damping_validation import calibration
 from damping_validation.calibration import (
+    BINS,
     CALIBRATED,
-    FREQUENCY_NOISES,
     LEVEL,
-    LEVELS,
-    NOISES,
     RANKED,
     RATIOS,
-    SPANS,
+    SURE,
+    Coverage,
     coverage_trial,
     ecdf,
     ecdf_band,
+    is_uniform,
     rank_trial,
 )
-from damping_validation.truths import TRUTHS
+from damping_validation.truths import IN_LIBRARY, TRUTHS
 
 #: Law of the trials with whole sweeps.
 SWEPT = Law(("viscous", "velocity-squared"))
@@ -71,16 +71,18 @@ def render(results: dict[Key, Any], seed: int, quick: bool) -> dict[str, bytes]:
     """Tables, figures and page of the results of all trials, by file name."""
     covered = {key[1:]: value for key, value in results.items() if key[0] == "coverage"}
     ranked = {key: value for key, value in results.items() if key[0] != "coverage"}
-    predictions = tables.tabulate_predictions(covered)
-    ranks = tables.tabulate_ranks(ranked)
-    summary = tables.rank_summary(ranks)
-    coverage = tables.tabulate_coverage(predictions)
-    files = {
-        f"{name}.csv": record_to_csv(table).encode()
-        for name, table in (("predictions", predictions), ("coverage", coverage), ("ranks", summary))
-    }
-    files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in draw_figures(predictions, ranks).items()}
-    return files | {"README.md": render_page(predictions, summary, len(results), seed, quick).encode()}
+    predictions, ranks = tabulate_predictions(covered), tabulate_ranks(ranked)
+    fast = tabulate_coverage(predictions[predictions["way"] == "fast"])
+    summary = rank_summary(ranks)
+    posteriors = zip(ranks["data"], ranks["law"], strict=True)
+    names = [law if data == "resonances" else f"{law}\n({_OF[data]})" for data, law in posteriors]
+    panels = {str(name): group for name, group in ranks.groupby(np.array(names), sort=False)}
+    drawn = {"coverage": draw_coverage(fast), "ranks": draw_rank_histograms(panels), "ecdf": draw_rank_ecdfs(panels)}
+    written = {"predictions": predictions, "coverage": tabulate_coverage(predictions), "ranks": summary}
+    page = render_page(predictions, fast, summary, len(results), seed, quick)
+    files = {f"{name}.csv": record_to_csv(table).encode() for name, table in written.items()}
+    files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in drawn.items()}
+    return files | {"README.md": page.encode()}
 
 
 def all_trials(sizes: Mapping[str, int], seed: int) -> dict[Key, Callable[[], Any]]:
@@ -124,38 +126,107 @@ def _run_batch(trials: Sequence[tuple[Key, Callable[[], Any]]]) -> dict[Key, Any
     return {key: call() for key, call in trials}
 
 
-def draw_figures(predictions: pd.DataFrame, ranks: pd.DataFrame) -> dict[str, Figure]:
-    """The figures by name."""
-    posteriors = zip(ranks["data"], ranks["law"], strict=True)
-    names = [law if data == "resonances" else f"{law}\n({_OF[data]})" for data, law in posteriors]
-    panels = {str(name): group for name, group in ranks.groupby(np.array(names), sort=False)}
-    return {
-        "coverage": draw_coverage(tables.tabulate_coverage(predictions[predictions["way"] == "fast"])),
-        "ranks": draw_rank_histograms(panels),
-        "ecdf": draw_rank_ecdfs(panels),
-    }
+def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
+    """One row per trial and ratio: ``way, truth, trial`` (the keys of ``covered``) and the fields of ``Coverage``."""
+    rows = [
+        {"way": way, "truth": truth, "trial": number}
+        | {name: value[i] if isinstance(value, np.ndarray) else value for name, value in vars(result).items()}
+        for (way, truth, number), result in covered.items()
+        for i in range(len(RATIOS))
+    ]
+    return pd.DataFrame(rows)
 
 
-def render_page(predictions: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool) -> str:
+def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "truth")) -> pd.DataFrame:
+    """One row per group and ratio, worst first: predictions given and refused, shares held, above and below, widths.
+
+    ``width`` is the median of high/low, ``over_oracle`` that of ln width over the oracle's.
+    """
+    table = predictions.assign(
+        given=~predictions["refused"],
+        held=~(predictions["above"] | predictions["below"] | predictions["refused"]),
+        over_oracle=predictions["width"] / predictions["oracle"],
+        width=np.exp(predictions["width"]),
+    )
+    cells = table.groupby([*by, "ratio"], sort=False).agg(
+        trials=("given", "size"),
+        given=("given", "sum"),
+        held=("held", "sum"),
+        above=("above", "sum"),
+        below=("below", "sum"),
+        width=("width", "median"),
+        over_oracle=("over_oracle", "median"),
+    )
+    shares = cells[["held", "above", "below"]].div(cells["given"], axis=0).add_prefix("share_")
+    return pd.concat([cells, shares], axis=1).reset_index().sort_values("share_held", kind="stable", ignore_index=True)
+
+
+def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
+    """One row per structure of the library: trials by the fast way, and how often its law has the largest weight."""
+    first = predictions[(predictions["ratio"] == RATIOS[0]) & (predictions["way"] == "fast")]
+    first = first[first["truth"].isin(IN_LIBRARY)]
+    return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
+
+
+def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
+    """One row per trial and quantity: the rank of its true value, 0 to ``RANKED``.
+
+    ``ranked``: ranks by (data, law, number), ``data`` saying what the posterior is of.
+    """
+    rows = [
+        {"data": data, "law": law, "trial": n, "quantity": quantity, "rank": rank}
+        for (data, law, n), ranks in ranked.items()
+        for quantity, rank in ranks.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+def rank_summary(ranks: pd.DataFrame) -> pd.DataFrame:
+    """One row per posterior and quantity: whether its ranks are uniform, and their histogram."""
+    rows = []
+    for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
+        values = group["rank"].to_numpy()
+        histogram = np.histogram(values, bins=BINS, range=(0, RANKED + 1))[0]
+        rows.append(
+            {"data": data, "law": law, "quantity": quantity, "trials": len(values)}
+            | {"uniform": is_uniform(values, SURE)}
+            | {f"bin_{i + 1}": int(count) for i, count in enumerate(histogram)}
+        )
+    return pd.DataFrame(rows)
+
+
+def collect_ways(predictions: pd.DataFrame) -> list[tuple[str, pd.DataFrame, pd.DataFrame]]:
+    """By way of sampling: shares over all structures at each ratio with their interval ``low`` to ``high``, and
+    those of each structure at the largest ratio, worst first."""
+    ways = []
+    for way in predictions["way"].unique():
+        prediction = predictions[predictions["way"] == way]
+        every, by_truth = tabulate_coverage(prediction, ("way",)), tabulate_coverage(prediction)
+        counts = every[["held", "given"]].to_numpy(int).tolist()
+        limits = [binomtest(held, given).proportion_ci(SURE, "wilson") for held, given in counts]
+        every = every.join(pd.DataFrame(limits, columns=["low", "high"])).sort_values("ratio")
+        ways.append((str(way), every, by_truth[by_truth["ratio"] == RATIOS[-1]]))
+    return ways
+
+
+def render_page(
+    predictions: pd.DataFrame, fast: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool
+) -> str:
     """The page: goals beside what was measured, every structure, figures."""
-    fast = tables.tabulate_coverage(predictions[predictions["way"] == "fast"])
-    selection = tables.tabulate_selection(predictions)
+    selection = tabulate_selection(predictions)
     worst_first = fast.loc[fast["ratio"] == RATIOS[-1], "truth"]
     values = {
         "trials": trials,
         "command": f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else ""),
-        "ways": tables.collect_ways(predictions),
-        "goal": tables,
+        "ways": collect_ways(predictions),
         "ranks": ranks,
-        "most_outside": tables.most_outside(ranks),
+        # as many of the quantities may lie outside their band by chance
+        "most_outside": int(binom.ppf(SURE, len(ranks), 1.0 - SURE)),
         "structures": [(truth, fast[fast["truth"] == truth].sort_values("ratio")) for truth in worst_first],
         "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
         "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
         "predictions": predictions,
-        "levels": LEVELS,
-        "spans": SPANS,
-        "noises": NOISES,
-        "frequency_noises": FREQUENCY_NOISES,
+        "trial": calibration,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values) + "\n"
 
@@ -190,7 +261,7 @@ def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
     z = np.linspace(0.0, 1.0, RANKED + 2)[1:-1]
     figure, panels = _open_panels(ranks, 1.2, sharey=True)
     for law, ax in panels.items():
-        low, high = ecdf_band(ranks[law]["trial"].nunique(), tables.SURE)
+        low, high = ecdf_band(ranks[law]["trial"].nunique(), SURE)
         ax.fill_between(z, low - z, high - z, color=PREDICTIVE, linewidth=0)
         for _, values in ranks[law].groupby("quantity", sort=False)["rank"]:
             ax.plot(z, ecdf(values.to_numpy()) - z, color=AVERAGE, linewidth=0.8)
@@ -206,10 +277,10 @@ def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
     figure, panels = _open_panels(ranks, 1.1, sharey=False)
     for law, ax in panels.items():
         beyond = ranks[law].query("quantity == 'amplitude beyond'")["rank"]
-        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / tables.BINS), color=PREDICTIVE, linewidth=0)
-        bins: dict[str, Any] = {"bins": tables.BINS, "range": (0, RANKED + 1)}
+        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / BINS), color=PREDICTIVE, linewidth=0)
+        bins: dict[str, Any] = {"bins": BINS, "range": (0, RANKED + 1)}
         ax.hist(beyond, **bins, color=MUTED, edgecolor="white", linewidth=0.5)
-        ax.axhline(len(beyond) / tables.BINS, color=INK, linewidth=0.7)
+        ax.axhline(len(beyond) / BINS, color=INK, linewidth=0.7)
         ax.set_ylim(0)
     figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
     return figure

@@ -35,6 +35,18 @@ from damping_validation.truths import OMEGA, Truth, draw_truth, peaks, sweeps
 RATIOS = (1.5, 2.0, 4.0)
 #: Probability content of the bands.
 LEVEL = 0.9
+#: Share of next tests that bands are to hold, least and most; largest share above them.
+HELD = (0.86, 0.96)
+ABOVE = 0.08
+#: The same of any one structure at the largest ratio: least share held, largest share above.
+WORST = 0.75
+WORST_ABOVE = 0.20
+#: Largest ln width over that of a fitter who knows the form, at the largest ratio.
+OVER_ORACLE = 2.2
+#: Content of the band of ranks and of the binomial bounds that goals are held against.
+SURE = 0.99
+#: Bins of a histogram of ranks.
+BINS = 8
 #: Levels of a trial, fewest and most.
 LEVELS = (2, 6)
 #: Largest over smallest force of a trial, least and most.
@@ -172,7 +184,8 @@ def rank_trial(law: Law, seed: int, chains: bool = False, swept: bool = False) -
     """
     rng = np.random.default_rng(seed)
     coordinates = Coordinates(law, (1.0, OMEGA, 1.0), TESTED, swept)
-    true = _prior_draw(coordinates, rng)
+    prior = rng.standard_normal((2000, coordinates.dimension))
+    true = prior[_in_range(coordinates, prior)][:1]
     exact = _amplitudes(coordinates, true)[0]
     if swept:
         row, level = (float(value[0]) for value in coordinates.scatter(true))
@@ -197,12 +210,6 @@ def _quantities(coordinates: Coordinates, x: FloatArray, data: Observations) -> 
     member = Member(coordinates.law.name, 1.0, coordinates, x)
     beyond = amplitude_draws(member, np.array([1.5 * _FORCES[-1]]), data)[:, 0]
     return {**coordinates.parameters(x), "amplitude beyond": np.where(np.isfinite(beyond), beyond, np.inf)}
-
-
-def _prior_draw(coordinates: Coordinates, rng: np.random.Generator) -> FloatArray:
-    """A draw of the prior (1, dimension) with resonances in range."""
-    x = rng.standard_normal((2000, coordinates.dimension))
-    return x[_in_range(coordinates, x)][:1]
 
 
 def _in_range(coordinates: Coordinates, x: FloatArray) -> BoolArray:

@@ -155,12 +155,6 @@ class Goal:
     low: float | None = None
     high: float | None = None
 
-    def met(self, value: float) -> bool | None:
-        """Whether the value is within; None without a goal."""
-        if self.low is None and self.high is None:
-            return None
-        return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
-
 
 @dataclass(frozen=True)
 class Figure:
@@ -177,7 +171,10 @@ class Figure:
     @property
     def met(self) -> bool | None:
         """Whether the goal is met; None without a goal or a value."""
-        return None if self.measured is None else self.goal.met(self.measured)
+        low, high = self.goal.low, self.goal.high
+        if self.measured is None or (low is None and high is None):
+            return None
+        return (low is None or self.measured >= low) and (high is None or self.measured <= high)
 
 
 def score(cases: Cases, processor_seconds: float | None = None, followed: Cases | None = None) -> list[Figure]:

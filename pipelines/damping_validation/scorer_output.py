@@ -72,19 +72,15 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
 
 def describe_verdict(figures: Sequence[Figure], cases: Sequence[Verdict]) -> str:
     """The run in one sentence."""
-    value = {figure.name: figure.measured for figure in figures}
+    value = {figure.name: figure.measured for figure in figures if figure.measured is not None}
     kinds, outside = ({case.kind for case in cases if case.family in some} for some in (FAMILIES, ("outside",)))
-    shares = [
-        (words, value[name])
-        for name, words in (
-            ("good: right or honestly short", "right or honestly short in {}"),
-            ("right by effects alone, gap >= 1 sigma", "right by name alone in {} of those that have a name"),
-            ("confidently wrong", "confidently wrong in {}"),
-            ("null cases wrongly accused", "wrong about nothing in {} of those with nothing to find"),
-        )
-        if value[name] is not None
-    ]
-    measured = ", ".join(words.format(f"{100 * share:.1f} %") for words, share in shares if share is not None)
+    shares = {
+        "good: right or honestly short": "right or honestly short in {:.1f} %",
+        "right by effects alone, gap >= 1 sigma": "right by name alone in {:.1f} % of those that have a name",
+        "confidently wrong": "confidently wrong in {:.1f} %",
+        "null cases wrongly accused": "wrong about nothing in {:.1f} % of those with nothing to find",
+    }
+    measured = ", ".join(words.format(100 * value[name]) for name, words in shares.items() if name in value)
     return f"Of {len(cases)} generated cases of {len(kinds)} kinds, {len(outside)} of them in no library: {measured}."
 
 

@@ -289,9 +289,9 @@ def test_goals_read_as_they_are_meant():
     assert describe_goal_text(Goal(0.94, 0.98), True) == "94-98 %"
     assert describe_goal_text(Goal(high=1.5), False) == "<= 1.5"
     assert describe_goal_text(Goal(), True) == ""
-    assert Goal(0.94, 0.98).met(0.95)
-    assert not Goal(0.94, 0.98).met(0.99)
-    assert Goal().met(0.5) is None
+    assert Figure("share", Goal(0.94, 0.98), 0.95).met
+    assert not Figure("share", Goal(0.94, 0.98), 0.99).met
+    assert Figure("share", Goal(), 0.5).met is None
 
 
 def test_everything_is_rendered():

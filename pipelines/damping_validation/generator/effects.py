@@ -8,7 +8,7 @@ named as the library names its effect; what stands after a colon is a form of it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -94,11 +94,6 @@ class Kind:
     def largest(self, bench: Bench) -> float:
         """The largest size on a bench."""
         return self.most(bench) if callable(self.most) else self.most
-
-    def apply(self, truth: Truth, size: float, shape: Shape, bench: Bench) -> Truth:
-        """The truth with the effect present."""
-        effect = AppliedEffect(*truth, size, shape, bench)
-        return replace(truth[0], **self.structure(effect)), replace(truth[1], **self.rows(effect))
 
 
 #: How an entry of a shape is drawn.

@@ -6,8 +6,10 @@ measurement, the columns of the record, and the texts of the two files of a case
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -263,25 +265,8 @@ def describe_data_text(columns: Mapping[str, list[str]]) -> str:
 
 def describe_model_text(name: str, bench: Bench) -> str:
     """The simulation as given, its tolerances, and the scatter from sweep to sweep where it is declared."""
-    nominal, (frequency, mass, viscous) = bench.nominal, bench.tolerance
-    lines = [
-        "[mode]",
-        f'name = "{name}"',
-        f"frequency = {nominal.omega / (2 * np.pi):.9g}   # Hz, undamped natural frequency",
-        f"mass = {nominal.mass:.6g}",
-        "",
-        "[mode.tolerance]   # relative standard uncertainty of what the simulation assumes",
-        f"frequency = {frequency:.3g}",
-        f"mass = {mass:.3g}",
-        f"viscous = {viscous:.3g}",
-    ]
-    if bench.scatter_declared:
-        lines += [
-            "",
-            "[repeatability]   # relative, from sweep to sweep",
-            f"amplitude = {bench.scatter[0]:.3g}",
-            f"frequency = {bench.scatter[1]:.3g}",
-        ]
-    lines += ["", "[damping]", f"viscous = {nominal.viscous:.6g}"]
-    lines += [f"{force} = {coefficient:.6g}" for force, coefficient in bench.base]
-    return "\n".join(lines) + "\n"
+    template = Path(__file__).with_name("model.txt").read_text("utf-8")
+    if not bench.scatter_declared:
+        template = re.sub(r"\[repeatability\].*?\n\n", "", template, flags=re.DOTALL)
+    lines = [f"{force} = {coefficient:.6g}\n" for force, coefficient in bench.base]
+    return template.format(name=name, bench=bench, hertz=bench.nominal.omega / (2 * np.pi)) + "".join(lines)

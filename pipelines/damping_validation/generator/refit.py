@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from damping_validation.generator import plan
 from damping_validation.generator.balance import TrueRows, guess, recorded, sensor_phasor, sweep_phasor
-from damping_validation.generator.effects import FORCE_KINDS, PATH_KINDS, Kind, TrueEffect, Truth
+from damping_validation.generator.effects import FORCE_KINDS, PATH_KINDS, AppliedEffect, Kind, TrueEffect, Truth
 from damping_validation.generator.laws import Array, Complex, Structure
 from damping_validation.generator.rig import DRIFT_KINDS, FOREIGN_KINDS, FOREIGN_RIG, RIG_KINDS
 from damping_validation.generator.steady import NoSteadyStateError, true_phasors
@@ -43,7 +43,8 @@ def applied(effects: tuple[TrueEffect, ...], bench: plan.Bench, rows: TrueRows |
     """True structure and rig with the effects present, at the rows of the bench or at others."""
     truth = bench.truth(), bench.rows if rows is None else rows
     for effect in effects:
-        truth = KINDS[effect.name].apply(truth, effect.size, effect.shape, bench)
+        kind, here = KINDS[effect.name], AppliedEffect(*truth, effect.size, effect.shape, bench)
+        truth = replace(truth[0], **kind.structure(here)), replace(truth[1], **kind.rows(here))
     return truth
 
 

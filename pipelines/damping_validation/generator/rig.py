@@ -159,9 +159,7 @@ FOREIGN_RIG = {
     "slew": Kind(NO_SHAPE, 1.0, rows=lambda e: {"slew": e.size / e.bench.A}),
     # the force is read too small where it is large: the true one is 1 + size (F/F_max)^2 of it
     "force-cell": Kind(
-        NO_SHAPE,
-        1.0,
-        rows=_scale("drive", lambda e: 1 + e.size * (e.rows.force / np.max(e.bench.rows.force)) ** 2),
+        NO_SHAPE, 1.0, rows=_scale("drive", lambda e: 1 + e.size * (e.rows.force / np.max(e.bench.rows.force)) ** 2)
     ),
     "gain-drift": Kind(EITHER_SIGN, 1.0, rows=_scale("gain", lambda e: 1 + e.shape[0] * e.size * e.course)),
     "phase-drift": Kind(EITHER_SIGN, 1.0, rows=_shift("lag", lambda e: e.shape[0] * e.size * e.course)),

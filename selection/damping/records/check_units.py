@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import log, pi
+from collections.abc import Mapping
+from math import inf, log, pi
 
 import numpy as np
 
@@ -28,6 +29,8 @@ UNIT_FACTORS: dict[str, float] = {
 }
 #: Factors within one system of units: their finding is a caution.
 SCALING_FACTORS = {"rms for peak": 2.0**0.5, "peak-to-peak for peak": 2.0, "peak-to-peak for rms": 2.0 * 2.0**0.5}
+#: What a ratio that is no unit's alone may mean.
+FACTORS = UNIT_FACTORS | SCALING_FACTORS
 #: Factors between frequencies.
 FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
 
@@ -91,19 +94,14 @@ def check_units(view: View) -> Finding | None:
     if view.mode is None:
         return None
     frequency = take_median(view.implied["frequency"]) / view.mode.frequency
-    for name, factor in FREQUENCY_FACTORS.items():
-        for off in (factor, 1.0 / factor):
-            if abs(log(frequency / off)) < 0.06:
-                what = f"the record resonates at {frequency:.4g} times the frequency of the mode file ({name}?)"
-                return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
+    if other := name_factor(frequency, FREQUENCY_FACTORS, within=0.06):
+        what = f"the record resonates at {frequency:.4g} times the frequency of the mode file ({other}?)"
+        return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
-    size = abs(log(ratio)) if ratio > 0.0 else float("nan")
-    near = any(abs(size - log(factor)) < NEAR_FACTOR for factor in UNIT_FACTORS.values())
-    # no structure but only a unit explains a factor by which force over amplitude is so large
-    wrong = not bent and not participates and (size > log(OTHER_SYSTEM) or (size > log(2.0) and near))
+    wrong = not bent and not participates and ratio > 0.0 and is_other_unit(ratio)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
@@ -111,21 +109,23 @@ def check_units(view: View) -> Finding | None:
     implied = participation if base else f"{ratio:.4g} times the mass of the mode file"
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    if wrong:
-        name = name_factor(ratio)
-    else:  # the unit factor that brings the damping ratio back to a structure's, by the simulated damping if any
-        off = abs(log(zeta / (view.simulated or 0.01)))
-        name = min(UNIT_FACTORS, key=lambda key: abs(off - log(UNIT_FACTORS[key])))
+    # of the mass, else the unit factor that brings the damping ratio back to a structure's, the simulated one if any
+    name = name_factor(ratio) if wrong else name_factor(zeta / (view.simulated or 0.01), UNIT_FACTORS, within=inf)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
 
-def name_factor(ratio: float) -> str:
-    """What the unit factor nearest to a ratio (or its inverse) means; nothing where none is near."""
+def is_other_unit(ratio: float) -> bool:
+    """Whether no structure but only a unit explains a factor by which force over amplitude is too large."""
+    least = 2.0 if name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR) else OTHER_SYSTEM
+    return abs(log(ratio)) > log(least)
+
+
+def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:
+    """What the factor nearest to a ratio (or its inverse) means; nothing where none is so near, in the logarithm."""
     size = abs(log(ratio))
-    names = {**UNIT_FACTORS, **SCALING_FACTORS}
-    name = min(names, key=lambda key: abs(size - log(names[key])))
-    return name if abs(size - log(names[name])) < 0.1 else ""
+    name = min(factors, key=lambda key: abs(size - log(factors[key])))
+    return name if abs(size - log(factors[name])) < within else ""
 
 
 FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far

@@ -5,6 +5,7 @@ TOML tables that know their file: each key is checked for name, type and range, 
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 import tomllib
@@ -24,35 +25,20 @@ if TYPE_CHECKING:
 
 Schema = TypeVar("Schema", bound="BaseModel")
 
-#: Columns without which a table is no record; ``sweep`` is text, the others are numbers.
-REQUIRED_COLUMNS = ("sweep", "force", "frequency", "amplitude")
-#: Columns of a record with a meaning that may be absent.
-OPTIONAL_COLUMNS = (
-    *("phase", "energy", "mass", "amplitude_sd", "phase_sd", "force_sd"),
-    *("amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time"),
-)
-TEXT_COLUMNS = ("sweep",)  #: columns of a record that hold text
+#: The columns of a record that have a meaning, in the order in which they are looked at.
+_COLUMNS = list(csv.DictReader(Path(__file__).with_name("columns.csv").read_text("utf-8").splitlines()))
+#: Columns without which a table is no record.
+REQUIRED_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["presence"] == "required")
+#: Columns of a record that may be absent.
+OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["presence"] == "optional")
+#: Columns of a record that hold text; the others are numbers.
+TEXT_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["range"] == "text")
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
-BLANK_COLUMNS = ("mass", "amplitude_3", "phase_3", "amplitude_y", "phase_y", "added_mass", "sweep_rate", "time")
+BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"] == "may be blank")
 
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50
 LARGEST = 1e50
-
-
-#: What is in the columns of a record that hold numbers > 0, and in those that hold numbers >= 0.
-_POSITIVE = {
-    "force": "a force amplitude",
-    "frequency": "a frequency in Hz",
-    "amplitude": "a displacement amplitude",
-    "energy": "an energy per cycle",
-    "mass": "a generalized mass",
-}
-_NOT_NEGATIVE = {
-    **dict.fromkeys(("amplitude_sd", "phase_sd", "force_sd"), "a standard uncertainty"),
-    **dict.fromkeys(("amplitude_3", "amplitude_y"), "an amplitude"),
-    "added_mass": "an added mass",
-}
 
 
 def record_schema() -> pa.DataFrameSchema:
@@ -69,14 +55,18 @@ def record_schema() -> pa.DataFrameSchema:
     )
 
     radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
-    checks: dict[str, list[pa.Check]] = {name: [radians] for name in ("phase", "phase_3", "phase_y")}
-    for name, meaning in _POSITIVE.items():
-        checks[name] = [pa.Check.gt(0.0, error=f"{meaning} > 0"), magnitude]
-    for name, meaning in _NOT_NEGATIVE.items():
-        checks[name] = [pa.Check.ge(0.0, error=f"{meaning} >= 0"), magnitude]
-    return pa.DataFrameSchema(
-        {name: pa.Column(checks=own, nullable=True, required=name in REQUIRED_COLUMNS) for name, own in checks.items()}
-    )
+    columns = {}
+    for column in _COLUMNS:
+        wanted = f"{column['meaning']} {column['range']}"
+        checks = {
+            "> 0": [pa.Check.gt(0.0, error=wanted), magnitude],
+            ">= 0": [pa.Check.ge(0.0, error=wanted), magnitude],
+            "radians": [radians],
+        }.get(column["range"])
+        if checks:
+            required = column["presence"] == "required"
+            columns[column["column"]] = pa.Column(checks=checks, nullable=True, required=required)
+    return pa.DataFrameSchema(columns)
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)

@@ -195,9 +195,7 @@ def describe_mode_to_toml(mode: Mode) -> str:
         "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass}
         | ({"drive": mode.drive} if mode.drive != "force" else {}),
         "mode.tolerance": {key: value for key, value in vars(mode.tolerance).items() if value is not False},
-        "repeatability": {key: value for key, value in vars(mode.repeatability).items() if value is not None},
-        "units": {key: unit for key, unit in vars(mode.units).items() if unit},
-        "rig": {key: value for key, value in vars(mode.rig).items() if value not in (None, "")},
+        **{name: _as_written(getattr(mode, name)) for name in ("repeatability", "units", "rig")},
         # a force with one parameter is written as the bare number
         "damping": {
             name: next(iter(parameters.values())) if len(parameters) == 1 else parameters

@@ -110,7 +110,6 @@ class CsvRows:
         self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
         self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " ")
-        self._broken: InputError | None = None
         self._size = self._start = 0
         self.problem: InputError | None = None
 
@@ -122,9 +121,9 @@ class CsvRows:
             self._size = self._start = 0
             try:
                 cells = next(self._reader)
-            except StopIteration:
-                self.problem = self._broken
-                raise
+            except InputError as error:
+                self.problem = error
+                raise StopIteration from None
             except csv.Error as error:
                 self.problem = self._unreadable(str(error))
                 raise StopIteration from None
@@ -132,7 +131,7 @@ class CsvRows:
                 return self._start, cells
 
     def _lines(self) -> Iterator[str]:
-        """Lines with their ends, up to the first that is no text or makes a row too long; ``_broken`` then says why."""
+        """Lines with their ends. InputError for the first that is no text or makes a row too long."""
         start, number = 0, 0
         while start < len(self._data):
             end = self._data.find(b"\n", start + _TOGETHER) + 1 or len(self._data)
@@ -145,17 +144,15 @@ class CsvRows:
                 self._size += match.end() - match.start()
                 if self._size > LONGEST_ROW:
                     message = f"a row of more than {LONGEST_ROW} characters"
-                    self._broken = InputError(message, line=number, expected="cells in rows")
-                    return
+                    raise InputError(message, line=number, expected="cells in rows")
                 yield match[0] if self._delimiter != " " else match[0].rstrip(" \r\n") + "\n"
             if broken is not None:
-                self._broken = InputError(broken.message, line=number + 1, expected=broken.expected)
-                return
+                raise InputError(broken.message, line=number + 1, expected=broken.expected)
             start = end
 
     def _unreadable(self, reason: str) -> InputError:
         line = self._start
-        if reason == _OPEN_QUOTE:  # of a cell that runs into bytes that are no text, or to the end of the file
-            return self._broken or InputError("a quote that is opened and never closed", line=line, expected='"..."')
+        if reason == _OPEN_QUOTE:
+            return InputError("a quote that is opened and never closed", line=line, expected='"..."')
         separated = "by commas" if self._delimiter == "," else "as stated"
         return InputError(f"not CSV: {reason}", line=line, expected=f"cells separated {separated}")

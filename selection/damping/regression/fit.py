@@ -102,12 +102,9 @@ class Fit:
         return criteria(self.sse, leave_one_out(self.deviations, self.leverages), self.k, self.observed)
 
 
-def fit(design: Design, basis: Basis | None = None) -> Fit:
-    """Least-squares fit of a design; ``basis``: of it, where it is at hand.
-
-    AnalysisError: the design is numerically rank-deficient; the columns are named.
-    """
-    basis = decompose(design) if basis is None else basis
+def fit(design: Design) -> Fit:
+    """Least-squares fit of a design. AnalysisError: it is numerically rank-deficient; the columns are named."""
+    basis = decompose(design)
     unit = float(power_of_two(np.abs(design.observed).max(keepdims=True))[0])
     observed = design.observed / unit
     first = basis.inverse @ (basis.orthonormal.T @ observed)

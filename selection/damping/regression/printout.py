@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from jinja2 import Environment, StrictUndefined
 from damping.arrays import Floats
 from damping.errors import escape_control
 from damping.regression.criteria import NAMES
-from damping.regression.program import Regression
+from damping.regression.design import correlations, tabulate_variables
+from damping.regression.program import Regression, break_down, sum_up
 
 #: Columns of a terminal that a line keeps to.
 WIDTH = 80
@@ -24,6 +26,7 @@ _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 def printout(result: Regression) -> str:
     """All statistics of one curve on one table, as text that ends in a line end."""
     choice, fit, deviations = result.choice, result.selected.fit, result.deviations
+    judge = NAMES[choice.criterion] if choice.t_stop is None else f"|T| = {choice.t_stop:g}"
     names = (*result.design.names, result.design.response)
     by_size = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
     columns = (deviations.observed, deviations.fitted, deviations.deviation)
@@ -32,20 +35,22 @@ def printout(result: Regression) -> str:
         "fit": fit,
         "terms": [f"a{i + 1} {name}" for i, name in enumerate(result.design.names)],
         "names": names,
+        "variables": tabulate_variables(result.design),
+        "sums": sum_up(fit),
         "triangle": [
             (name, *(_number(value, ".5f") for value in row[: i + 1]), *[""] * (len(names) - i - 1))
-            for i, (name, row) in enumerate(zip(names, result.correlations, strict=True))
+            for i, (name, row) in enumerate(zip(names, correlations(result.design), strict=True))
         ],
         "alone": [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term],
         "selects": choice.method != "none" or choice.nonnegative,
-        "by": _describe_judge(result),
+        "by": "" if choice.method == "none" else f", by {judge}",
         "criterion": NAMES[choice.criterion],
         "models": _list_models(result),
         "most_models": _MOST_MODELS,
         "by_t_ratio": [(fit.names[i], fit.t_ratios[i]) for i in by_size],
         "shares": [
             (f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more", number, _number(percent, ".1f"))
-            for low, high, number, percent in result.bands.itertuples(index=False)
+            for low, high, number, percent in break_down(deviations).itertuples(index=False)
         ],
         "listed": [
             (str(row + 1), *numbers, _number(percent, ".3f"))
@@ -54,7 +59,10 @@ def printout(result: Regression) -> str:
         "most_rows": _MOST_ROWS,
     }
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)
-    functions = {"table": _align_columns, "wrap": _wrap, "number": _number, "zip": zip}
+    # lines of prose or of a formula, no name broken
+    unbroken = {"subsequent_indent": "  ", "break_long_words": False, "break_on_hyphens": False}
+    wrap = partial(textwrap.fill, width=WIDTH, **unbroken)
+    functions = {"table": _align_columns, "wrap": wrap, "number": _number, "zip": zip}
     template = environment.from_string(Path(__file__).with_suffix(".txt").read_text("utf-8"), globals=functions)
     return _show_control(template.render(values))
 
@@ -80,14 +88,6 @@ def _number(value: Floats, form: str = ".6g") -> str:
     return "-" if np.isnan(value) else format(value, form)
 
 
-def _describe_judge(result: Regression) -> str:
-    """By what the steps of a selection were judged."""
-    if result.choice.method == "none":
-        return ""
-    by = NAMES[result.choice.criterion] if result.choice.t_stop is None else f"|T| = {result.choice.t_stop:g}"
-    return f", by {by}"
-
-
 def _list_models(result: Regression) -> list[tuple[Any, ...]]:
     """Terms, size, criterion and error of the best subsets, where all were searched."""
     models = result.selected.models
@@ -103,7 +103,9 @@ def _list_models(result: Regression) -> list[tuple[Any, ...]]:
 def _align_columns(header: Sequence[str] | None, rows: Iterable[Sequence[Any]], left: int = 1) -> str:
     """Lines of aligned columns, the first ``left`` to the left; those that do not fit beside them follow below."""
     written = [header] if header else []
-    written += [[_write_cell(cell) for cell in row] for row in rows]
+    written += [
+        [str(cell) if isinstance(cell, str | int | np.integer) else _number(cell) for cell in row] for row in rows
+    ]
     widths = [max(len(cell) for cell in column) for column in zip(*written, strict=True)]
     blocks = [
         "\n".join(
@@ -115,10 +117,6 @@ def _align_columns(header: Sequence[str] | None, rows: Iterable[Sequence[Any]], 
     return "\n\n".join(blocks)
 
 
-def _write_cell(cell: Any) -> str:
-    return str(cell) if isinstance(cell, str | int | np.integer) else _number(cell)
-
-
 def _split_columns(widths: Sequence[int], left: int) -> list[list[int]]:
     """Indices of the columns of each block as wide as a terminal at most; the first ``left`` stand in every block."""
     first = list(range(left))
@@ -128,8 +126,3 @@ def _split_columns(widths: Sequence[int], left: int) -> list[list[int]]:
             blocks.append(list(first))
         blocks[-1].append(i)
     return blocks
-
-
-def _wrap(text: str) -> str:
-    """Lines of prose or of a formula, no name broken."""
-    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)

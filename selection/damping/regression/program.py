@@ -91,11 +91,10 @@ def sum_up(fit: Fit) -> dict[str, float]:
 class Regression:
     """Everything the program says of one curve on one table.
 
-    ``design`` holds all terms; ``variables`` and ``correlations`` (k+1, k+1) describe them and the response (last);
-    ``one_term`` their one-term fits, most significant first; ``full`` the fit of all terms without constraint;
-    ``plane`` the fit of a constant and the independent variables as they are, None where they determine none;
-    ``selected`` what selection left, to which ``deviations``, ``sums`` and ``bands`` belong; ``rows`` (n,) the rows of
-    the table used, from 0; ``independent`` the independent variables by name; ``notes`` say what is unusual.
+    ``design`` holds all terms and the response; ``one_term`` their one-term fits, most significant first; ``full`` the
+    fit of all terms without constraint; ``plane`` the fit of a constant and the independent variables as they are, None
+    where they determine none; ``selected`` what selection left, to which ``deviations`` belong; ``rows`` (n,) the rows
+    of the table used, from 0; ``independent`` the independent variables by name; ``notes`` say what is unusual.
     """
 
     data: str
@@ -103,15 +102,11 @@ class Regression:
     design: Design
     rows: IntArray
     independent: dict[str, FloatArray]
-    variables: pd.DataFrame
-    correlations: FloatArray
     one_term: list[Fit]
     full: Fit
     plane: Fit | None
     selected: Selection
     deviations: Deviations
-    sums: dict[str, float]
-    bands: pd.DataFrame
     notes: tuple[str, ...]
 
 
@@ -134,15 +129,11 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         design=design,
         rows=columns.rows,
         independent=independent,
-        variables=tabulate_variables(design),
-        correlations=correlations(design),
         one_term=one_term_fits(design),
         full=full,
         plane=plane,
         selected=selected,
         deviations=deviations,
-        sums=sum_up(selected.fit),
-        bands=break_down(deviations),
         notes=(*columns.notes, *why_not, *_collect_cautions(selected.fit)),
     )
 
@@ -184,13 +175,13 @@ def tabulate_terms(fit: Fit) -> pd.DataFrame:
 
 def regress_form(result: Regression) -> Form:
     """The JSON form ``regress/1``; what does not exist is None."""
-    fit, choice, models = result.selected.fit, result.choice, result.selected.models
+    fit, design, models = result.selected.fit, result.design, result.selected.models
     alone = [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term]
     form: Form = {
         "format": "regress/1",
         "data": result.data,
         "n": fit.n,
-        "response": result.design.response,
+        "response": design.response,
         "terms": _build_terms(fit),
         "one_term_fits": [dict(zip(_OF_ONE_TERM, values, strict=True)) for values in alone],
         "summary": _summary(result),
@@ -201,19 +192,21 @@ def regress_form(result: Regression) -> Form:
             for step in result.selected.steps
             if step.action != "start"
         ],
-        "selection": asdict(choice),
+        "selection": asdict(result.choice),
         "subsets": _build_subsets(models),
         # None where every subset was fitted, or none searched
         "proof": asdict(models.proof) if models is not None and models.proof is not None else None,
         "all_terms": _build_terms(result.full),
         "plane": None if result.plane is None else _build_terms(result.plane),
-        "variables": result.variables.to_dict("records"),
-        "correlations": {"names": [*result.design.names, result.design.response], "matrix": result.correlations},
-        "goodness_of_fit": result.sums,
-        "breakdown": result.bands.to_dict("records"),
+        "variables": tabulate_variables(design).to_dict("records"),
+        "correlations": {"names": [*design.names, design.response], "matrix": correlations(design)},
+        "goodness_of_fit": sum_up(fit),
+        "breakdown": break_down(result.deviations).to_dict("records"),
         "notes": list(result.notes),
     }
-    return {**plain(form), "deviations": _build_deviations(result)}
+    columns = plain(vars(result.deviations) | {"row": result.rows + 1})
+    rows = zip(*columns.values(), strict=True)
+    return {**plain(form), "deviations": [dict(zip(columns, row, strict=True)) for row in rows]}
 
 
 def _build_terms(fit: Fit) -> list[dict[Hashable, Any]]:
@@ -236,11 +229,6 @@ def _summary(result: Regression) -> Form:
         "condition_number": fit.condition_number,
         "degrees_of_freedom": fit.n - fit.k,
     }
-
-
-def _build_deviations(result: Regression) -> list[Form]:
-    columns = plain(vars(result.deviations) | {"row": result.rows + 1})
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _build_subsets(models: Subsets | None) -> list[Form] | None:
