@@ -11,7 +11,8 @@ import statsmodels.api as sm
 
 from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE, Force, make
+from damping.forces import CATALOGUE, make
+from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
 from damping.infer.best_fit import fit_law, fit_laws
 from damping.infer.law import Coordinates, Law
@@ -205,7 +206,7 @@ def swept_misfit(swept):
     """Five sweeps of a mode whose viscous coefficient waves with amplitude by 15 % either way, at 1 % of noise."""
 
     @dataclass(frozen=True)
-    class Waving(Force):
+    class Waving(AveragedForce):
         coefficient: float
 
         name: ClassVar[str] = "waving"
@@ -218,9 +219,6 @@ def swept_misfit(swept):
 
         def slope(self, A, omega):
             return self.quadrature(A, omega) + self.coefficient * A * omega * 0.6 * np.cos(4.0 * np.log(A))
-
-        def g(self, q, speed, sign):
-            raise NotImplementedError  # its averages are what is asked for
 
     return observe(swept(Waving(0.3), np.geomspace(1.0, 6.0, 5), noise=0.01))
 

@@ -60,13 +60,8 @@ class Poles:
     @property
     def clusters(self) -> list[list[int]]:
         """Modes that are fitted together."""
-        groups: list[list[int]] = []
-        for k, at in enumerate(self.frequency):
-            if groups and at / self.frequency[groups[-1][-1]] - 1.0 < CLUSTER:
-                groups[-1].append(k)
-            else:
-                groups.append([k])
-        return groups
+        gaps = np.flatnonzero(self.frequency[1:] / self.frequency[:-1] - 1.0 >= CLUSTER)
+        return [part.tolist() for part in np.split(np.arange(len(self.frequency)), gaps + 1)]
 
     def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
         """Rows about a cluster, and no more than half the way to its neighbours."""

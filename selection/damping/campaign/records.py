@@ -168,9 +168,8 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     seen = np.abs(mean) > LEAST_T * error
     if not (usable & seen).any():
         return None
-    for s, name in enumerate(names):
-        if usable[s] and not seen[s]:
-            left_out[name] = "it does not peak at this resonance"
+    unseen = (name for name, missing in zip(names, usable & ~seen, strict=True) if missing)
+    left_out |= dict.fromkeys(unseen, "it does not peak at this resonance")
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
     cautions: tuple[str, ...] = ()

@@ -106,7 +106,8 @@ class Terms:
 
     def plus(self, **parts: Any) -> Terms:
         """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""
-        return replace(self, **{name: (*getattr(self, name), part) for name, part in parts.items()})
+        longer: dict[str, Any] = {name: (*getattr(self, name), part) for name, part in parts.items()}
+        return replace(self, **longer)
 
     @property
     def viscous(self) -> tuple[Force, ...]:
@@ -267,7 +268,7 @@ class Effect:
 
         ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
         """
-        rest = {"natural": 0.1, "mirror": label or self.name} | rest
+        options: dict[str, Any] = {"natural": 0.1, "mirror": label or self.name} | rest
         own = change or self.changed_by(report)
 
         def side(sign: float) -> Form:
@@ -276,7 +277,7 @@ class Effect:
                 lambda terms, strength, *shapes: own(terms, sign * strength, *shapes),
                 lambda strength, *shapes: report(sign * strength, *shapes),
                 label=f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}",
-                **rest,
+                **options,
             )
 
         return side(1.0), side(-1.0)

@@ -187,7 +187,7 @@ def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return terms.plus(offset=lambda drive: change * drive.time)
 
 
-READING_DRIFT = Effect(
+READING_DRIFT: Effect = Effect(
     "reading-drift",
     # strength: |ln| of what the reading changes by in all
     forms=lambda scales: (

@@ -188,7 +188,7 @@ class Contact(Spring):
     def in_phase(self, A: Floats, omega: Floats) -> Floats:
         """S."""
         x = np.minimum(self.clearance / A, 1.0)
-        share = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
+        share: Floats = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
         return self.coefficient * A * ones(omega) * share
 
     def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:

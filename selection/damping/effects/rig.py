@@ -36,7 +36,7 @@ def with_gain(terms: Terms, size: Floats) -> Terms:
     return replace(terms, gain=terms.gain + size)
 
 
-AMPLITUDE_SCALE = Effect(
+AMPLITUDE_SCALE: Effect = Effect(
     "amplitude-scale",
     # strength: |ln(factor)|, at most that of a factor 3, above or below 1
     forms=lambda scales: AMPLITUDE_SCALE.either_sign(
@@ -46,7 +46,7 @@ AMPLITUDE_SCALE = Effect(
     shapes=(Shape("factor", above=0.0),),
 )
 
-PHASE_LAG = Effect(
+PHASE_LAG: Effect = Effect(
     "phase-lag",
     # strength: |lag|, at most 1 rad
     forms=lambda scales: PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0),
@@ -101,7 +101,7 @@ FORCE_DROPOUT = Effect(
 )
 
 
-TIME_DELAY = Effect(
+TIME_DELAY: Effect = Effect(
     "time-delay",
     # strength: the lag at omega_n, at most 1 rad
     forms=lambda scales: TIME_DELAY.either_sign(lambda lag: {"delay": lag / scales.omega_n}, largest=1.0),

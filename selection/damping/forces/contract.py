@@ -15,11 +15,12 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import ClassVar
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
 from damping.arrays import FloatArray, Floats
+from damping.errors import AnalysisError
 from damping.forces.shapes import Shape
 
 
@@ -159,6 +160,18 @@ class CoefficientForce(Force):
     """A force with one parameter, the coefficient that it is proportional to."""
 
     coefficient: Floats
+
+
+class AveragedForce(Force):
+    """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> NoReturn:
+        """AnalysisError: there is none."""
+        raise AnalysisError(f"{self.label} has no law in the time domain: its energy per cycle alone is known")
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """C cos(theta)."""
+        return self.quadrature(A, omega) * np.cos(theta)
 
 
 def zeros(*arrays: Floats) -> FloatArray:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import ClassVar, NoReturn
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import gammaln
 
 from damping.arrays import Floats
-from damping.errors import AnalysisError
-from damping.forces.contract import CoefficientForce, Force, absolute, ones
+from damping.forces.contract import AveragedForce, CoefficientForce, Force, absolute, ones
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform, coefficient_in
 
 
@@ -212,10 +211,10 @@ class DisplacementVelocityPower(Force):
 
 
 @dataclass(frozen=True)
-class EnergyTerm(Force):
+class EnergyTerm(AveragedForce):
     """The force whose energy per cycle is a A^m omega^n: C = (a/pi) A^(m-1) omega^n (Eqs 5.1.1, 5.1.2).
 
-    For terms of a polynomial that no force of the catalogue gives. Its cycle is the equivalent viscous one.
+    For terms of a polynomial that no force of the catalogue gives.
     """
 
     coefficient: Floats
@@ -256,14 +255,6 @@ class EnergyTerm(Force):
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (a/pi) A^(m-1) omega^n."""
         return self.coefficient / np.pi * A ** (self.amplitude_power - 1.0) * omega**self.frequency_power
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> NoReturn:
-        """AnalysisError: there is none."""
-        raise AnalysisError(f"{self.label} has no law in the time domain: its energy per cycle alone is known")
-
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """C cos(theta)."""
-        return self.quadrature(A, omega) * np.cos(theta)
 
 
 #: One factor of a term: a symbol and its power.

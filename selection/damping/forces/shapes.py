@@ -162,3 +162,15 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
         if value is None:
             raise InputError(f"no {key} in {owner}", expected=", ".join(known))
     return {key: value for key, value in values.items() if value is not None}
+
+
+def rescale(
+    shapes: Iterable[Shape], table: Mapping[str, float], owner: str, force: float, length: float = 1.0
+) -> dict[str, float]:
+    """The parameters of ``table`` where one unit of force is ``force`` new ones, and one of length ``length``.
+
+    A unit may depend on another parameter, as that of alpha |q'|^p on p.
+    """
+    values = completed(shapes, table, owner)
+    units = {shape.name: shape.unit.at(values) for shape in shapes}
+    return {key: value * (force ** units[key].force * length ** units[key].length) for key, value in table.items()}

@@ -8,13 +8,12 @@ a design acceleration needs is free of p; only a damping ratio is not, and takes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.forces import shapes_of
-from damping.forces.shapes import completed
+from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -79,15 +78,7 @@ def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
         participation, spread = 1.0, UNKNOWN_SPREAD
         said = "base drive: the rows do not show the participation; damping ratios are those of a participation of 1"
     by = 1.0 / (participation * mode.mass)
-    damping = {name: _scale_force(name, table, by) for name, table in mode.damping.items()}
+    damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
     tolerance = replace(mode.tolerance, mass=spread, from_record=bool(len(known)))
     forced = replace(mode, drive="force", mass=1.0 / participation, damping=damping, tolerance=tolerance)
     return forced, [said]
-
-
-def _scale_force(name: str, table: Mapping[str, float], by: float) -> dict[str, float]:
-    """Parameters of a damping force that is ``by`` times as large."""
-    shapes = shapes_of(name)
-    values = completed(shapes, table, name)
-    powers = {shape.name: shape.unit.at(values).force for shape in shapes}
-    return {key: value * by ** powers[key] for key, value in table.items()}

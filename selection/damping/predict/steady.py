@@ -87,13 +87,8 @@ class SteadyState:
     phase: FloatArray
 
 
-def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
-    """X = (K - M omega^2) A + S: the force in phase with displacement that the motion needs."""
-    return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
-
-
 def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
-    """X and dX/d ln A, then C and dC/d ln A: the forces in phase and in quadrature that the amplitude A needs."""
+    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity."""
     linear = M * (omega_n**2 - omega**2) * A
     X, slope_X = linear + force.in_phase(A, omega), linear + force.in_phase_slope(A, omega)
     return X, slope_X, force.quadrature(A, omega), force.slope(A, omega)
@@ -101,12 +96,14 @@ def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) 
 
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """F = |Z| A, the force amplitude that holds the amplitude A (Eq 4.2.4)."""
-    return np.asarray(np.hypot(elastic(force, A, omega, M, omega_n), force.quadrature(A, omega)))
+    X, _, C, _ = balance(force, A, omega, M, omega_n)
+    return np.asarray(np.hypot(X, C))
 
 
 def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """Phi = arg Z, 0 far below resonance and pi far above: Eq 4.2.3 with the quadrant kept."""
-    return np.asarray(np.arctan2(force.quadrature(A, omega), elastic(force, A, omega, M, omega_n)))
+    X, _, C, _ = balance(force, A, omega, M, omega_n)
+    return np.asarray(np.arctan2(C, X))
 
 
 def backbone(force: Force, A: Floats, M: Floats, omega_n: Floats) -> FloatArray:
