@@ -120,11 +120,7 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
 
 
 def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
-    """Modes of all levels by order of frequency, those that no sensor sees left out.
-
-    Raises:
-        AnalysisError: none is left.
-    """
+    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left."""
     out = _find_bad_sensors(levels)
     modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):

@@ -132,11 +132,7 @@ class Shape:
     switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
-        """The parameter at standard normal ``x``.
-
-        Raises:
-            InputError: it has no prior, so no law can leave it free.
-        """
+        """The parameter at standard normal ``x``. InputError: it has no prior, so no law can leave it free."""
         if self.prior is None:
             raise InputError(f"the shape {self.name!r} of a force has no prior", expected="Shape(..., prior=...)")
         return self.prior.value(x, tested)
