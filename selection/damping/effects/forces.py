@@ -185,17 +185,13 @@ class Contact(Spring):
         Shape("clearance", LENGTH, above=0.0),
     )
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S."""
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
         x = np.minimum(self.clearance / A, 1.0)
-        share: Floats = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
-        return self.coefficient * A * ones(omega) * share
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
+        root = np.sqrt(1.0 - x * x)
         k = self.coefficient * A * ones(omega)
-        return self.in_phase(A, omega) + (4.0 / np.pi) * k * x * np.sqrt(1.0 - x * x)
+        S: Floats = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+        return S, S + (4.0 / np.pi) * k * x * root
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k (q - clip(q, -clearance, clearance))."""

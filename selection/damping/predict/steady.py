@@ -90,8 +90,8 @@ class SteadyState:
 def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
     """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity."""
     linear = M * (omega_n**2 - omega**2) * A
-    X, slope_X = linear + force.in_phase(A, omega), linear + force.in_phase_slope(A, omega)
-    return X, slope_X, force.quadrature(A, omega), force.slope(A, omega)
+    S, slope_S = force.restoring(A, omega)
+    return linear + S, linear + slope_S, force.quadrature(A, omega), force.slope(A, omega)
 
 
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
