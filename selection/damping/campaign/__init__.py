@@ -71,7 +71,7 @@ def analyse(
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     if runs[0].is_time:
-        return answer_decays(runs, inputs, frequencies, seed, summary)
+        return replace(answer_decays(runs, inputs, frequencies, seed), summary=summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)

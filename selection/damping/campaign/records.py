@@ -48,11 +48,6 @@ class Level:
     fit: ModalFit
     third: ComplexArray | None = None
 
-    @property
-    def rate(self) -> FloatArray | None:
-        """Rate of the frequency (n,), Hz/s, where it is known."""
-        return None if self.run.rate is None else self.run.rate[self.run.x > 0.0]
-
 
 @dataclass(frozen=True)
 class DrivenMode:
@@ -221,8 +216,8 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
                 "phase_sd": error,
             }
         )
-        if level.rate is not None:
-            table["sweep_rate"] = level.rate[rows]
+        if level.run.rate is not None:
+            table["sweep_rate"] = level.run.rate[level.run.x > 0.0][rows]
         if level.third is not None and not level.run.is_base_driven:  # a base has a third harmonic of its own
             third = level.third[:, rows][kept]
             p = np.sum(weight * third, axis=0) / np.sum(weight * r[:, None], axis=0)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -110,15 +109,14 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     return (
         _joint_form("one joint", (limit,), scales),
         _joint_form("many joints", (spread, kappa), scales),
-        _joint_form("many joints to a largest", (spread, kappa), scales, {"bounded": 1.0}),
+        _joint_form("many joints to a largest", (spread, kappa), scales, bounded=True),
     )
 
 
-def _joint_form(
-    label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] = MappingProxyType({})
-) -> Form:
+def _joint_form(label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool = False) -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        return {"stiffness": stiffness, "limit": limit} | ({"kappa": kappa[0]} if kappa else {}) | dict(bounded)
+        spread = {"kappa": kappa[0]} if kappa else {}
+        return {"stiffness": stiffness, "limit": limit} | spread | ({"bounded": 1.0} if bounded else {})
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
 

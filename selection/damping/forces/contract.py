@@ -198,25 +198,23 @@ class Sum(Force):
 
     forces: tuple[Force, ...]
 
-    #: What joins the names of the parts.
-    JOINT: ClassVar[str] = " + "
     #: A sum has no parameters of its own.
     shapes: ClassVar[tuple[Shape, ...]] = ()
 
     @property
     def name(self) -> str:
         """Names of the parts joined by ``+``."""
-        return self.JOINT.join(force.name for force in self.forces) or "none"
+        return " + ".join(force.name for force in self.forces) or "none"
 
     @property
     def label(self) -> str:
         """Labels of the parts joined by ``+``."""
-        return self.JOINT.join(force.label for force in self.forces) or "none"
+        return " + ".join(force.label for force in self.forces) or "none"
 
     @property
     def formula(self) -> str:
         """Formulas of the parts joined by ``+``."""
-        return self.JOINT.join(force.formula for force in self.forces) or "0"
+        return " + ".join(force.formula for force in self.forces) or "0"
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""

@@ -230,8 +230,9 @@ class EnergyTerm(AveragedForce):
     @property
     def name(self) -> str:
         """The term as typed in a polynomial, such as ``A^2*omega``."""
-        parts = [_describe_power("A", self.amplitude_power), _describe_power("omega", self.frequency_power)]
-        return "*".join(part for part in parts if part) or "1"
+        powers = (("A", self.amplitude_power), ("omega", self.frequency_power))
+        factors = (symbol if power == 1.0 else f"{symbol}^{power:g}" for symbol, power in powers if power != 0.0)
+        return "*".join(factors) or "1"
 
     @property
     def label(self) -> str:
@@ -268,9 +269,3 @@ def term_powers(name: str) -> tuple[float, float] | None:
             return None
         powers[factor[1]] += float(factor[2] or 1.0)
     return powers["A"], powers["omega"]
-
-
-def _describe_power(symbol: str, power: float) -> str:
-    if power == 0.0:
-        return ""
-    return symbol if power == 1.0 else f"{symbol}^{power:g}"

@@ -41,22 +41,20 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become steady states by
     :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
     """
-    lines: list[str] = []
     if mode is not None:
-        mode, lines = as_driven_by_force(record, mode)
+        mode, said = as_driven_by_force(record, mode)
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
-    if mode is None and "sweep_rate" not in record.table.columns:
-        return Measured(record, None)
-    if mode is None:  # what the rows imply; NaN where they imply none
-        implied = View(record, None).implied
-        mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
-    else:
         mass, frequency = mode.mass, mode.frequency
+    elif "sweep_rate" not in record.table.columns:
+        return Measured(record, None)
+    else:  # what the rows imply; NaN where they imply none
+        implied, said = View(record, None).implied, []
+        mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
     if not mass > 0.0:
-        return Measured(record, mode, tuple(lines))
+        return Measured(record, mode, tuple(said))
     steady, swept = as_steady(record, mass, frequency)
-    return Measured(steady, mode, (*lines, *swept))
+    return Measured(steady, mode, (*said, *swept))
 
 
 def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:

@@ -30,7 +30,6 @@ from damping.ranking.candidates import (
     judge_fit,
     learn_noise,
     percent_errors,
-    root_mean_square,
 )
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
@@ -213,12 +212,9 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
         return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
-    return [
-        (np.nan, ("with a level left out it cannot carry the other forces",))
-        if errors is None
-        else (root_mean_square(errors), ())
-        for errors in held_out_errors(laws, data)
-    ]
+    failed = np.nan, ("with a level left out it cannot carry the other forces",)
+    errors = held_out_errors(laws, data)
+    return [failed if own is None else (float(np.sqrt(np.mean(own**2))), ()) for own in errors]
 
 
 def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
