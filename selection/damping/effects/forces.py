@@ -176,8 +176,6 @@ class Contact(Spring):
     clearance: Floats
 
     name: ClassVar[str] = "contact"
-    label: ClassVar[str] = "contact beyond a clearance"
-    formula: ClassVar[str] = "k (|q| - q0) sgn q beyond q0"
     shapes: ClassVar[tuple[Shape, ...]] = (
         Shape("coefficient", FORCE / LENGTH, least=0.0),
         Shape("clearance", LENGTH, above=0.0),

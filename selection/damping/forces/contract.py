@@ -60,14 +60,14 @@ class Force(ABC):
         """Name in files and on the command line, such as ``viscous``."""
 
     @property
-    @abstractmethod
     def label(self) -> str:
-        """Name for people, such as ``viscous (case I)``."""
+        """Name for people, such as ``viscous (case I)``; the other one unless stated."""
+        return self.name
 
     @property
-    @abstractmethod
     def formula(self) -> str:
-        """The force as plain text, such as ``C1 q'``."""
+        """The force as plain text, such as ``C1 q'``; its name unless stated."""
+        return self.name
 
     @abstractmethod
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
@@ -205,16 +205,6 @@ class Sum(Force):
     def name(self) -> str:
         """Names of the parts joined by ``+``."""
         return " + ".join(force.name for force in self.forces) or "none"
-
-    @property
-    def label(self) -> str:
-        """Labels of the parts joined by ``+``."""
-        return " + ".join(force.label for force in self.forces) or "none"
-
-    @property
-    def formula(self) -> str:
-        """Formulas of the parts joined by ``+``."""
-        return " + ".join(force.formula for force in self.forces) or "0"
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""

@@ -125,8 +125,6 @@ class CubicStiffness(Spring):
     """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
 
     name: ClassVar[str] = "cubic-stiffness"
-    label: ClassVar[str] = "cubic stiffness"
-    formula: ClassVar[str] = "k3 q^3"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH**3.0),)
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
@@ -146,8 +144,6 @@ class PowerStiffness(Spring):
     exponent: Floats
 
     name: ClassVar[str] = "power-stiffness"
-    label: ClassVar[str] = "stiffness of a power"
-    formula: ClassVar[str] = "k |q|^p sgn q"
     shapes: ClassVar[tuple[Shape, ...]] = (
         Shape("coefficient", FORCE / LENGTH ** "exponent"),
         Shape("exponent", above=0.0),
