@@ -90,11 +90,6 @@ class ModalFit(Poles):
     local: FloatArray
     noise: FloatArray
 
-    @property
-    def base(self) -> FloatArray:
-        """Share c of the drive's own motion in each sensor (sensors,): 1 where it is absolute, 0 where relative."""
-        return np.asarray(np.median(self.local[:, :, 0], axis=0))
-
     def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
         """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""
         columns = self.columns(f)

@@ -131,7 +131,8 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    base = np.median([level.fit.base for level in levels], axis=0)
+    # share c of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
+    base = np.median([np.median(level.fit.local[:, :, 0], axis=0) for level in levels], axis=0)
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
