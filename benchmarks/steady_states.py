@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks._rows import Row, Time, timed
-from damping.forces import DisplacementVelocity, Sum, Viscous, equivalent_viscous
+from damping.forces import DisplacementVelocity, Sum, Viscous
 from damping.predict.steady import SteadyState, steady_state
 
 #: First mode of Configuration II, sweep C (Table 4.I), with the damping force of Eq 4.1.14.
@@ -121,7 +121,8 @@ def measure() -> list[Row]:
 
 def count_periods(A: float, omega: float) -> int:
     """Periods after which the transient has faded."""
-    c = float(equivalent_viscous(Sum((Viscous(VISCOUS), DisplacementVelocity(CASE_IV))), A, omega))
+    damping = Sum((Viscous(VISCOUS), DisplacementVelocity(CASE_IV)))
+    c = float(damping.quadrature(A, omega)) / (A * omega)  # the viscous coefficient of equal energy (Eq 4.3.1)
     return int(np.ceil(13.8 * 2 * M / c * omega / (2 * pi)))
 
 

@@ -46,13 +46,6 @@ def check(record: Record, mode: Mode | None = None) -> Audit:
     return audit(record, mode)
 
 
-def _admit(record: Record, mode: Mode | None, despite: Collection[str]) -> Audit:
-    """The audit of a record that may be worked on; Refused where a finding refuses that is not in ``despite``."""
-    findings = check(record, mode)
-    findings.require(despite)
-    return findings
-
-
 @single_threaded
 def rank(
     record: Record,
@@ -71,7 +64,7 @@ def rank(
     Raises:
         AnalysisError: no candidate could be fitted.
     """
-    findings = _admit(record, mode, despite)
+    findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
     laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
@@ -109,7 +102,7 @@ def extrapolate(
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
     if not len(at) and not len(under):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
-    findings = _admit(record, mode, despite)
+    findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
     first = under if len(under) else [float(data.tested_force.max())]
@@ -144,7 +137,7 @@ def curve(
     """
     check_kind(mode, Mode, "mode")
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
-    findings = _admit(record, mode, despite)
+    findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
     first = under if len(under) else np.array(FARTHEST) * data.tested_force.max()
@@ -194,11 +187,11 @@ def diagnose(
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
-    findings = _admit(record, mode, despite)
+    findings = check(record, mode).require(despite)
     for own, state in states:
         check_kind(own, Record, "record of a state")
         check_kind(state, Mode, "mode of a state")
-        _admit(own, state, despite)
+        check(own, state).require(despite)
     forced, said = as_driven_by_force(record, mode)
     gap = diagnose_gap(record, forced, states=states, simulate=simulate)
     against = () if states or simulate or not compare else compare_with_ranking(record, gap, seed)

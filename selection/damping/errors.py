@@ -45,22 +45,19 @@ class InputError(DampingError):
     ) -> None:
         self.message, self.line, self.column, self.expected = message, line, column, expected
         self.file = None if file is None else str(file)
-        super().__init__(self._text())
+        place = [self.file] if self.file is not None else []
+        if line is not None:
+            place.append(f"line {line}")
+        if column is not None:
+            place.append(f"column {column}")
+        text = f"{', '.join(place)}: {message}" if place else message
+        if expected is not None:
+            text += f"; expected {expected}"
+        super().__init__(escape_control(text))  # one line whatever the input held
 
     def in_file(self, file: str | Path) -> InputError:
         """The same error in a file."""
         return type(self)(self.message, file=file, line=self.line, column=self.column, expected=self.expected)
-
-    def _text(self) -> str:
-        place = [self.file] if self.file is not None else []
-        if self.line is not None:
-            place.append(f"line {self.line}")
-        if self.column is not None:
-            place.append(f"column {self.column}")
-        text = f"{', '.join(place)}: {self.message}" if place else self.message
-        if self.expected is not None:
-            text += f"; expected {self.expected}"
-        return escape_control(text)  # one line whatever the input held
 
 
 class Refused(InputError):  # noqa: N818 - the name is part of the interface

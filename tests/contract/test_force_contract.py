@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,6 +98,15 @@ def test_the_contract_is_run_on_every_force_of_the_catalogue() -> None:
     assert all(CATALOGUE[force.name] is type(force) for force in SINGLE.values())
 
 
+#: C, dC/d ln A, S and dS/d ln A.
+AVERAGES = ("quadrature", "slope", "in_phase", "in_phase_slope")
+
+
+def evaluate(force: Force, part: str, A: Any, omega: Any) -> Any:
+    """One of ``AVERAGES``."""
+    return force.restoring(A, omega)[1] if part == "in_phase_slope" else getattr(force, part)(A, omega)
+
+
 @every_force
 @every_state
 def test_closed_forms_are_the_averages_of_the_cycle(force: Force, A: float, omega: float) -> None:
@@ -112,17 +122,18 @@ def test_slopes_are_derivatives_in_log_amplitude(force: Force, A: float, omega: 
     # complex step: no truncation at 1e-30, so only rounding is left
     step = 1e-30
     amplitude = np.complex128(A * (1 + 1j * step))
-    for average_of, slope in ((force.quadrature, force.slope), (force.in_phase, force.in_phase_slope)):
-        derivative = np.imag(average_of(amplitude, omega)) / step
-        np.testing.assert_allclose(slope(A, omega), derivative, rtol=1e-13, atol=1e-13 * size(force, A, omega))
+    for average_of, slope in (("quadrature", "slope"), ("in_phase", "in_phase_slope")):
+        derivative = np.imag(evaluate(force, average_of, amplitude, omega)) / step
+        found = evaluate(force, slope, A, omega)
+        np.testing.assert_allclose(found, derivative, rtol=1e-13, atol=1e-13 * size(force, A, omega))
 
 
 @every_force
 def test_averages_at_once_are_the_four_of_them(force: Force) -> None:
     A, omega = np.array([0.3061, 1.7]), np.array([17.09, 0.8])
-    parts = (force.quadrature, force.slope, force.in_phase, force.in_phase_slope)
-    for together, alone in zip(force.averages(A, omega), parts, strict=True):
-        np.testing.assert_allclose(together + 0.0 * A, alone(A, omega) + 0.0 * A, rtol=1e-14, atol=1e-16)  # rounding
+    for together, part in zip(force.averages(A, omega), AVERAGES, strict=True):
+        alone = evaluate(force, part, A, omega)
+        np.testing.assert_allclose(together + 0.0 * A, alone + 0.0 * A, rtol=1e-14, atol=1e-16)  # rounding
 
 
 @every_force
@@ -165,13 +176,13 @@ def test_averages_are_proportional_to_the_first_parameter(force: Force) -> None:
         np.testing.assert_allclose(doubled.in_phase(*state), 2 * np.asarray(force.in_phase(*state)), rtol=1e-14)
 
 
-@pytest.mark.parametrize("method", ["quadrature", "slope", "in_phase", "in_phase_slope"])
+@pytest.mark.parametrize("method", AVERAGES)
 def test_sums_add(method: str) -> None:
     parts = tuple(FORCES.values())
     for state in STATES:
-        total = sum(getattr(part, method)(*state) for part in parts)
+        total = sum(evaluate(part, method, *state) for part in parts)
         # the same numbers added in the same order
-        np.testing.assert_allclose(getattr(Sum(parts), method)(*state), total, rtol=1e-14)
+        np.testing.assert_allclose(evaluate(Sum(parts), method, *state), total, rtol=1e-14)
 
 
 def test_cycles_of_sums_add() -> None:
@@ -182,16 +193,16 @@ def test_cycles_of_sums_add() -> None:
 
 
 @pytest.mark.parametrize("force", SINGLE.values(), ids=SINGLE)
-@pytest.mark.parametrize("method", ["quadrature", "slope", "in_phase", "in_phase_slope"])
+@pytest.mark.parametrize("method", AVERAGES)
 def test_parameters_amplitudes_and_frequencies_broadcast(force: Force, method: str) -> None:
     """A posterior sample of parameters, shape (walkers, 1), over states of shape (states,), equals one by one."""
     scales = np.array([[0.5], [1.0], [1.5]])
     sample = replace(force, **{f.name: getattr(force, f.name) * scales for f in fields(force)})
     A, omega = np.array([0.2, 0.9, 1.4, 2.0]), np.array([3.0, 4.0, 5.0, 6.0])
-    values = np.broadcast_to(getattr(sample, method)(A, omega), (3, 4))
+    values = np.broadcast_to(evaluate(sample, method, A, omega), (3, 4))
     for i, scale in enumerate(scales[:, 0]):
         one = replace(force, **{f.name: getattr(force, f.name) * scale for f in fields(force)})
-        each = [float(getattr(one, method)(a, w)) for a, w in zip(A, omega, strict=True)]
+        each = [float(evaluate(one, method, a, w)) for a, w in zip(A, omega, strict=True)]
         # the same formula element by element; only vectorised powers may round otherwise
         np.testing.assert_allclose(values[i], each, rtol=1e-13)
 
@@ -199,10 +210,7 @@ def test_parameters_amplitudes_and_frequencies_broadcast(force: Force, method: s
 @every_force
 def test_results_have_the_shape_of_the_states(force: Force) -> None:
     A, omega = np.ones((3, 1)), np.ones(4)
-    assert np.shape(force.quadrature(A, omega)) == (3, 4)
-    assert np.shape(force.slope(A, omega)) == (3, 4)
-    assert np.shape(force.in_phase(A, omega)) == (3, 4)
-    assert np.shape(force.in_phase_slope(A, omega)) == (3, 4)
+    assert [np.shape(evaluate(force, part, A, omega)) for part in AVERAGES] == [(3, 4)] * 4
     assert np.shape(force.cycle(np.zeros((2, 1, 1)), A, omega)) == (2, 3, 4)
 
 

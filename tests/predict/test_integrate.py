@@ -31,7 +31,6 @@ from damping.predict.integrate import (
     State,
     TimeState,
     advance,
-    at_rest,
     steady_state_in_time,
     sweep_in_time,
 )
@@ -48,7 +47,7 @@ def test_viscous_motion_is_the_exact_solution() -> None:
     """Transient and steady part of the linear oscillator from rest, in closed form."""
     c, w = 1.0, 9.3
     oscillator = Oscillator(Viscous(c), F, w, M, omega_n)
-    state = advance(oscillator, at_rest(oscillator), 3)
+    state = advance(oscillator, State(0.0, 0.0, 0.0, (0.0,) * len(oscillator.force.joints), np.zeros(4)), 3)
     X = F / (K - M * w**2 + 1j * c * w)  # q = Im(X exp(i w t)) + exp(-d t)(a cos + b sin)
     d = c / (2 * M)
     wd = math.sqrt(omega_n**2 - d**2)

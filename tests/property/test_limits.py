@@ -107,7 +107,7 @@ def test_a_joint_that_has_just_begun_to_slip(k: float, limit: float, beyond: flo
     # cos psi = -1 + 2 e is rounded at 1e-16: d psi = 1e-16/sqrt(e), weighed by sin^2 psi = 4 e
     np.testing.assert_allclose(joint.in_phase(amplitude, omega) / scale, shift, rtol=4.0 * e, atol=2e-15)
     below = limit * (1.0 - beyond)
-    for part in ("quadrature", "slope", "in_phase", "in_phase_slope"):
+    for part in ("quadrature", "slope", "restoring"):
         # S of a stuck joint is (pi - pi)/pi to rounding
         np.testing.assert_allclose(getattr(joint, part)(below, omega), 0.0, rtol=0.0, atol=1e-15 * scale)
 

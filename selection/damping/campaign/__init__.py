@@ -71,7 +71,7 @@ def analyse(
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     if runs[0].is_time:
-        return answer_decays(runs, inputs, frequencies, seed, summary)
+        return replace(answer_decays(runs, inputs, frequencies, seed), summary=summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
@@ -118,11 +118,9 @@ def _answer_driven(
         if reached is not None:
             cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
         places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
-    count = len(tested) + len(wanted)
-    beyond = places[len(tested) :]
-    notches = [find_notches(mode.mode.name, beyond, max(tested), level, limits) for level in wanted]
+    notches = [find_notches(mode.mode.name, places[len(tested) :], max(tested), level, limits) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
-    answers = tuple(places[:count])
+    answers = tuple(places[: len(tested) + len(wanted)])
     return ModeAnswer(law, answers, mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)))
 
 
@@ -135,11 +133,10 @@ def _find_input(level: Level, frequency: float) -> float:
 
 def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
     """Tested frequencies, then those of the design levels on a straight line through the tested ones over amplitude."""
-    known = amplitude[:count]
     beyond = amplitude[count:]
     if count < 3 or not np.isfinite(amplitude).all():
         return np.concatenate([tested, np.full(len(beyond), tested[-1])])
-    slope, start = np.polyfit(known, tested, 1)
+    slope, start = np.polyfit(amplitude[:count], tested, 1)
     return np.concatenate([tested, start + slope * beyond])
 
 

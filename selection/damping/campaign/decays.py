@@ -20,7 +20,6 @@ from damping.campaign.records import DEAD, modal_loads
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping.signals.histories import flat_window
@@ -85,8 +84,9 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     modes: list[DecayMode] = []
     unusable: dict[float, str] = {}
     for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
+        own = [(run.label, t, inverse[k] @ x) for run, (t, x) in zip(runs, motions, strict=True)]
         try:
-            decay = _mode(runs, motions, inverse[k], frequency, order, f"mode-{len(modes) + 1}")
+            decay = _mode(own, frequency, order, f"mode-{len(modes) + 1}")
         except AnalysisError as error:
             if frequencies:
                 raise
@@ -168,26 +168,20 @@ def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[
 
 
 def _mode(
-    runs: Sequence[CampaignRun],
-    motions: Sequence[tuple[FloatArray, FloatArray]],
-    filter_: FloatArray,
-    frequency: float,
-    order: int,
-    name: str,
+    motions: Sequence[tuple[str, FloatArray, FloatArray]], frequency: float, order: int, name: str
 ) -> tuple[FloatArray, tuple[str, ...], Record, Mode]:
-    """Record of all decays of a mode of mass 1, largest amplitude of each run, and what is to be known."""
+    """Record of a mode of mass 1, largest amplitude of each run, and what is to be known, by its motion in each run."""
     tables: list[pd.DataFrame] = []
     tops, cautions = [], []
-    for run, (t, x) in zip(runs, motions, strict=True):
+    for label, t, q in motions:
         try:
-            q = filter_ @ x
             decay = ring_down(t, q, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS)
         except AnalysisError as error:
-            cautions.append(f"{run.label}: {error}")
+            cautions.append(f"{label}: {error}")
             continue
-        tables.append(decay.table(run.label))
+        tables.append(decay.table(label))
         tops.append(float(decay.amplitude[0]))
-        cautions += [f"{run.label}: {note}" for note in decay.notes if "lost" not in note]
+        cautions += [f"{label}: {note}" for note in decay.notes if "lost" not in note]
     if not tables:
         raise AnalysisError(f"{name} near {frequency:g} Hz: {'; '.join(cautions)}")
     table = pd.concat(tables, ignore_index=True)
@@ -198,18 +192,14 @@ def _mode(
 
 
 def answer_decays(
-    runs: Sequence[CampaignRun],
-    design: Sequence[DesignLevel],
-    frequencies: Sequence[float],
-    seed: int,
-    summary: Summary,
+    runs: Sequence[CampaignRun], design: Sequence[DesignLevel], frequencies: Sequence[float], seed: int
 ) -> Campaign:
     """The answer of runs that are free decays, at every tested and design amplitude."""
     answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies))
     tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
     beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
     asked = tuple(float(level.level.max()) for level in design) or tuple(beyond)
-    return Campaign(answers, tuple(tested), asked, runs[0].channels[0].unit, summary)
+    return Campaign(answers, tuple(tested), asked, runs[0].channels[0].unit)
 
 
 def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:

@@ -60,13 +60,8 @@ class Poles:
     @property
     def clusters(self) -> list[list[int]]:
         """Modes that are fitted together."""
-        groups: list[list[int]] = []
-        for k, at in enumerate(self.frequency):
-            if groups and at / self.frequency[groups[-1][-1]] - 1.0 < CLUSTER:
-                groups[-1].append(k)
-            else:
-                groups.append([k])
-        return groups
+        gaps = np.flatnonzero(self.frequency[1:] / self.frequency[:-1] - 1.0 >= CLUSTER)
+        return [part.tolist() for part in np.split(np.arange(len(self.frequency)), gaps + 1)]
 
     def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
         """Rows about a cluster, and no more than half the way to its neighbours."""
@@ -94,11 +89,6 @@ class ModalFit(Poles):
     residues_sd: FloatArray
     local: FloatArray
     noise: FloatArray
-
-    @property
-    def base(self) -> FloatArray:
-        """Share c of the drive's own motion in each sensor (sensors,): 1 where it is absolute, 0 where relative."""
-        return np.asarray(np.median(self.local[:, :, 0], axis=0))
 
     def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
         """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""

@@ -48,11 +48,6 @@ class Level:
     fit: ModalFit
     third: ComplexArray | None = None
 
-    @property
-    def rate(self) -> FloatArray | None:
-        """Rate of the frequency (n,), Hz/s, where it is known."""
-        return None if self.run.rate is None else self.run.rate[self.run.x > 0.0]
-
 
 @dataclass(frozen=True)
 class DrivenMode:
@@ -120,11 +115,7 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
 
 
 def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
-    """Modes of all levels by order of frequency, those that no sensor sees left out.
-
-    Raises:
-        AnalysisError: none is left.
-    """
+    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left."""
     out = _find_bad_sensors(levels)
     modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):
@@ -140,7 +131,8 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    base = np.median([level.fit.base for level in levels], axis=0)
+    # share c of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
+    base = np.median([np.median(level.fit.local[:, :, 0], axis=0) for level in levels], axis=0)
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
@@ -168,9 +160,8 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     seen = np.abs(mean) > LEAST_T * error
     if not (usable & seen).any():
         return None
-    for s, name in enumerate(names):
-        if usable[s] and not seen[s]:
-            left_out[name] = "it does not peak at this resonance"
+    unseen = (name for name, missing in zip(names, usable & ~seen, strict=True) if missing)
+    left_out |= dict.fromkeys(unseen, "it does not peak at this resonance")
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
     cautions: tuple[str, ...] = ()
@@ -226,8 +217,8 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
                 "phase_sd": error,
             }
         )
-        if level.rate is not None:
-            table["sweep_rate"] = level.rate[rows]
+        if level.run.rate is not None:
+            table["sweep_rate"] = level.run.rate[level.run.x > 0.0][rows]
         if level.third is not None and not level.run.is_base_driven:  # a base has a third harmonic of its own
             third = level.third[:, rows][kept]
             p = np.sum(weight * third, axis=0) / np.sum(weight * r[:, None], axis=0)

@@ -44,11 +44,7 @@ FOREIGN: dict[str, Effect] = {
 
 
 def find_effect(name: str) -> Effect:
-    """The effect called ``name``.
-
-    Raises:
-        InputError: no such effect; the nearest one is named.
-    """
+    """The effect called ``name``. InputError: no such effect; the nearest one is named."""
     if name not in CATALOGUE:
         raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]

@@ -59,6 +59,8 @@ def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
     return sum((part(drive) for part in parts), start=0.0)
 
 
+#: The parameters of a model file from strength and shapes, numbers or arrays.
+Report = Callable[..., dict[str, Floats]]
 #: What something makes of amplitudes: ln in, ln and its slope out.
 Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -184,7 +186,7 @@ class Form:
     Attributes:
         effect: name of the effect.
         change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
-        report: the parameters of a model file from strength and shapes (numbers or arrays).
+        report: see `Report`.
         natural: a strength of the order of one, in the units of the problem: where difference quotients are taken.
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         label: which form it is, for people; empty where there is only one.
@@ -196,7 +198,7 @@ class Form:
 
     effect: str
     change: Callable[..., Terms]
-    report: Callable[..., dict[str, Floats]]
+    report: Report
     natural: float = 1.0
     shapes: tuple[FormVariable, ...] = ()
     largest: float = np.inf
@@ -241,21 +243,17 @@ class Effect:
     denies: frozenset[str] = frozenset()
     prior: float = 1.0
 
-    def changed_by(self, report: Callable[..., dict[str, Floats]]) -> Callable[..., Terms]:
+    def changed_by(self, report: Report) -> Callable[..., Terms]:
         """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
         defaults = {shape.name: shape.default for shape in self.shapes if shape.default is not None}
         return lambda terms, *values: self.simulate(terms, defaults | report(*values))
 
-    def form(self, report: Callable[..., dict[str, Floats]], natural: float, **rest: Any) -> Form:
+    def form(self, report: Report, natural: float, **rest: Any) -> Form:
         """The form of such a change; ``rest``: of a `Form`."""
         return Form(self.name, self.changed_by(report), report, natural, **rest)
 
     def either_sign(
-        self,
-        report: Callable[..., dict[str, Floats]],
-        label: str = "",
-        change: Callable[..., Terms] | None = None,
-        **rest: Any,
+        self, report: Report, label: str = "", change: Callable[..., Terms] | None = None, **rest: Any
     ) -> tuple[Form, Form]:
         """The two forms of a strength that has a sign: ``report`` takes it so, and ``change`` where it is not its own.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -110,15 +109,14 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     return (
         _joint_form("one joint", (limit,), scales),
         _joint_form("many joints", (spread, kappa), scales),
-        _joint_form("many joints to a largest", (spread, kappa), scales, {"bounded": 1.0}),
+        _joint_form("many joints to a largest", (spread, kappa), scales, bounded=True),
     )
 
 
-def _joint_form(
-    label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: Mapping[str, float] = MappingProxyType({})
-) -> Form:
+def _joint_form(label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool = False) -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        return {"stiffness": stiffness, "limit": limit} | ({"kappa": kappa[0]} if kappa else {}) | dict(bounded)
+        spread = {"kappa": kappa[0]} if kappa else {}
+        return {"stiffness": stiffness, "limit": limit} | spread | ({"bounded": 1.0} if bounded else {})
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
 
@@ -189,24 +187,18 @@ class Contact(Spring):
     clearance: Floats
 
     name: ClassVar[str] = "contact"
-    label: ClassVar[str] = "contact beyond a clearance"
-    formula: ClassVar[str] = "k (|q| - q0) sgn q beyond q0"
     shapes: ClassVar[tuple[Shape, ...]] = (
         Shape("coefficient", FORCE / LENGTH, least=0.0),
         Shape("clearance", LENGTH, above=0.0),
     )
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S."""
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
         x = np.minimum(self.clearance / A, 1.0)
-        share = 1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x))
-        return np.asarray(self.coefficient * A * ones(omega) * share)
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
+        root = np.sqrt(1.0 - x * x)
         k = self.coefficient * A * ones(omega)
-        return self.in_phase(A, omega) + (4.0 / np.pi) * k * x * np.sqrt(1.0 - x * x)
+        S: Floats = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+        return S, S + (4.0 / np.pi) * k * x * root
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k (q - clip(q, -clearance, clearance))."""

@@ -33,20 +33,17 @@ _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 
 
-def with_gain(terms: Terms, size: Floats) -> Terms:
-    """ln of the reading over the displacement changed by ``size``."""
-    return replace(terms, gain=terms.gain + size)
-
-
 AMPLITUDE_SCALE: Effect = Effect(
     name="amplitude-scale",
     kind="instrument",
     sentence="all amplitudes are off by one factor (sensor gain)",
     # strength: |ln(factor)|, at most that of a factor 3, above or below 1
     forms=lambda scales: AMPLITUDE_SCALE.either_sign(
-        lambda size: {"factor": np.exp(size)}, change=with_gain, largest=log(3.0)
+        lambda size: {"factor": np.exp(size)},
+        change=lambda terms, size: replace(terms, gain=terms.gain + size),
+        largest=log(3.0),
     ),
-    simulate=lambda terms, table: with_gain(terms, log(table["factor"])),
+    simulate=lambda terms, table: replace(terms, gain=terms.gain + log(table["factor"])),
     shapes=(Shape("factor", above=0.0),),
 )
 

@@ -53,7 +53,7 @@ def force_class(name: str) -> type[Force]:
 
 def shapes_of(name: str) -> tuple[Shape, ...]:
     """The parameters of a force, the one it is proportional to first; InputError for a name that is none."""
-    return component(name).shapes
+    return component(name).example.shapes
 
 
 def list_parameter_names(name: str) -> tuple[str, ...]:
@@ -75,14 +75,9 @@ class Component:
     example: Force
 
     @property
-    def shapes(self) -> tuple[Shape, ...]:
-        """All parameters, the one it is proportional to first."""
-        return self.example.shapes
-
-    @property
     def free_shapes(self) -> tuple[Shape, ...]:
-        """Those that are free in a law beside the leading one."""
-        return self.shapes[1:]
+        """The parameters that are free in a law beside the one it is proportional to, which is the first."""
+        return self.example.shapes[1:]
 
 
 def component(name: str) -> Component:

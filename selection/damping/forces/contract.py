@@ -60,14 +60,14 @@ class Force(ABC):
         """Name in files and on the command line, such as ``viscous``."""
 
     @property
-    @abstractmethod
     def label(self) -> str:
-        """Name for people, such as ``viscous (case I)``."""
+        """Name for people, such as ``viscous (case I)``; the other one unless stated."""
+        return self.name
 
     @property
-    @abstractmethod
     def formula(self) -> str:
-        """The force as plain text, such as ``C1 q'``."""
+        """The force as plain text, such as ``C1 q'``; its name unless stated."""
+        return self.name
 
     @abstractmethod
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
@@ -93,10 +93,7 @@ class Force(ABC):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A, for those who need them all."""
-        C, slope = self.grow(A, omega)
-        if not self.restores:
-            return C, slope, 0.0, 0.0
-        return C, slope, self.in_phase(A, omega), self.in_phase_slope(A, omega)
+        return *self.grow(A, omega), *(self.restoring(A, omega) if self.restores else (0.0, 0.0))
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -106,7 +103,7 @@ class Force(ABC):
     @property
     def restores(self) -> bool:
         """Whether it has a part in phase with displacement."""
-        return type(self).in_phase is not Force.in_phase
+        return type(self).restoring is not Force.restoring
 
     @property
     def resonates(self) -> bool:
@@ -146,13 +143,13 @@ class Force(ABC):
         """(m, n) when the energy per cycle is a constant times A^m omega^n, else ``None``."""
         return None
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S(A, omega), the first-harmonic part in phase with displacement; zero for a pure damping force."""
-        return zeros(A, omega)
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S and dS/d ln A in closed form; zero for a pure damping force."""
+        return zeros(A, omega), zeros(A, omega)
 
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A in closed form."""
-        return zeros(A, omega)
+    def in_phase(self, A: Floats, omega: Floats) -> Floats:
+        """S(A, omega), the first-harmonic part in phase with displacement."""
+        return self.restoring(A, omega)[0]
 
 
 @dataclass(frozen=True)
@@ -166,11 +163,7 @@ class AveragedForce(Force):
     """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> NoReturn:
-        """There is none.
-
-        Raises:
-            AnalysisError: always.
-        """
+        """AnalysisError: there is none."""
         raise AnalysisError(f"{self.label} has no law in the time domain: its energy per cycle alone is known")
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
@@ -205,25 +198,13 @@ class Sum(Force):
 
     forces: tuple[Force, ...]
 
-    #: What joins the names of the parts.
-    JOINT: ClassVar[str] = " + "
     #: A sum has no parameters of its own.
     shapes: ClassVar[tuple[Shape, ...]] = ()
 
     @property
     def name(self) -> str:
         """Names of the parts joined by ``+``."""
-        return self.JOINT.join(force.name for force in self.forces) or "none"
-
-    @property
-    def label(self) -> str:
-        """Labels of the parts joined by ``+``."""
-        return self.JOINT.join(force.label for force in self.forces) or "none"
-
-    @property
-    def formula(self) -> str:
-        """Formulas of the parts joined by ``+``."""
-        return self.JOINT.join(force.formula for force in self.forces) or "0"
+        return " + ".join(force.name for force in self.forces) or "none"
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""
@@ -271,13 +252,10 @@ class Sum(Force):
         """Sum of the parts' cycles."""
         return sum((force.cycle(theta, A, omega) for force in self.forces), start=zeros(theta, A, omega))
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """Sum of the parts' S."""
-        return _add([force.in_phase(A, omega) for force in self.forces], A, omega)
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """Sum of the parts' dS/d ln A."""
-        return _add([force.in_phase_slope(A, omega) for force in self.forces], A, omega)
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """Sums of the parts' S and dS/d ln A."""
+        pairs = [force.restoring(A, omega) for force in self.forces]
+        return _add([S for S, _ in pairs], A, omega), _add([slope for _, slope in pairs], A, omega)
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:

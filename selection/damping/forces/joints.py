@@ -94,13 +94,10 @@ class Slip(Force):
         """dC/d ln A: see `averages`."""
         return self.grow(A, omega)[1]
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S: see `averages`."""
-        return self.averages(A, omega)[2] * ones(omega)
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A: see `averages`."""
-        return self.averages(A, omega)[3] * ones(omega)
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S and dS/d ln A: see `averages`."""
+        _, _, S, slope = self.averages(A, omega)
+        return S * ones(omega), slope * ones(omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
@@ -128,17 +125,12 @@ class CubicStiffness(Spring):
     """g = k3 q^3, hardening for k3 > 0 and softening for k3 < 0: S = (3/4) k3 A^3, C = 0. k3 in force/length^3."""
 
     name: ClassVar[str] = "cubic-stiffness"
-    label: ClassVar[str] = "cubic stiffness"
-    formula: ClassVar[str] = "k3 q^3"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH**3.0),)
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S = (3/4) k3 A^3."""
-        return 0.75 * self.coefficient * (A * A * A) * ones(omega)
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A = 3 S."""
-        return 3.0 * self.in_phase(A, omega)
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S = (3/4) k3 A^3 and dS/d ln A = 3 S."""
+        S = 0.75 * self.coefficient * (A * A * A) * ones(omega)
+        return S, 3.0 * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k3 q^3."""
@@ -152,20 +144,15 @@ class PowerStiffness(Spring):
     exponent: Floats
 
     name: ClassVar[str] = "power-stiffness"
-    label: ClassVar[str] = "stiffness of a power"
-    formula: ClassVar[str] = "k |q|^p sgn q"
     shapes: ClassVar[tuple[Shape, ...]] = (
         Shape("coefficient", FORCE / LENGTH ** "exponent"),
         Shape("exponent", above=0.0),
     )
 
-    def in_phase(self, A: Floats, omega: Floats) -> Floats:
-        """S = k B(p) A^p."""
-        return self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent * ones(omega)
-
-    def in_phase_slope(self, A: Floats, omega: Floats) -> Floats:
-        """dS/d ln A = p S."""
-        return self.exponent * self.in_phase(A, omega)
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S = k B(p) A^p and dS/d ln A = p S."""
+        S = self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent * ones(omega)
+        return S, self.exponent * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k |q|^p sgn q."""

@@ -126,11 +126,6 @@ def velocity_power_energy(p: Floats) -> Floats:
     return 2.0 * sqrt(pi) * gamma_ratio((p + 2.0) / 2.0, (p + 3.0) / 2.0)
 
 
-def displacement_velocity_power_energy(p: Floats) -> Floats:
-    """2 Gamma((p+2)/2)/Gamma((p+4)/2) = 4/(p+2): the energy of Eq 4.3.7 over alpha A^(p+2) omega^p."""
-    return 2.0 * gamma_ratio((p + 2.0) / 2.0, (p + 4.0) / 2.0)
-
-
 def beta(p: Floats) -> Floats:
     """(sqrt(pi)/2) Gamma((p+3)/2)/Gamma((p+2)/2), Eq 4.3.8: at resonance alpha = beta F/(omega A)^p (4.3.9)."""
     return 0.5 * sqrt(pi) * gamma_ratio((p + 3.0) / 2.0, (p + 2.0) / 2.0)
@@ -198,8 +193,9 @@ class DisplacementVelocityPower(Force):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (2/pi) alpha A (A omega)^p Gamma((p+2)/2)/Gamma((p+4)/2)."""
-        factor = displacement_velocity_power_energy(self.exponent) / pi
-        return self.coefficient * factor * A * (A * omega) ** self.exponent
+        p = self.exponent
+        factor = 2.0 * gamma_ratio((p + 2.0) / 2.0, (p + 4.0) / 2.0) / pi
+        return self.coefficient * factor * A * (A * omega) ** p
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
         """dC/d ln A = (p + 1) C."""
@@ -234,8 +230,9 @@ class EnergyTerm(AveragedForce):
     @property
     def name(self) -> str:
         """The term as typed in a polynomial, such as ``A^2*omega``."""
-        parts = [_describe_power("A", self.amplitude_power), _describe_power("omega", self.frequency_power)]
-        return "*".join(part for part in parts if part) or "1"
+        powers = (("A", self.amplitude_power), ("omega", self.frequency_power))
+        factors = (symbol if power == 1.0 else f"{symbol}^{power:g}" for symbol, power in powers if power != 0.0)
+        return "*".join(factors) or "1"
 
     @property
     def label(self) -> str:
@@ -272,9 +269,3 @@ def term_powers(name: str) -> tuple[float, float] | None:
             return None
         powers[factor[1]] += float(factor[2] or 1.0)
     return powers["A"], powers["omega"]
-
-
-def _describe_power(symbol: str, power: float) -> str:
-    if power == 0.0:
-        return ""
-    return symbol if power == 1.0 else f"{symbol}^{power:g}"

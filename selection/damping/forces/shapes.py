@@ -132,11 +132,7 @@ class Shape:
     switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
-        """The parameter at standard normal ``x``.
-
-        Raises:
-            InputError: it has no prior, so no law can leave it free.
-        """
+        """The parameter at standard normal ``x``. InputError: it has no prior, so no law can leave it free."""
         if self.prior is None:
             raise InputError(f"the shape {self.name!r} of a force has no prior", expected="Shape(..., prior=...)")
         return self.prior.value(x, tested)
@@ -162,3 +158,15 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
         if value is None:
             raise InputError(f"no {key} in {owner}", expected=", ".join(known))
     return {key: value for key, value in values.items() if value is not None}
+
+
+def rescale(
+    shapes: Iterable[Shape], table: Mapping[str, float], owner: str, force: float, length: float = 1.0
+) -> dict[str, float]:
+    """The parameters of ``table`` where one unit of force is ``force`` new ones, and one of length ``length``.
+
+    A unit may depend on another parameter, as that of alpha |q'|^p on p.
+    """
+    values = completed(shapes, table, owner)
+    units = {shape.name: shape.unit.at(values) for shape in shapes}
+    return {key: value * (force ** units[key].force * length ** units[key].length) for key, value in table.items()}

@@ -9,7 +9,6 @@ Records and modes from one consistent system of units to another: SI (N, m, kg) 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -19,7 +18,7 @@ from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2
 from damping.effects import find_effect
 from damping.errors import InputError
 from damping.forces import shapes_of
-from damping.forces.shapes import Shape, completed
+from damping.forces.shapes import rescale
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.text import describe_shortened
@@ -190,14 +189,10 @@ def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
         InputError: a force or an effect that is not known.
     """
     force, length = SYSTEMS[to]
-    damping = {name: converted(table, shapes_of(name), by, name) for name, table in mode.damping.items()}
-    effects = {name: converted(table, find_effect(name).shapes, by, name) for name, table in mode.effects.items()}
+    damping = {name: rescale(shapes_of(name), table, name, by.force, by.length) for name, table in mode.damping.items()}
+    effects = {
+        name: rescale(find_effect(name).shapes, table, name, by.force, by.length)
+        for name, table in mode.effects.items()
+    }
     units = Units(force, length, "s")
     return replace(mode, mass=mode.mass * by.of(1, -1), units=units, damping=damping, effects=effects)
-
-
-def converted(table: Mapping[str, float], shapes: Iterable[Shape], by: Factors, owner: str) -> dict[str, float]:
-    """Parameters of one force or effect; a unit may depend on another parameter, as that of alpha |q'|^p on p."""
-    values = completed(shapes, table, owner)
-    units = {shape.name: shape.unit.at(values) for shape in shapes}
-    return {key: value * by.of(units[key].force, units[key].length) for key, value in table.items()}

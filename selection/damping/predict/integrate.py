@@ -89,11 +89,6 @@ class State:
         return replace(self, sums=np.zeros(4))
 
 
-def at_rest(oscillator: Oscillator) -> State:
-    """Rest in the undeformed position at the time 0."""
-    return State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(oscillator.force.joints), sums=np.zeros(4))
-
-
 def advance(oscillator: Oscillator, state: State, periods: int) -> State:
     """The state ``periods`` drive periods later.
 
@@ -212,7 +207,8 @@ def steady_state_in_time(
         AnalysisError: no steady state is reached, or a part of the force has no law in time.
     """
     oscillator = Oscillator(force, float(F), float(omega), float(M), float(omega_n))
-    state = at_rest(oscillator) if start is None else replace(start, t=0.0).restarted
+    at_rest = State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(force.joints), sums=np.zeros(4))
+    state = at_rest if start is None else replace(start, t=0.0).restarted
     for periods in _FREE_FROM_REST if start is None else _FREE:
         state = advance(oscillator, state, periods)
         hit = _shoot(oscillator, state)

@@ -8,13 +8,12 @@ a design acceleration needs is free of p; only a damping ratio is not, and takes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.forces import shapes_of
-from damping.forces.shapes import completed
+from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -42,22 +41,20 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become steady states by
     :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
     """
-    lines: list[str] = []
     if mode is not None:
-        mode, lines = as_driven_by_force(record, mode)
+        mode, said = as_driven_by_force(record, mode)
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
-    if mode is None and "sweep_rate" not in record.table.columns:
-        return Measured(record, None)
-    if mode is None:  # what the rows imply; NaN where they imply none
-        implied = View(record, None).implied
-        mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
-    else:
         mass, frequency = mode.mass, mode.frequency
+    elif "sweep_rate" not in record.table.columns:
+        return Measured(record, None)
+    else:  # what the rows imply; NaN where they imply none
+        implied, said = View(record, None).implied, []
+        mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
     if not mass > 0.0:
-        return Measured(record, mode, tuple(lines))
+        return Measured(record, mode, tuple(said))
     steady, swept = as_steady(record, mass, frequency)
-    return Measured(steady, mode, (*lines, *swept))
+    return Measured(steady, mode, (*said, *swept))
 
 
 def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
@@ -79,15 +76,7 @@ def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
         participation, spread = 1.0, UNKNOWN_SPREAD
         said = "base drive: the rows do not show the participation; damping ratios are those of a participation of 1"
     by = 1.0 / (participation * mode.mass)
-    damping = {name: _scale_force(name, table, by) for name, table in mode.damping.items()}
+    damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
     tolerance = replace(mode.tolerance, mass=spread, from_record=bool(len(known)))
     forced = replace(mode, drive="force", mass=1.0 / participation, damping=damping, tolerance=tolerance)
     return forced, [said]
-
-
-def _scale_force(name: str, table: Mapping[str, float], by: float) -> dict[str, float]:
-    """Parameters of a damping force that is ``by`` times as large."""
-    shapes = shapes_of(name)
-    values = completed(shapes, table, name)
-    powers = {shape.name: shape.unit.at(values).force for shape in shapes}
-    return {key: value * by ** powers[key] for key, value in table.items()}

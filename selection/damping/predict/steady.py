@@ -87,26 +87,23 @@ class SteadyState:
     phase: FloatArray
 
 
-def elastic(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
-    """X = (K - M omega^2) A + S: the force in phase with displacement that the motion needs."""
-    return M * (omega_n**2 - omega**2) * A + force.in_phase(A, omega)
-
-
 def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
-    """X and dX/d ln A, then C and dC/d ln A: the forces in phase and in quadrature that the amplitude A needs."""
+    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity."""
     linear = M * (omega_n**2 - omega**2) * A
-    X, slope_X = linear + force.in_phase(A, omega), linear + force.in_phase_slope(A, omega)
-    return X, slope_X, force.quadrature(A, omega), force.slope(A, omega)
+    S, slope_S = force.restoring(A, omega)
+    return linear + S, linear + slope_S, force.quadrature(A, omega), force.slope(A, omega)
 
 
 def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """F = |Z| A, the force amplitude that holds the amplitude A (Eq 4.2.4)."""
-    return np.asarray(np.hypot(elastic(force, A, omega, M, omega_n), force.quadrature(A, omega)))
+    X, _, C, _ = balance(force, A, omega, M, omega_n)
+    return np.asarray(np.hypot(X, C))
 
 
 def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """Phi = arg Z, 0 far below resonance and pi far above: Eq 4.2.3 with the quadrant kept."""
-    return np.asarray(np.arctan2(force.quadrature(A, omega), elastic(force, A, omega, M, omega_n)))
+    X, _, C, _ = balance(force, A, omega, M, omega_n)
+    return np.asarray(np.arctan2(C, X))
 
 
 def backbone(force: Force, A: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -132,8 +129,10 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
     with np.errstate(all="ignore"):
         exponents = force.energy_exponents
-        if exponents is not None:
-            return np.broadcast_to(_of_one_power(force, F, omega, exponents[0]), shape).copy()
+        if exponents is not None:  # in closed form A = (F/C(1, omega))^(1/(m - 1)), none for m <= 1
+            ratio, power = np.asarray(F / force.quadrature(1.0, omega)), np.asarray(exponents[0]) - 1.0
+            known = (ratio > 0.0) & np.isfinite(ratio) & (power > 0.0)
+            return np.broadcast_to(np.where(known, ratio ** (1.0 / power), np.nan), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
         # no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes
         grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
@@ -183,13 +182,6 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
         reached = np.abs(required_force(force, A, omega, M, omega_n) / F - 1.0) < 1e-9
         A = np.where(reached, A, np.nan)
         return SteadyState(amplitude=A, phase=phase_lag(force, A, omega, M, omega_n))
-
-
-def _of_one_power(force: Force, F: Floats, omega: Floats, m: Floats) -> FloatArray:
-    """Closed form where the energy is a A^m omega^n: A = (F/C(1, omega))^(1/(m - 1)); none for m <= 1."""
-    ratio = np.asarray(F / force.quadrature(1.0, omega))
-    power = np.asarray(m) - 1.0
-    return np.where((ratio > 0.0) & np.isfinite(ratio) & (power > 0.0), ratio ** (1.0 / power), np.nan)
 
 
 def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -178,8 +178,8 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
         stiffness = w_n**2 * (1.0 + x[3] * size) - w**2 + 2j * np.exp(x[1]) * (1.0 + x[2] * size) * w_n * w
         return np.asarray(rows.force / mass / stiffness)
 
-    moved = _fit_near(sweeps, swept, 1.0, (0.0, 60.0), 1.0, diff_step=np.full(4, 1e-4))
-    standing = _fit_near(sweeps, steady, 0.0, (-0.5, 0.5), 0.01)
+    moved = _fit_near(sweeps, swept, (1.0, 0.0, 60.0, 1.0), diff_step=np.full(4, 1e-4))
+    standing = _fit_near(sweeps, steady, (0.0, -0.5, 0.5, 0.01))
     freedom = max(len(moved.fun) - 4, 1)
     covariance = np.linalg.pinv(moved.jac.T @ moved.jac) * float(moved.fun @ moved.fun) / freedom
     smallest = min(float(np.abs(rows.a).max()) for rows in sweeps)
@@ -205,14 +205,12 @@ class _SweptRows(NamedTuple):
 def _fit_near(
     sweeps: list[_SweptRows],
     predict: Callable[[FloatArray, _SweptRows], ComplexArray],
-    last: float,
-    bounds: tuple[float, float],
-    scale: float,
+    last: tuple[float, float, float, float],
     **options: Any,
 ) -> Any:
-    """Least squares of ln a near the peaks; of f_n (relative), ln z1, b, and a ``last`` parameter from where it starts.
+    """Least squares of ln a near the peaks; of f_n (relative), ln z1, b, and a ``last`` parameter.
 
-    ``bounds`` and ``scale`` are those of the last one, ``predict`` the amplitudes near the peak of one sweep.
+    ``last``: where that starts, its bounds and its scale. ``predict``: the amplitudes near the peak of one sweep.
     """
 
     def left(x: FloatArray) -> FloatArray:
@@ -221,8 +219,9 @@ def _fit_near(
 
     from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
-    limits = ([-0.05, log(1e-4), -0.5, bounds[0]], [0.05, log(0.3), 20.0, bounds[1]])
-    start = [0.0, log(0.01), 0.5, last]
+    first, low, high, scale = last
+    limits = ([-0.05, log(1e-4), -0.5, low], [0.05, log(0.3), 20.0, high])
+    start = [0.0, log(0.01), 0.5, first]
     return least_squares(left, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
 
 

@@ -30,7 +30,6 @@ from damping.ranking.candidates import (
     judge_fit,
     learn_noise,
     percent_errors,
-    root_mean_square,
 )
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
@@ -213,12 +212,9 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
         return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
-    return [
-        (np.nan, ("with a level left out it cannot carry the other forces",))
-        if errors is None
-        else (root_mean_square(errors), ())
-        for errors in held_out_errors(laws, data)
-    ]
+    failed = np.nan, ("with a level left out it cannot carry the other forces",)
+    errors = held_out_errors(laws, data)
+    return [failed if own is None else (float(np.sqrt(np.mean(own**2))), ()) for own in errors]
 
 
 def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
@@ -244,22 +240,20 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     cautions = []
     freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
-        points = f"{len(data.A)} point{'s' * (len(data.A) != 1)}"
-        degrees = (
-            f"{freedom} degree{'s' * (freedom != 1)} of freedom" if freedom >= 0 else "more parameters than points"
-        )
-        cautions.append(f"{points}, {degrees}: the spread rests on the prior")
+        degrees = f"{_count(freedom, 'degree')} of freedom" if freedom >= 0 else "more parameters than points"
+        cautions.append(f"{_count(len(data.A), 'point')}, {degrees}: the spread rests on the prior")
     fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
     for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
         edges = shape.prior.range if shape.prior else None
         if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
             cautions.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
-        cautions.append(
-            f"{len(data.sweeps)} force level{'s' * (len(data.sweeps) > 1)}: amplitude dependence hardly tested"
-        )
+        cautions.append(f"{_count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
     if row.evidence.effective_draws < FEW_DRAWS:
-        cautions.append(
-            f"marginal likelihood uncertain by {200 * row.evidence.standard_error:.0f} % (2 standard errors)"
-        )
+        doubt = 200 * row.evidence.standard_error
+        cautions.append(f"marginal likelihood uncertain by {doubt:.0f} % (2 standard errors)")
     return tuple(cautions)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"

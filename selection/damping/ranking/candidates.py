@@ -144,11 +144,6 @@ def _predict_left_out(
     return percent_errors(build_force(law, coefficients, shapes), data)
 
 
-def root_mean_square(errors: FloatArray) -> float:
-    """Root mean square; NaN when any error is."""
-    return float(np.sqrt(np.mean(errors**2)))
-
-
 Verdict = Literal["fits", "poor", "none fits"]
 #: Probability below which a law does not fit.
 UNLIKELY = 0.01

@@ -79,8 +79,8 @@ class Audit:
         implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
         return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
 
-    def require(self, despite: Collection[str] = ()) -> None:
-        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
+    def require(self, despite: Collection[str] = ()) -> Audit:
+        """The audit of a record that may be worked on: Refused where a finding refuses that is not in ``despite``.
 
         InputError: ``despite`` names no check.
         """
@@ -88,6 +88,7 @@ class Audit:
         for finding in self.findings:
             if finding.verdict == "refuse" and finding.check not in despite:
                 raise Refused(f"{finding}, or --despite {finding.check}")
+        return self
 
     def __str__(self) -> str:
         return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])

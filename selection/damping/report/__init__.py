@@ -10,7 +10,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
 from damping.errors import InputError
-from damping.forces import component
+from damping.forces import shapes_of
 from damping.forces.shapes import Dimension
 from damping.formats.quantity import unit as parse_unit
 from damping.records.mode import Units
@@ -184,7 +184,7 @@ def format_parameter_unit(parameter: str, units: Units) -> str:
     if not (units.force and units.length and units.time) or parameter in SCATTERS:
         return ""
     force, _, name = parameter.partition(" ")
-    shapes = component(force).shapes
+    shapes = shapes_of(force)
     return format_dimension_text(next((shape for shape in shapes if shape.name == name), shapes[0]).unit, units)
 
 
