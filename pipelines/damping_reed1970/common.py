@@ -88,13 +88,8 @@ def name_table_file(chapter: int, name: str) -> str:
     return f"chapter_{chapter}_{name}"
 
 
-def tabulate_of_chapter(reproduction: pd.DataFrame, chapter: int) -> pd.DataFrame:
-    """Rows of the reproduction whose id is of a chapter: the first digit of ``tab4II`` or ``eq4110`` says which."""
-    return reproduction[reproduction["id"].map(chapter_of) == chapter]
-
-
 def chapter_of(identity: str) -> int:
-    """Chapter of an id."""
+    """Chapter of an id, the first digit of ``tab4II`` or ``eq4110``."""
     digit = re.search(r"\d", identity)
     assert digit, f"{identity} names no chapter"
     return int(digit[0])
@@ -170,7 +165,8 @@ def write_chapter(
             return build_known_table(name, named[name])
         return [replace(known[name], caption=join_lines(rest))]
 
-    agreement = describe_agreement_text(tabulate_of_chapter(named["reproduction"], number))
+    printed = named["reproduction"]
+    agreement = describe_agreement_text(printed[printed["id"].map(chapter_of) == number])
     text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
     known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row, "labels": LABELS}
     blocks = write_blocks(text, {**known_values, **values}, take)

@@ -20,7 +20,7 @@ from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, ta
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
 from damping_reed1970.chapter_5.page import tabulate_regression_rows
-from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text, tabulate_of_chapter
+from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
 from damping_reed1970.studies import Gaps, ReportResults, Studies
@@ -209,7 +209,7 @@ def test_counts_of_the_reproduction(results: ReportResults) -> None:
     kinds = ["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
     assert (table[kinds].sum(axis=1) == table["printed numbers"]).all()
     assert {chapter_of(identity) for identity in rows["id"]} == {2, 3, 4, 5}
-    text = describe_agreement_text(tabulate_of_chapter(rows, 4))
+    text = describe_agreement_text(rows[rows["id"].map(chapter_of) == 4])
     assert text.startswith(f"Of the {table.loc['chapter IV', 'printed numbers']} numbers")
 
 

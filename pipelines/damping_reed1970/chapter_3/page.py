@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -84,7 +85,7 @@ def write_chapter_3(results: ReportResults) -> ReportPart:
         "planes": PLANES,
         "angle": float(np.degrees(PLANES.theta)),
         "level": f"{100 * LEVEL:g}",
-        "pair": _pair,
+        "pair": _describe_with_error,
     }
     headings = {"C_1": "C₁", "mean_xi": "mean ξ", "says": "in words"}
     figures = collect_figures(computed)
@@ -118,8 +119,7 @@ def fit_rows(fits: pd.DataFrame, head: list[str] | None = None) -> pd.DataFrame:
     """One row per fit: parameters with standard errors as text, those held without."""
     columns: dict[str, object] = {name: fits[name] for name in [*(head or []), "fit"]}
     for name, (label, digits) in LABELS["fitted"].items():
-        pairs = fits[[name, f"{name}_se"]].to_numpy(float)
-        columns[label] = [_describe_with_error(value, error, digits) for value, error in pairs]
+        columns[label] = [_describe_with_error(fit, name, digits) for _, fit in fits.iterrows()]
     columns["residual, in"] = fits["sigma"]
     columns["chi-square"] = fits["chi_square"]
     columns["p-value"] = fits["p_value_correlated"]
@@ -143,13 +143,10 @@ def tabulate_posterior_rows(posteriors: pd.DataFrame) -> pd.DataFrame:
     ]
 
 
-def _describe_with_error(value: float, error: float, digits: int) -> str:
+def _describe_with_error(fit: pd.Series[Any], name: str, digits: int) -> str:
     """``11.393 ± 0.004``; a value that is held alone, nothing for a part that is not there."""
+    value, error = float(fit[name]), float(fit[f"{name}_se"])
     if np.isnan(value) or (value == 0.0 and error == 0.0):
         return NOTHING
     text = f"{value:.{digits}f}".replace("-", "−")
     return text if error == 0.0 else f"{text} ± {error:.{digits}f}"
-
-
-def _pair(fit: pd.Series[float], name: str, digits: int) -> str:
-    return _describe_with_error(float(fit[name]), float(fit[f"{name}_se"]), digits)

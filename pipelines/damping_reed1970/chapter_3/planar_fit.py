@@ -117,8 +117,11 @@ def fit_planar(data: Phasors, fixed: Mapping[str, float] | None = None, extras: 
     residuals = data.residuals(model)
     SSE = float(np.sum(np.abs(residuals) ** 2))
     variance = SSE / (2 * data.omega.size - len(free))
-    errors = _standard_errors(model, free, variance * _inverse(_real(_jacobian(data, model, free))))
-    return PlanarFit(model, free, errors, residuals, SSE)
+    jacobian = _real(_jacobian(data, model, free))
+    length = np.linalg.norm(jacobian, axis=0)
+    singular, directions = np.linalg.svd(jacobian / length, full_matrices=False)[1:]
+    inverse = (directions.T / singular**2) @ directions / np.outer(length, length)  # of J^T J
+    return PlanarFit(model, free, _standard_errors(model, free, variance * inverse), residuals, SSE)
 
 
 def _choose_starts(data: Phasors, fixed: Mapping[str, float]) -> list[PlanarOscillator]:
@@ -185,13 +188,6 @@ def _jacobian(data: Phasors, model: PlanarOscillator, free: tuple[str, ...]) -> 
 def _real(values: ComplexArray) -> FloatArray:
     """Real parts, then imaginary parts, along the first axis."""
     return np.concatenate([values.real, values.imag])
-
-
-def _inverse(jacobian: FloatArray) -> FloatArray:
-    """(J^T J)^-1 by columns of unit length."""
-    length = np.linalg.norm(jacobian, axis=0)
-    singular, directions = np.linalg.svd(jacobian / length, full_matrices=False)[1:]
-    return np.asarray((directions.T / singular**2) @ directions / np.outer(length, length))
 
 
 def _standard_errors(model: PlanarOscillator, free: tuple[str, ...], covariance: FloatArray) -> dict[str, float]:

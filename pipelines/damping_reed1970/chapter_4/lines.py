@@ -20,6 +20,7 @@ from damping.extrapolation.prediction import Loads, predict
 from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
 from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law
+from damping.regression.program import tabulate_terms
 from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances
 
@@ -211,10 +212,7 @@ def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) 
             "inputs": inputs,
             "parameter": line.names,
             "unit": model.units,
-            "coefficient": line.coefficients,
-            "std_error": line.std_errors,
-            "t_ratio": line.t_ratios,
-            "p_value": line.p_values,
+            **tabulate_terms(line).drop(columns="name").to_dict("list"),
             "low": line.coefficients - half,
             "high": line.coefficients + half,
             "report_method": by_hand,

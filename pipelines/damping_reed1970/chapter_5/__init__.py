@@ -20,7 +20,7 @@ from damping.forces import coefficient_from_energy, force_class
 from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import Fit, fit
-from damping.regression.program import deviations_of
+from damping.regression.program import deviations_of, tabulate_terms
 from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
@@ -234,9 +234,7 @@ def _tabulate_fit(energy_fit: EnergyFit, inputs: str, changed: int, fitted: Fit)
             "cells_changed": changed,
             "points": fitted.n,
             "term": [TERMS[term].name for term in terms],
-            "coefficient": fitted.coefficients,
-            "std_error": fitted.std_errors,
-            "t_ratio": fitted.t_ratios,
+            **tabulate_terms(fitted)[["coefficient", "std_error", "t_ratio"]].to_dict("list"),
             "printed": list(energy_fit.printed.values()),
             "force": [CASES[case] for case in cases],
             "force_coefficient": [table_5_i(case, a) for case, a in zip(cases, fitted.coefficients, strict=True)],

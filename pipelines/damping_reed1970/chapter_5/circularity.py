@@ -25,7 +25,7 @@ from damping.arrays import FloatArray
 from damping.forces import make
 from damping.plots import WIDTH, draw_plain_rows, law_style, styled
 from damping.predict.steady import steady_state
-from damping.signals import PrincipalPlanes, damping_roots, plane_motion
+from damping.signals import damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_5.false_terms import fits_in_blocks
@@ -104,14 +104,14 @@ def true_motions() -> dict[str, np.ndarray]:
     }
 
 
-def velocity_squared_motion(coefficient: float, planes: PrincipalPlanes = PLANES) -> np.ndarray:
+def velocity_squared_motion(coefficient: float) -> np.ndarray:
     """Phasors in the pitch direction with the force C3 q'^2 sgn q' in each principal plane by itself."""
     F, omega = _test()
     force = make("velocity-squared", coefficient=coefficient)
     total = np.zeros(omega.size, dtype=complex)
-    for omega_j, per_force in planes.planes:
-        state = steady_state(force, np.abs(per_force) * F, omega, planes.mass, omega_j)
-        total += np.abs(per_force) / planes.phi * state.amplitude * np.exp(-1j * state.phase)
+    for omega_j, per_force in PLANES.planes:
+        state = steady_state(force, np.abs(per_force) * F, omega, PLANES.mass, omega_j)
+        total += np.abs(per_force) / PLANES.phi * state.amplitude * np.exp(-1j * state.phase)
     return total
 
 

@@ -24,6 +24,7 @@ from damping.arrays import FloatArray
 from damping.plots import ALERT, LINEAR, MUTED, WIDTH, plain_log, styled
 from damping.regression.design import Design
 from damping.regression.fit import Fit, fit, one_term_fits
+from damping.regression.program import tabulate_terms
 from damping.regression.selecting import fit_nonnegative, stepwise
 from damping.regression.subsets import Subsets, all_subsets, best_subsets
 from damping_reed1970 import Version
@@ -81,16 +82,9 @@ def load_inputs(name: str) -> Points:
 
 def _tabulate_full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
     order = [single.names[0] for single in one_term_fits(design)]
-    return pd.DataFrame(
-        {
-            "term": free.names,
-            "one_term_rank": [order.index(name) + 1 for name in free.names],
-            "coefficient": free.coefficients,
-            "std_error": free.std_errors,
-            "t_ratio": free.t_ratios,
-            "nonnegative": held.coefficients,
-        }
-    )
+    table = tabulate_terms(free).drop(columns="p_value").rename(columns={"name": "term"})
+    table.insert(1, "one_term_rank", [order.index(name) + 1 for name in free.names])
+    return table.assign(nonnegative=held.coefficients)
 
 
 def _tabulate_summary(design: Design, free: Fit, held: Fit, positive: int) -> pd.DataFrame:

@@ -9,7 +9,7 @@ force, rad): of the node's motion first, then of the mode's.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import radians
 
 import numpy as np
@@ -143,7 +143,8 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
         if not r2_over_i > 0.0 and description.mode.phi_drive is None:  # force and node at one place
             raise AnalysisError(f"R^2/I identified from column {rigid.identify_from} is {r2_over_i:.3g}, not positive")
     part = signals.node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
-    return _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part}, {"r2_over_i": r2_over_i})
+    step = _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part})
+    return replace(step, constants={"r2_over_i": r2_over_i})
 
 
 def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
@@ -229,20 +230,14 @@ def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode
     return NodeMode(d.mode.phi, np.nan, np.nan), others, _column(table, "force")
 
 
-def _in_phase(
-    name: str,
-    equation: str,
-    table: pd.DataFrame,
-    parts: Mapping[str, FloatArray],
-    constants: Mapping[str, float] | None = None,
-) -> ConditioningStep:
+def _in_phase(name: str, equation: str, table: pd.DataFrame, parts: Mapping[str, FloatArray]) -> ConditioningStep:
     """Corrections added in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); removed is their opposite."""
     A, phi = _column(table, "amplitude"), _column(table, "phase")
     C_t = np.sum(list(parts.values()), axis=0)
     after_phi = signals.modal_phase(A, phi, C_t, 1.0)
     amplitude = signals.modal_amplitude(A, phi, C_t, 1.0, after_phi)
     after = table.assign(amplitude=amplitude, phase=_lag(np.asarray(after_phi)))
-    return _step(name, equation, table, after, {part: -C for part, C in parts.items()}, constants)
+    return _step(name, equation, table, after, {part: -C for part, C in parts.items()})
 
 
 def _turn(table: pd.DataFrame, phi: float) -> pd.DataFrame:
@@ -252,15 +247,9 @@ def _turn(table: pd.DataFrame, phi: float) -> pd.DataFrame:
 
 
 def _step(
-    name: str,
-    equation: str,
-    before: pd.DataFrame,
-    after: pd.DataFrame,
-    removed: Mapping[str, FloatArray] | None = None,
-    constants: Mapping[str, float] | None = None,
+    name: str, equation: str, before: pd.DataFrame, after: pd.DataFrame, removed: Mapping[str, FloatArray] | None = None
 ) -> ConditioningStep:
-    parts = pd.DataFrame(removed or {}, index=before.index)
-    return ConditioningStep(name, equation, before, after, parts, constants or {})
+    return ConditioningStep(name, equation, before, after, pd.DataFrame(removed or {}, index=before.index))
 
 
 def _column(table: pd.DataFrame, name: str) -> FloatArray:

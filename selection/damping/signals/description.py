@@ -176,7 +176,6 @@ class Description(_DescriptionTable):
         """What contradicts itself, in the order of the schema."""
         yield from self._check_raw()
         yield from self._check_names()
-        yield from self._check_mode()
         yield from self._check_removals()
 
     def _check_raw(self) -> Iterator[DescriptionProblem]:
@@ -203,14 +202,12 @@ class Description(_DescriptionTable):
             if name not in sensors:
                 yield path, f"no sensor {name!r}", f"one of {', '.join(sensors)}"
 
-    def _check_mode(self) -> Iterator[DescriptionProblem]:
+    def _check_removals(self) -> Iterator[DescriptionProblem]:
         for key in ("phi", "phi_drive"):
             if getattr(self.mode, key) == 0.0:
                 yield ("mode", key), "is 0: the mode cannot be seen or driven there", "another node"
         if len({mode.name for mode in self.modes}) < len(self.modes):
             yield ("modes",), "two modes have one name", "different names"
-
-    def _check_removals(self) -> Iterator[DescriptionProblem]:
         rigid = self.rigid_body
         if rigid is not None and (rigid.r2_over_i is None) == (rigid.identify_from is None):
             yield ("rigid_body",), "R^2/I is not given or given twice", "r2_over_i or identify_from"
