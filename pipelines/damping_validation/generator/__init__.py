@@ -141,10 +141,8 @@ def draw_further_rows(
 ) -> str:
     """The text ``data`` of a case with the rows of a proposed test after its own, measured on the same truth.
 
-    Args:
-        kind, field, seed: as the case was drawn. proposed: ``force, frequency_low, frequency_high`` (Hz), ``points,
-            added_mass`` of each further sweep. asked: columns that the new rows are to fill.
-
+    ``kind``, ``field``, ``seed``: as the case was drawn. ``proposed``: ``force, frequency_low, frequency_high`` (Hz),
+    ``points, added_mass`` of each further sweep. ``asked``: columns that the new rows are to fill.
     NoSteadyStateError: the structure does not come to rest under that drive.
     """
     drawn = draw(kind, field, np.random.default_rng(seed))
