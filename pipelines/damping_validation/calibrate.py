@@ -260,8 +260,7 @@ def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
 
 @styled
 def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw histograms of the ranks 0 to ``RANKED`` of the amplitude beyond the test, by law, with the 99 % range of a
-    uniform count."""
+    """Draw histograms of the ranks of the amplitude beyond the test, by law, with the 99 % range of a uniform count."""
     figure, panels = _open_panels(ranks, 1.1, sharey=False)
     for law, ax in panels.items():
         beyond = ranks[law].query("quantity == 'amplitude beyond'")["rank"]

@@ -80,10 +80,7 @@ class Audit:
         return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
 
     def require(self, despite: Collection[str] = ()) -> None:
-        """Raise Refused with the first finding that refuses, but for the checks named in ``despite``.
-
-        InputError: ``despite`` names no check.
-        """
+        """Raise Refused with the first finding that refuses, but for checks ``despite``. InputError: no such check."""
         require_checks(despite)
         for finding in self.findings:
             if finding.verdict == "refuse" and finding.check not in despite:

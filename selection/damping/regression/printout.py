@@ -60,8 +60,7 @@ def printout(result: Regression) -> str:
     }
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)
     # lines of prose or of a formula, no name broken
-    unbroken = {"subsequent_indent": "  ", "break_long_words": False, "break_on_hyphens": False}
-    wrap = partial(textwrap.fill, width=WIDTH, **unbroken)
+    wrap = partial(textwrap.fill, width=WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
     functions = {"table": _align_columns, "wrap": wrap, "number": _number, "zip": zip}
     template = environment.from_string(Path(__file__).with_suffix(".txt").read_text("utf-8"), globals=functions)
     return _show_control(template.render(values))

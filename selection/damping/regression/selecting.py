@@ -237,10 +237,7 @@ class Choice:
 
 
 def select(design: Design, choice: Choice) -> Selection:
-    """Select among the terms of a design.
-
-    AnalysisError: a numerically rank-deficient design (the columns are named), or no model qualifies.
-    """
+    """Select among the terms of a design. AnalysisError: it is rank-deficient, or no model qualifies."""
     fitter = fit_nonnegative if choice.nonnegative else fit
     if choice.method == "none":
         return Selection(tuple(range(design.k)), fitter(design))
