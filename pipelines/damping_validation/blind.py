@@ -132,10 +132,7 @@ def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
 
 
 def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
-    """The verdicts of all labelled cases; a missing answer counts as a failed one.
-
-    InputError: an answer that is neither ``gap/1`` nor an error.
-    """
+    """The verdicts of all labelled cases, failed where there is no answer. InputError: an answer of another form."""
     rig = frozenset(labels.get("rig", ()))
     return [judge(name, label, read_answer(answers / f"{name}.json"), rig) for name, label in labels["cases"].items()]
 

@@ -22,21 +22,7 @@ from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
 from damping_pipelines.terminal import end_with_parent, progress
-from damping_validation import calibration
-from damping_validation.calibration import (
-    BINS,
-    CALIBRATED,
-    LEVEL,
-    RANKED,
-    RATIOS,
-    SURE,
-    Coverage,
-    coverage_trial,
-    ecdf,
-    ecdf_band,
-    is_uniform,
-    rank_trial,
-)
+from damping_validation import calibration as trial
 from damping_validation.truths import IN_LIBRARY, TRUTHS
 
 #: Law of the trials with whole sweeps.
@@ -52,8 +38,8 @@ _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
 
 #: Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee.
-FULL = {"fast": 40, "importance": 4, "posterior": 24, "emcee": 2}
-QUICK = {"fast": 1, "importance": 0, "posterior": 12, "emcee": 2}
+FULL = {"fast": 40, "importance": 4, "ranks": 24, "emcee": 2}
+QUICK = {"fast": 1, "importance": 0, "ranks": 12, "emcee": 2}
 
 #: What a trial is of: ``coverage``, way, truth, number; or data, law, number of a posterior.
 Key = tuple[Any, ...]
@@ -97,11 +83,13 @@ def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:
     calls: dict[Key, Callable[..., Any]] = {}
     for way in ("fast", "importance"):
         for name in TRUTHS:
-            calls |= {("coverage", way, name, n): partial(coverage_trial, name, way) for n in range(sizes[way])}
-    for law in CALIBRATED:
-        calls |= {("resonances", law.name, n): partial(rank_trial, law) for n in range(sizes["posterior"])}
-    calls |= {("sweeps", SWEPT.name, n): partial(rank_trial, SWEPT, swept=True) for n in range(sizes["posterior"])}
-    calls |= {("emcee", CHAINED.name, n): partial(rank_trial, CHAINED, chains=True) for n in range(sizes["emcee"])}
+            calls |= {("coverage", way, name, n): partial(trial.coverage_trial, name, way) for n in range(sizes[way])}
+    for law in trial.CALIBRATED:
+        calls |= {("resonances", law.name, n): partial(trial.rank_trial, law) for n in range(sizes["ranks"])}
+    calls |= {("sweeps", SWEPT.name, n): partial(trial.rank_trial, SWEPT, swept=True) for n in range(sizes["ranks"])}
+    calls |= {
+        ("emcee", CHAINED.name, n): partial(trial.rank_trial, CHAINED, chains=True) for n in range(sizes["emcee"])
+    }
     return calls
 
 
@@ -126,13 +114,13 @@ def _run_batch(trials: Sequence[tuple[Key, Callable[[], Any]]]) -> dict[Key, Any
     return {key: call() for key, call in trials}
 
 
-def tabulate_predictions(covered: Mapping[tuple[Any, ...], Coverage]) -> pd.DataFrame:
+def tabulate_predictions(covered: Mapping[tuple[Any, ...], trial.Coverage]) -> pd.DataFrame:
     """One row per trial and ratio: ``way, truth, trial`` (the keys of ``covered``) and the fields of ``Coverage``."""
     rows = [
         {"way": way, "truth": truth, "trial": number}
         | {name: value[i] if isinstance(value, np.ndarray) else value for name, value in vars(result).items()}
         for (way, truth, number), result in covered.items()
-        for i in range(len(RATIOS))
+        for i in range(len(trial.RATIOS))
     ]
     return pd.DataFrame(rows)
 
@@ -163,7 +151,7 @@ def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "tr
 
 def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
     """One row per structure of the library: trials by the fast way, and how often its law has the largest weight."""
-    first = predictions[(predictions["ratio"] == RATIOS[0]) & (predictions["way"] == "fast")]
+    first = predictions[(predictions["ratio"] == trial.RATIOS[0]) & (predictions["way"] == "fast")]
     first = first[first["truth"].isin(IN_LIBRARY)]
     return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
 
@@ -186,10 +174,10 @@ def rank_summary(ranks: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (data, law, quantity), group in ranks.groupby(["data", "law", "quantity"], sort=False):
         values = group["rank"].to_numpy()
-        histogram = np.histogram(values, bins=BINS, range=(0, RANKED + 1))[0]
+        histogram = np.histogram(values, bins=trial.BINS, range=(0, trial.RANKED + 1))[0]
         rows.append(
             {"data": data, "law": law, "quantity": quantity, "trials": len(values)}
-            | {"uniform": is_uniform(values, SURE)}
+            | {"uniform": trial.is_uniform(values, trial.SURE)}
             | {f"bin_{i + 1}": int(count) for i, count in enumerate(histogram)}
         )
     return pd.DataFrame(rows)
@@ -203,9 +191,9 @@ def collect_ways(predictions: pd.DataFrame) -> list[tuple[str, pd.DataFrame, pd.
         prediction = predictions[predictions["way"] == way]
         every, by_truth = tabulate_coverage(prediction, ("way",)), tabulate_coverage(prediction)
         counts = every[["held", "given"]].to_numpy(int).tolist()
-        limits = [binomtest(held, given).proportion_ci(SURE, "wilson") for held, given in counts]
+        limits = [binomtest(held, given).proportion_ci(trial.SURE, "wilson") for held, given in counts]
         every = every.join(pd.DataFrame(limits, columns=["low", "high"])).sort_values("ratio")
-        ways.append((str(way), every, by_truth[by_truth["ratio"] == RATIOS[-1]]))
+        ways.append((str(way), every, by_truth[by_truth["ratio"] == trial.RATIOS[-1]]))
     return ways
 
 
@@ -214,19 +202,19 @@ def render_page(
 ) -> str:
     """The page: goals beside what was measured, every structure, figures."""
     selection = tabulate_selection(predictions)
-    worst_first = fast.loc[fast["ratio"] == RATIOS[-1], "truth"]
+    worst_first = fast.loc[fast["ratio"] == trial.RATIOS[-1], "truth"]
     values = {
         "trials": trials,
         "command": f"damping calibrate --out DIR --seed {seed}" + (" --quick" if quick else ""),
         "ways": collect_ways(predictions),
         "ranks": ranks,
         # as many of the quantities may lie outside their band by chance
-        "most_outside": int(binom.ppf(SURE, len(ranks), 1.0 - SURE)),
+        "most_outside": int(binom.ppf(trial.SURE, len(ranks), 1.0 - trial.SURE)),
         "structures": [(truth, fast[fast["truth"] == truth].sort_values("ratio")) for truth in worst_first],
         "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
         "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
         "predictions": predictions,
-        "trial": calibration,
+        "trial": trial,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values) + "\n"
 
@@ -237,7 +225,7 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(table["truth"]))[::-1]
     figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
     left, right = figure.subplots(1, 2, sharey=True)
-    for ax, column, goal in ((left, "held", LEVEL), (right, "above", 0.5 * (1.0 - LEVEL))):
+    for ax, column, goal in ((left, "held", trial.LEVEL), (right, "above", 0.5 * (1.0 - trial.LEVEL))):
         ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
         for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
             rows = table[(table["ratio"] == ratio) & (table["given"] > 0)]
@@ -249,7 +237,7 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
                     label=f"{ratio:g} times")  # fmt: skip
         ax.set_xlim(-0.02, 1.02)
     left.set_yticks(np.arange(len(names)), names)
-    left.set_xlabel(f"share inside the {100 * LEVEL:g} % band")
+    left.set_xlabel(f"share inside the {100 * trial.LEVEL:g} % band")
     right.set_xlabel("share above it")
     right.legend()
     return figure
@@ -258,13 +246,13 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
 @styled
 def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw the ECDFs of ranks less the uniform one, every parameter of a law in a panel, in the simultaneous band."""
-    z = np.linspace(0.0, 1.0, RANKED + 2)[1:-1]
+    z = np.linspace(0.0, 1.0, trial.RANKED + 2)[1:-1]
     figure, panels = _open_panels(ranks, 1.2, sharey=True)
     for law, ax in panels.items():
-        low, high = ecdf_band(ranks[law]["trial"].nunique(), SURE)
+        low, high = trial.ecdf_band(ranks[law]["trial"].nunique(), trial.SURE)
         ax.fill_between(z, low - z, high - z, color=PREDICTIVE, linewidth=0)
         for _, values in ranks[law].groupby("quantity", sort=False)["rank"]:
-            ax.plot(z, ecdf(values.to_numpy()) - z, color=AVERAGE, linewidth=0.8)
+            ax.plot(z, trial.ecdf(values.to_numpy()) - z, color=AVERAGE, linewidth=0.8)
     figure.supxlabel("rank of the true value among posterior draws, relative", fontsize=8.5)
     figure.supylabel("ECDF less uniform", fontsize=8.5)
     return figure
@@ -272,15 +260,14 @@ def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
 
 @styled
 def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw histograms of the ranks 0 to RANKED of the amplitude beyond the test, by law, with the 99 % range of a
-    uniform count."""
+    """Draw histograms of the ranks of the amplitude beyond the test, by law, with the 99 % range of a uniform count."""
     figure, panels = _open_panels(ranks, 1.1, sharey=False)
     for law, ax in panels.items():
         beyond = ranks[law].query("quantity == 'amplitude beyond'")["rank"]
-        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / BINS), color=PREDICTIVE, linewidth=0)
-        bins: dict[str, Any] = {"bins": BINS, "range": (0, RANKED + 1)}
+        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / trial.BINS), color=PREDICTIVE, linewidth=0)
+        bins: dict[str, Any] = {"bins": trial.BINS, "range": (0, trial.RANKED + 1)}
         ax.hist(beyond, **bins, color=MUTED, edgecolor="white", linewidth=0.5)
-        ax.axhline(len(beyond) / BINS, color=INK, linewidth=0.7)
+        ax.axhline(len(beyond) / trial.BINS, color=INK, linewidth=0.7)
         ax.set_ylim(0)
     figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
     return figure

@@ -26,7 +26,6 @@ __all__ = ["BlindCase", "NoSteadyStateError", "Stratum", "draw", "draw_case", "d
 #: Seeds differ so that nothing chosen while developing has seen a blind case.
 DEVELOPMENT_SEED = 20250
 BLIND_SEED = 86400077
-BLIND_CASES = 2000
 
 #: Effects of the library that are faults of the rig.
 RIG_NAMES = frozenset(name_effect(kind) for kind in RIG_KINDS)
@@ -34,7 +33,7 @@ RIG_NAMES = frozenset(name_effect(kind) for kind in RIG_KINDS)
 NULLS = ("null:nothing", "null:parameters", "null:scatter", "null:swept")
 PAIRS = ("pair:force-instrument", "pair:two-forces", "pair:force-structure")
 
-#: Shares of the cases of a run; at 2000 cases 500 are null and each kind has some 18 to 22.
+#: Shares of the cases of a run; at 2000 cases, as in the blind run, 500 are null and each kind has some 18 to 22.
 SHARES = {"null": 0.25, "single": 0.35, "pair": 0.10, "outside": 0.30}
 _KINDS = {"null": NULLS, "single": LIBRARY, "pair": PAIRS, "outside": OUTSIDE}
 
@@ -141,10 +140,8 @@ def draw_further_rows(
 ) -> str:
     """The text ``data`` of a case with the rows of a proposed test after its own, measured on the same truth.
 
-    Args:
-        kind, field, seed: as the case was drawn. proposed: ``force, frequency_low, frequency_high`` (Hz), ``points,
-            added_mass`` of each further sweep. asked: columns that the new rows are to fill.
-
+    ``kind``, ``field``, ``seed``: as the case was drawn. ``proposed``: ``force, frequency_low, frequency_high`` (Hz),
+    ``points, added_mass`` of each further sweep. ``asked``: columns that the new rows are to fill.
     NoSteadyStateError: the structure does not come to rest under that drive.
     """
     drawn = draw(kind, field, np.random.default_rng(seed))

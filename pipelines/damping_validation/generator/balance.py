@@ -9,7 +9,8 @@ While the frequency moves, q = Re z(t) exp(i theta) with omega = theta' obeys, b
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -70,21 +71,15 @@ def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: boo
 
 def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
     """The chosen rows alone."""
-    return replace(rows, **{name: column[chosen] for name, column in _list_columns(rows).items()})
+    return change_columns(rows, lambda name, column: column[chosen])
 
 
-def _list_columns(rows: TrueRows) -> dict[str, Any]:
-    """The columns of rows: what holds one entry for each row."""
-    every = {part.name: getattr(rows, part.name) for part in fields(rows)}
-    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
-
-
-def joined_rows(rows: TrueRows, more: TrueRows) -> TrueRows:
-    """Rows of one test and then of another of the same rig."""
-    joined: dict[str, Any] = {
-        name: np.concatenate([column, getattr(more, name)]) for name, column in _list_columns(rows).items()
+def change_columns(rows: TrueRows, change: Callable[[str, Array], Array]) -> TrueRows:
+    """The rows with another column for each, by its name and values; what is no column stays."""
+    changed: dict[str, Any] = {
+        name: change(name, value) for name, value in vars(rows).items() if isinstance(value, np.ndarray)
     }
-    return replace(rows, **joined)
+    return replace(rows, **changed)
 
 
 def show_signal(signal: Array, rows: TrueRows) -> Array:

@@ -33,8 +33,7 @@ class TrueEffect:
 
 @dataclass(frozen=True)
 class AppliedEffect:
-    """An effect of a size and shape where it acts. The bench gives the scales: A, xi and the simulation's nominal
-    values."""
+    """An effect of a size and shape where it acts; the bench gives the scales: A, xi and the nominal values."""
 
     structure: Structure
     rows: TrueRows

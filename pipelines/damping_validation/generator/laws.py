@@ -131,9 +131,8 @@ class TrueJoint:
 class Partner:
     """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``accelerations``.
 
-    Attributes:
-        omega, zeta: of the partner alone, rad/s and damping ratio. strength: of the coupling, dimensionless (mass
-            ratio of an absorber). cubic: of its spring, over omega^2, 1/length^2.
+    ``omega``, ``zeta``: of the partner alone, rad/s and damping ratio. ``strength``: of the coupling, dimensionless
+    (mass ratio of an absorber). ``cubic``: of its spring, over omega^2, 1/length^2.
     """
 
     kind: str

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from damping_validation.generator.balance import TrueRows, chosen_rows, joined_rows, plain_rows, recorded
+from damping_validation.generator.balance import TrueRows, change_columns, chosen_rows, plain_rows, recorded
 from damping_validation.generator.laws import Array, Complex, Structure, TrueLaw
 
 Generator: TypeAlias = np.random.Generator
@@ -119,7 +119,8 @@ def draw_bench(rng: Generator, field: bool, scatter: bool | None = None, levels:
     base = _base_laws(rng, viscous, omega, A, float(np.min(rows.force)))
     columns = tuple(name for name, chance in FURTHER.items() if rng.random() < chance)
     if "added" in columns:
-        rows = joined_rows(rows, _load(rows, ADDED * mass, mass))
+        loaded = _load(rows, ADDED * mass, mass)
+        rows = change_columns(rows, lambda name, column: np.concatenate([column, getattr(loaded, name)]))
     laws = tuple(TrueLaw(name, coefficient) for name, coefficient in base)
     nominal = Structure(mass, omega, viscous, laws)
     rows = scatter_rows(rng, rows, spread)

@@ -220,10 +220,7 @@ def steady(
 
 
 def steady_state(motion: TrueMotion, guesses: Sequence[Complex]) -> TrueState:
-    """State at the start of a steady cycle, on the branch that the sweep follows.
-
-    NoSteadyStateError: no stable steady state near any guess.
-    """
+    """State at the start of a steady cycle, on the branch of the sweep. NoSteadyStateError: none near any guess."""
     state, stable = shoot(motion, started(motion, guesses[0]))
     for further in guesses[1:]:
         if stable.all():

@@ -102,6 +102,8 @@ class Audit:
 
 def require_checks(names: Collection[str]) -> None:
     """InputError for a name that is no check's."""
+    if names is None or isinstance(names, str):
+        raise InputError(f"despite is {names!r}", expected="a list of names of checks")
     for name in names:
         if name not in NAMES:
             raise InputError(f"no check {name!r}", expected=f"one of {', '.join(NAMES)}")

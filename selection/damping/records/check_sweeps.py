@@ -206,19 +206,17 @@ def _find_factor(first: Run, second: Run) -> float | None:
     """The factor by which the amplitudes of two runs differ, the same for all rows; None where they are no copy."""
     if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
         return None
-    same_phase = first.phase is None or (
-        second.phase is not None and np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
-    )
-    if len(first) < FEWEST_ROWS:
-        same = np.allclose(first.A, second.A, rtol=1e-12) and np.allclose(first.F, second.F, rtol=1e-12)
-        return 1.0 if same and same_phase else None
-    if np.allclose(first.A, second.A, rtol=1e-12) and same_phase:
-        return 1.0
-    ratio = np.log(second.A / first.A)
-    if np.ptp(np.log(second.F / first.F)) > COPY:
+    if first.phase is not None and (
+        second.phase is None or not np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
+    ):
         return None
+    same = np.allclose(first.A, second.A, rtol=1e-12)
+    if len(first) < FEWEST_ROWS:
+        return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12) else None
+    ratio = np.log(second.A / first.A)
     noisy = first.noise > NOISE_OF_COPY * COPY
-    return float(np.exp(np.median(ratio))) if noisy and same_phase and np.ptp(ratio) < COPY else None
+    scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
+    return 1.0 if same else float(np.exp(np.median(ratio))) if scaled else None
 
 
 FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor

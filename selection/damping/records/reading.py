@@ -17,7 +17,7 @@ import pandas as pd
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
 from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
-from damping.records.record import Record, find_problems, require_columns
+from damping.records.record import CellProblem, Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, describe_shortened, read_bytes, unguarded
 
 MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
@@ -65,7 +65,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     with naming(path):
         scan = _scan(read_bytes(path, max_size), columns)
         for problem in find_problems(scan.frame):
-            scan.add(problem.row, problem.column, problem.describe("line", scan.lines), problem.expected)
+            scan.add(problem)
         scan.raise_first()
     return Record.trusted(scan.frame, str(path))
 
@@ -88,11 +88,11 @@ class _Scan:
     lines: IntArray
     problems: list[tuple[int, int, InputError]] = field(default_factory=list)
 
-    def add(self, row: int, column: str | None, message: str, expected: str | None = None) -> None:
-        """Note a problem in a cell, or (``column`` None) with a row as a whole."""
-        line = int(self.lines[row])
-        position = -1 if column is None else list(self.frame.columns).index(column)
-        self.problems.append((line, position, InputError(message, line=line, column=column, expected=expected)))
+    def add(self, problem: CellProblem) -> None:
+        """Note a problem with a cell, or with a row as a whole."""
+        line, message = int(self.lines[problem.row]), problem.describe("line", self.lines)
+        error = InputError(message, line=line, column=problem.column, expected=problem.expected)
+        self.problems.append((line, problem.place(self.frame), error))
 
     def raise_first(self) -> None:
         """Raise the first problem in file order, if there is one."""
@@ -169,7 +169,7 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
     if name in columns.text:
         text = _list_labels(blocks, strip=True)
         if name in columns.required and "" in text:
-            scan.add(text.index(""), name, "empty cell", "text")
+            scan.add(CellProblem(text.index(""), name, "empty cell", "text"))
         return pd.Series(text, dtype=object)
     numbers: list[FloatArray] = []
     for block in blocks:
@@ -180,7 +180,8 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
             return pd.Series(_list_labels(blocks, strip=False), dtype=object)
         bad = next((int(k) for k in wrong if name not in columns.blank or cells[k].strip()), None)
         if bad is not None:
-            scan.add(sum(map(len, numbers)) + bad, name, _describe_wrong(cells[bad]), "a finite number")
+            row = sum(map(len, numbers)) + bad
+            scan.add(CellProblem(row, name, _describe_wrong(cells[bad]), "a finite number"))
         numbers.append(values)
     return pd.Series(np.concatenate(numbers), copy=False)
 

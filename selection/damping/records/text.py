@@ -110,6 +110,7 @@ class CsvRows:
         self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
         self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " ")
+        self._separated = "by commas" if delimiter == "," else "as stated"
         self._size = self._start = 0
         self.problem: InputError | None = None
 
@@ -125,7 +126,10 @@ class CsvRows:
                 self.problem = error
                 raise StopIteration from None
             except csv.Error as error:
-                self.problem = self._unreadable(str(error))
+                problem, expected = f"not CSV: {error}", f"cells separated {self._separated}"
+                if str(error) == _OPEN_QUOTE:
+                    problem, expected = "a quote that is opened and never closed", '"..."'
+                self.problem = InputError(problem, line=self._start, expected=expected)
                 raise StopIteration from None
             if len(cells) > 1 or (cells and cells[0].strip()):
                 return self._start, cells
@@ -149,10 +153,3 @@ class CsvRows:
             if broken is not None:
                 raise InputError(broken.message, line=number + 1, expected=broken.expected)
             start = end
-
-    def _unreadable(self, reason: str) -> InputError:
-        line = self._start
-        if reason == _OPEN_QUOTE:
-            return InputError("a quote that is opened and never closed", line=line, expected='"..."')
-        separated = "by commas" if self._delimiter == "," else "as stated"
-        return InputError(f"not CSV: {reason}", line=line, expected=f"cells separated {separated}")

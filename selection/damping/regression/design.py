@@ -128,10 +128,7 @@ def design_of(columns: Columns, response: str, terms: Sequence[Term]) -> Design:
 def design_of_arrays(
     columns: FloatArray, observed: FloatArray, names: Sequence[str] = (), response: str = "response"
 ) -> Design:
-    """The design of plain arrays, ``columns`` (n, k) and ``observed`` (n,).
-
-    AnalysisError: shapes that do not fit or a number that is not finite.
-    """
+    """The design of arrays (n, k) and (n,). AnalysisError: shapes that do not fit or a number that is not finite."""
     columns, observed = np.asarray(columns, dtype=np.float64), np.asarray(observed, dtype=np.float64)
     if columns.ndim != 2 or observed.shape != columns.shape[:1] or columns.size == 0:
         raise AnalysisError(f"columns of shape {columns.shape} do not fit a response of shape {observed.shape}")

@@ -15,7 +15,7 @@ from damping.arrays import Floats
 from damping.errors import escape_control
 from damping.regression.criteria import NAMES
 from damping.regression.design import correlations, tabulate_variables
-from damping.regression.program import Regression, break_down, sum_up
+from damping.regression.program import Regression, break_down, sum_up, tabulate_one_term_fits
 
 #: Columns of a terminal that a line keeps to.
 WIDTH = 80
@@ -41,7 +41,7 @@ def printout(result: Regression) -> str:
             (name, *(_number(value, ".5f") for value in row[: i + 1]), *[""] * (len(names) - i - 1))
             for i, (name, row) in enumerate(zip(names, correlations(result.design), strict=True))
         ],
-        "alone": [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term],
+        "alone": tabulate_one_term_fits(result.design).itertuples(index=False),
         "selects": choice.method != "none" or choice.nonnegative,
         "by": "" if choice.method == "none" else f", by {judge}",
         "criterion": NAMES[choice.criterion],

@@ -91,10 +91,10 @@ def sum_up(fit: Fit) -> dict[str, float]:
 class Regression:
     """Everything the program says of one curve on one table.
 
-    ``design`` holds all terms and the response; ``one_term`` their one-term fits, most significant first; ``full`` the
-    fit of all terms without constraint; ``plane`` the fit of a constant and the independent variables as they are, None
-    where they determine none; ``selected`` what selection left, to which ``deviations`` belong; ``rows`` (n,) the rows
-    of the table used, from 0; ``independent`` the independent variables by name; ``notes`` say what is unusual.
+    ``design`` holds all terms and the response; ``full`` the fit of all terms without constraint; ``plane`` that of a
+    constant and the independent variables as they are, None where they determine none; ``selected`` what selection
+    left, to which ``deviations`` belong; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the
+    independent variables by name; ``notes`` say what is unusual.
     """
 
     data: str
@@ -102,7 +102,6 @@ class Regression:
     design: Design
     rows: IntArray
     independent: dict[str, FloatArray]
-    one_term: list[Fit]
     full: Fit
     plane: Fit | None
     selected: Selection
@@ -129,7 +128,6 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         design=design,
         rows=columns.rows,
         independent=independent,
-        one_term=one_term_fits(design),
         full=full,
         plane=plane,
         selected=selected,
@@ -163,7 +161,6 @@ def _collect_cautions(fit: Fit) -> tuple[str, ...]:
 
 
 Form = dict[str, Any]
-_OF_ONE_TERM = ("name", "coefficient", "t_ratio", "rms_error", "r_squared")
 _OF_A_STEP = ("action", "term", "reason", "t_ratio", "score")
 
 
@@ -173,17 +170,22 @@ def tabulate_terms(fit: Fit) -> pd.DataFrame:
     return pd.DataFrame({"name": fit.names, **numbers, "p_value": fit.p_values})
 
 
+def tabulate_one_term_fits(design: Design) -> pd.DataFrame:
+    """The fit of each term alone, most significant first."""
+    rows = [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in one_term_fits(design)]
+    return pd.DataFrame(rows, columns=["name", "coefficient", "t_ratio", "rms_error", "r_squared"])
+
+
 def regress_form(result: Regression) -> Form:
     """The JSON form ``regress/1``; what does not exist is None."""
     fit, design, models = result.selected.fit, result.design, result.selected.models
-    alone = [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in result.one_term]
     form: Form = {
         "format": "regress/1",
         "data": result.data,
         "n": fit.n,
         "response": design.response,
         "terms": _build_terms(fit),
-        "one_term_fits": [dict(zip(_OF_ONE_TERM, values, strict=True)) for values in alone],
+        "one_term_fits": tabulate_one_term_fits(design).to_dict("records"),
         "summary": _summary(result),
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys

@@ -62,12 +62,10 @@ def stepwise(
 ) -> Selection:
     """Select terms step by step; at least one is always kept.
 
-    Args:
-        direction: ``backward`` starts from all terms, ``forward`` and ``stepwise`` from the most significant one;
-            ``stepwise`` drops a term where it can before it adds one.
-        criterion: decides where ``t_stop`` does not: a step is taken while it improves it.
-        t_stop: drop while the least |T| is below it, add while the entering |T| is not.
-        fitter: ``fit``, or ``fit_nonnegative``; a term that it holds at 0 is dropped at once.
+    ``backward`` starts from all terms, ``forward`` and ``stepwise`` from the most significant one; ``stepwise`` drops a
+    term where it can before it adds one. ``criterion`` decides where ``t_stop`` does not: a step is taken while it
+    improves it. ``t_stop``: drop while the least |T| is below it, add while the entering |T| is not. ``fitter``:
+    ``fit``, or ``fit_nonnegative``; a term that it holds at 0 is dropped at once.
 
     InputError: an unknown direction or criterion.
     AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
@@ -239,10 +237,7 @@ class Choice:
 
 
 def select(design: Design, choice: Choice) -> Selection:
-    """Select among the terms of a design.
-
-    AnalysisError: a numerically rank-deficient design (the columns are named), or no model qualifies.
-    """
+    """Select among the terms of a design. AnalysisError: it is rank-deficient, or no model qualifies."""
     fitter = fit_nonnegative if choice.nonnegative else fit
     if choice.method == "none":
         return Selection(tuple(range(design.k)), fitter(design))
