@@ -7,7 +7,7 @@ import pytest
 
 from damping.forces import Coulomb, CubicStiffness, DisplacementVelocity, Slip, Sum, Viscous
 from damping.predict.branches import branches, is_stable, sweep
-from damping.predict.steady import required_force, steady_state
+from damping.predict.steady import balance, steady_state
 
 M, omega_n = 2.0, 10.0
 DUFFING = Sum((Viscous(0.5), CubicStiffness(5.0)))
@@ -57,7 +57,7 @@ def test_every_branch_needs_the_given_force(force: Sum, F: float) -> None:
     omega = np.linspace(8.0, 12.0, 81)
     found = branches(force, F, omega, M, omega_n)
     there = ~np.isnan(found.amplitude)
-    needed = required_force(force, found.amplitude, omega[:, np.newaxis], M, omega_n)
+    needed = np.hypot(*balance(force, found.amplitude, omega[:, np.newaxis], M, omega_n)[::2])
     # Newton's method in ln A ends at rounding, times the steepness of F(A)
     np.testing.assert_allclose(needed[there], F, rtol=1e-11)
     assert np.all(there[:, 0])

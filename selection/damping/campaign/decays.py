@@ -84,9 +84,9 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     modes: list[DecayMode] = []
     unusable: dict[float, str] = {}
     for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
-        alone = [(run.label, t, inverse[k] @ x) for run, (t, x) in zip(runs, motions, strict=True)]
+        motion = [(run.label, t, inverse[k] @ x) for run, (t, x) in zip(runs, motions, strict=True)]
         try:
-            decay = _mode(alone, frequency, order, f"mode-{len(modes) + 1}")
+            decay = _mode(motion, frequency, order, f"mode-{len(modes) + 1}")
         except AnalysisError as error:
             if frequencies:
                 raise

@@ -88,16 +88,13 @@ class SteadyState:
 
 
 def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
-    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity."""
+    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity.
+
+    The force amplitude that holds A is F = |Z| A = hypot(X, C) (Eq 4.2.4).
+    """
     linear = M * (omega_n**2 - omega**2) * A
     S, slope_S = force.restoring(A, omega)
     return linear + S, linear + slope_S, force.quadrature(A, omega), force.slope(A, omega)
-
-
-def required_force(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
-    """F = |Z| A, the force amplitude that holds the amplitude A (Eq 4.2.4)."""
-    X, _, C, _ = balance(force, A, omega, M, omega_n)
-    return np.asarray(np.hypot(X, C))
 
 
 def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
@@ -179,8 +176,8 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
             A = A * np.exp(-np.clip(step, -3.0, 3.0))
             if not np.any(np.abs(step) > SMALL_STEP):
                 break
-        reached = np.abs(required_force(force, A, omega, M, omega_n) / F - 1.0) < 1e-9
-        A = np.where(reached, A, np.nan)
+        X, _, C, _ = balance(force, A, omega, M, omega_n)
+        A = np.where(np.abs(np.hypot(X, C) / F - 1.0) < 1e-9, A, np.nan)
         return SteadyState(amplitude=A, phase=phase_lag(force, A, omega, M, omega_n))
 
 
