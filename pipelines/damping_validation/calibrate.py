@@ -149,13 +149,6 @@ def tabulate_coverage(predictions: pd.DataFrame, by: Sequence[str] = ("way", "tr
     return pd.concat([cells, shares], axis=1).reset_index().sort_values("share_held", kind="stable", ignore_index=True)
 
 
-def tabulate_selection(predictions: pd.DataFrame) -> pd.DataFrame:
-    """One row per structure of the library: trials by the fast way, and how often its law has the largest weight."""
-    first = predictions[(predictions["ratio"] == trial.RATIOS[0]) & (predictions["way"] == "fast")]
-    first = first[first["truth"].isin(IN_LIBRARY)]
-    return first.groupby("truth", sort=False).agg(trials=("true", "size"), true_leads=("true", "sum")).reset_index()
-
-
 def tabulate_ranks(ranked: Mapping[tuple[Any, ...], Mapping[str, int]]) -> pd.DataFrame:
     """One row per trial and quantity: the rank of its true value, 0 to ``RANKED``.
 
@@ -201,7 +194,9 @@ def render_page(
     predictions: pd.DataFrame, fast: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool
 ) -> str:
     """The page: goals beside what was measured, every structure, figures."""
-    selection = tabulate_selection(predictions)
+    # how often the law of a structure of the library has the largest weight, by the fast way
+    first = predictions[(predictions["ratio"] == trial.RATIOS[0]) & (predictions["way"] == "fast")]
+    selection = first[first["truth"].isin(IN_LIBRARY)].groupby("truth", sort=False)["true"]
     worst_first = fast.loc[fast["ratio"] == trial.RATIOS[-1], "truth"]
     values = {
         "trials": trials,
@@ -211,7 +206,7 @@ def render_page(
         # as many of the quantities may lie outside their band by chance
         "most_outside": int(binom.ppf(trial.SURE, len(ranks), 1.0 - trial.SURE)),
         "structures": [(truth, fast[fast["truth"] == truth].sort_values("ratio")) for truth in worst_first],
-        "leads": [f"{row.truth} {row.true_leads} of {row.trials}" for row in selection.itertuples()],
+        "leads": [f"{truth} {true.sum()} of {len(true)}" for truth, true in selection],
         "outside": [f"{row.quantity} of {row.law}, {row.data}" for row in ranks[~ranks["uniform"]].itertuples()],
         "predictions": predictions,
         "trial": trial,

@@ -101,7 +101,9 @@ def check_units(view: View) -> Finding | None:
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
-    wrong = not bent and not participates and ratio > 0.0 and is_other_unit(ratio)
+    near = ratio > 0.0 and name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR)
+    # no structure but only a unit explains a factor by which force over amplitude is so large
+    wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
@@ -113,12 +115,6 @@ def check_units(view: View) -> Finding | None:
     name = name_factor(ratio) if wrong else name_factor(zeta / (view.simulated or 0.01), UNIT_FACTORS, within=inf)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
-
-
-def is_other_unit(ratio: float) -> bool:
-    """Whether no structure but only a unit explains a factor by which force over amplitude is too large."""
-    least = 2.0 if name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR) else OTHER_SYSTEM
-    return abs(log(ratio)) > log(least)
 
 
 def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:
