@@ -79,7 +79,7 @@ def study(
         Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
     ] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help="Where results go.")] = None,
-    seed: Annotated[int | None, Option(help="Seed; overrides the settings.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, Option("--png", help="Figures as PNG beside the SVG.")] = False,
     pdf: Annotated[bool, Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
     despite: options.Despite = options.NONE,

@@ -19,7 +19,7 @@ MOST_PROCESSES = 1024
 NONE: list[Any] = []
 
 Json = Annotated[str | None, Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
-Seed = Annotated[int, Option(help="Seed of everything that is sampled.")]
+Seed = Annotated[int, Option(min=0, help="Seed of everything that is sampled.")]
 MaxSize = Annotated[int, Option(min=1, help="Largest input file accepted, bytes.")]
 Despite = Annotated[list[str], Option(metavar="CHECK", help="Go on although this check of the audit refuses; repeat.")]
 RecordArgument = Annotated[Path, Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
@@ -251,7 +251,7 @@ Jobs = Annotated[int | None, Option(min=1, max=MOST_PROCESSES, help="Processes."
 def blind(
     out: Folder = Path("results/blind"),
     cases: Annotated[int, Option(max=100_000, help="Number of cases.")] = 2000,
-    seed: Annotated[int | None, Option(help="Seed; without it the one kept for blind cases.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed; without it the one kept for blind cases.")] = None,
     jobs: Jobs = None,
     follow: Annotated[bool, Option("--next", help="Make every test that is proposed, diagnose again.")] = False,
 ) -> None:

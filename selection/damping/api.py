@@ -12,7 +12,7 @@ import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
-from damping.errors import InputError, check_kind
+from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
@@ -22,11 +22,11 @@ from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records import Audit, audit
+from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.reading import require_numbers
 from damping.records.record import Record
-from damping.result import ConditionResult, DiagnosisResult, RegressionResult, SweepResult
+from damping.result import AuditResult, ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 
 if TYPE_CHECKING:
     from damping.gap.problem import State
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 SEED = 1970
 
 
-def check(record: Record, mode: Mode | None = None) -> Audit:
+def check(record: Record, mode: Mode | None = None) -> AuditResult:
     """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says."""
     check_kind(record, Record, "record")
     if mode is not None:
         check_kind(mode, Mode, "mode")
-    return audit(record, mode)
+    return AuditResult(**vars(audit(record, mode)), record=record)
 
 
 @single_threaded
@@ -64,6 +64,7 @@ def rank(
     Raises:
         AnalysisError: no candidate could be fitted.
     """
+    check_seed(seed)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
     laws = candidate_laws()
@@ -97,6 +98,7 @@ def extrapolate(
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - a ranking needs no diagnosis to load
 
     check_kind(mode, Mode, "mode")
+    check_seed(seed)
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     if len(at) and len(under):
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
@@ -136,6 +138,7 @@ def curve(
         AnalysisError: the levels do not allow a prediction.
     """
     check_kind(mode, Mode, "mode")
+    check_seed(seed)
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
@@ -187,6 +190,9 @@ def diagnose(
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
+    check_seed(seed)
+    if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
+        raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite)
     for own, state in states:
         check_kind(own, Record, "record of a state")
@@ -223,8 +229,7 @@ def regress(
             a list. select, criterion, nonnegative, t_stop: how terms are selected. source: of the table, for messages.
 
     Raises:
-        InputError: terms that cannot be parsed, a selection that does not exist, a column that is missing or
-            no numbers.
+        InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
     from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
@@ -233,6 +238,8 @@ def regress(
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
     check_kind(frame, pd.DataFrame, "table")
+    if not isinstance(terms, str | Sequence):
+        raise InputError(f"terms is a {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
     wanted = response.strip()
@@ -286,6 +293,8 @@ def sweep(
     from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
-    levels = [float(level) for level in np.atleast_1d(np.asarray(force, dtype=float))]
-    hertz = np.asarray(frequency, dtype=float)
+    try:
+        levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
     return SweepResult(simulate_sweeps(mode, levels, hertz, direction, method, progress), mode.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from numbers import Integral
 from pathlib import Path
 
 
@@ -72,6 +73,12 @@ def check_kind(value: object, kind: type, name: str) -> None:
     """Raise InputError for an argument ``name`` that is not of a kind."""
     if not isinstance(value, kind):
         raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
+
+
+def check_seed(seed: object) -> None:
+    """Raise InputError for a seed that is none."""
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+        raise InputError(f"seed {seed!r}", expected="a whole number >= 0")
 
 
 @contextmanager

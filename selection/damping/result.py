@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from damping.arrays import plain
+from damping.records import Audit
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     from damping.gap.corrected import EffectPosterior
     from damping.gap.diagnose import Diagnosis
-    from damping.records import Audit
     from damping.records.record import Record
     from damping.regression.program import Regression
     from damping.signals.chain import ConditioningStep
@@ -80,6 +80,21 @@ def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[
     findings = audit.to_json()["findings"] if audit else []
     completed: dict[str, Any] = plain({**form, "audit": findings, "cautions": list(cautions)})
     return completed
+
+
+@dataclass(frozen=True)
+class AuditResult(Audit):
+    """An audit beside the ``record`` that it is of."""
+
+    record: Record
+
+    def plot(self, ax: Axes | None = None) -> Axes | Figure:
+        """Amplitude against frequency, each sweep apart; those that a finding names with crosses."""
+        from damping.plots.fits import sweeps  # noqa: PLC0415 - as above
+
+        doubted = {sweep for finding in self.findings for sweep in finding.sweeps}
+        figure = sweeps(self.record.table, doubted, axes=ax)
+        return ax or figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)

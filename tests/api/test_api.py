@@ -166,6 +166,36 @@ def test_other_kinds_of_arguments_are_refused(record, mode):
         dp.sweep(mode, force=-2.0, frequency=[1.0, 2.0])
     with pytest.raises(dp.InputError, match="frequencies out of range"):
         dp.sweep(mode, force=2.0, frequency=[2.0, 1.0])
+    with pytest.raises(dp.InputError, match="force or frequency is no number"):
+        dp.sweep(mode, force="strong", frequency=[1.0, 2.0])
+    with pytest.raises(dp.InputError, match=r"states are no pairs; expected \(record, mode\)"):
+        dp.diagnose(record, mode, states=[record])
+    with pytest.raises(dp.InputError, match="the simulator is a int"):
+        dp.diagnose(record, mode, simulate=3)
+    with pytest.raises(dp.InputError, match="despite is 'phase-sign'; expected a list"):
+        dp.rank(record, despite="phase-sign")
+    with pytest.raises(dp.InputError, match="terms is a int"):
+        dp.regress(record.table, response="amplitude", terms=3)
+    with pytest.raises(dp.InputError, match="a T-ratio of x to stop at"):
+        dp.regress(record.table, response="amplitude", terms="force", select="backward", t_stop="x")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "a", None, True])
+@pytest.mark.parametrize("ask", [dp.rank, lambda r, m, **k: dp.extrapolate(r, m, [60.0], **k), dp.curve, dp.diagnose])
+def test_bad_seeds_are_refused_before_any_work(record, mode, ask, seed):
+    with pytest.raises(dp.InputError, match=f"seed {seed!r}; expected a whole number >= 0"):
+        ask(record, mode, seed=seed)
+
+
+def test_an_audit_draws_its_sweeps(record):
+    """Those that a finding names with crosses."""
+    table = record.table.copy()
+    table["amplitude"] = table["amplitude"].to_numpy()[::-1]
+    axes, falling = Figure().subplots(), dp.check(dp.Record(table))
+    assert falling.plot(axes) is axes
+    crosses = {line.get_label() for line in axes.get_lines() if line.get_marker() == "x"}
+    assert crosses == set(falling.findings[0].sweeps) < set(table["sweep"])
+    assert {line.get_marker() for line in dp.check(record).plot().axes[0].get_lines()} == {"o"}
 
 
 @pytest.mark.usefixtures("few_laws")

@@ -55,6 +55,16 @@ def test_bands_from_whole_sweeps_with_faults(swept):
     np.testing.assert_allclose(band.median, true, rtol=0.1)  # what is asked of a structure that no candidate is
 
 
+def test_rounding_of_a_force_moves_no_band(peaks):
+    """In pounds the points between the test and 60 N round otherwise than in newtons: the draws must be the same."""
+    force, amplitude = np.array([10.0, 20.0, 40.0]), np.array([1.0, 1.7, 2.9])
+    lb = 4.4482216152605
+    newtons = extrapolate_loads(peaks(amplitude, force, OMEGA_N), [60.0]).loads.average
+    pounds = extrapolate_loads(peaks(amplitude, force / lb, OMEGA_N), [60.0 / lb]).loads.average
+    for end in ("low", "median", "high"):  # 1e-6 where weights agree to as much; other draws move ends by 3e-3
+        np.testing.assert_allclose(getattr(pounds, end), getattr(newtons, end), rtol=1e-6)
+
+
 @pytest.fixture
 def mode() -> Path:
     return data_folder() / "saturn-v" / "modes" / "config-2-mode-1.toml"

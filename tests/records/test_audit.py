@@ -182,3 +182,17 @@ def test_an_offset_of_phases_turns_added_mass_too():
     assert abs(implied.mass) == pytest.approx(M, rel=2e-3)  # pairs of like amplitude are of rows, not between them
     assert implied.offset == pytest.approx(offset, abs=2e-3)
     assert classify_phase(implied) == ""
+
+
+def test_a_level_that_stops_below_its_resonance_is_named():
+    """Of a linear mode (xi = 0.02) the top level ends where the lag is 0.85 rad: a parabola would guess its top."""
+    tables = []
+    for sweep, force, last in (("A", 10.0, 1.04), ("B", 20.0, 1.04), ("C", 40.0, 1.0 - 0.02 / np.tan(0.85))):
+        r = np.linspace(0.96, last, 21)
+        response = force / (1.0 - r**2 + 0.04j * r)
+        noise = 1.0 + 0.005 * np.random.default_rng(int(force)).standard_normal(21)
+        columns = {"sweep": sweep, "force": force, "frequency": 1.7 * r, "amplitude": np.abs(response) * noise}
+        tables.append(pd.DataFrame({**columns, "phase": -np.angle(response)}))
+    for rows in (tables, tables[2:]):  # beside the others, and alone
+        (finding,) = audit(record_of(pd.concat(rows, ignore_index=True))).findings
+        assert (finding.check, finding.verdict, finding.sweeps) == ("edge-of-sweep", "caution", ("C",))

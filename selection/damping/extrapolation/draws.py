@@ -35,6 +35,8 @@ AVERAGE_DRAWS = 20_000
 FEWEST_DRAWS = 1000
 #: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
 _POINTS = 7
+#: Digits of ln F: forces that rounding alone keeps apart are one point, in any units.
+_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,9 @@ def draw_spread(
 ) -> Spread:
     """Draws of one law's parts; NaN where a draw has no resonance."""
     tested, asked = np.log(data.tested_force), np.log(force)
-    z = np.unique(np.concatenate([asked, np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)]))
+    between = np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)
+    tested, asked, between = (np.asarray(np.round(part, _DIGITS), float) for part in (tested, asked, between))
+    z = np.unique(np.concatenate([asked, between]))
     damping = member.coordinates.force(member.draws)
     of_law = np.log(resonant_amplitude(damping, np.exp(z)[None, :], data.tested_omega[data.top]))
     row, level = member.coordinates.scatter(member.draws)
@@ -227,6 +231,7 @@ def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
     return np.concatenate([tested, tested[-1] * (design / tested[-1]) ** np.array(ON_THE_WAY)])
 
 
+@np.errstate(over="ignore")  # a band beyond all numbers is infinite
 def choose_next_level(
     members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float, seed: int
 ) -> NextLevel:

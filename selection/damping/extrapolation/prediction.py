@@ -202,6 +202,7 @@ def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArr
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
+@np.errstate(over="ignore")  # an amplitude beyond all numbers is infinite
 def _band(name: str, weight: float, spread: Spread, allowed: np.ndarray, level: float) -> Band:
     """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
     refused = (np.mean(~spread.resonates, axis=0) > REFUSED_SHARE) | ~allowed

@@ -134,6 +134,8 @@ class Simulator:
         Raises:
             InputError: another signature.
         """
+        if not callable(function):
+            raise InputError(f"the simulator is a {type(function).__name__}", expected="a function of force, frequency")
         parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
         if len(signature(function).parameters) > len(parameters) + 2:
             raise InputError(

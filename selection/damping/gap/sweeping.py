@@ -71,7 +71,7 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
     if len(set(forces)) < len(forces):
         raise InputError("the same force twice", expected="different force levels")
     if not (frequencies.ndim == 1 and frequencies.size >= 2 and np.isfinite(frequencies).all()):
-        raise InputError("frequencies that are no list", expected="two frequencies in Hz or more")
+        raise InputError("frequencies are no list of several numbers", expected="two frequencies in Hz or more")
     if not (frequencies[0] > 0.0 and np.all(np.diff(frequencies) > 0.0)):
         raise InputError("frequencies out of range", expected="0 < LO < HI in Hz, rising")
     for name, value, known in (("direction", direction, ("up", "down")), ("method", method, ("ritz", "time"))):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -46,12 +46,13 @@ def deviations_figure(
 
 
 @styled
-def sweeps(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
-    """Draw amplitude against frequency, each sweep of a record apart."""
+def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | None = None) -> Figure:
+    """Draw amplitude against frequency, each sweep of a record apart; those ``doubted`` with crosses."""
     figure, panel = look.build_panel(4.0, "frequency (Hz)", "amplitude", axes=axes)
     for sweep, rows in table.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", kind="stable")
-        panel.plot(ordered["frequency"], ordered["amplitude"], "o-", markersize=2.6, linewidth=0.8, label=str(sweep))
+        mark, size = ("x-", 4.0) if str(sweep) in doubted else ("o-", 2.6)
+        panel.plot(ordered["frequency"], ordered["amplitude"], mark, markersize=size, linewidth=0.8, label=str(sweep))
     handles, labels = panel.get_legend_handles_labels()
     if len(labels) > look.MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]

@@ -20,6 +20,7 @@ FALL = 0.05  #: a maximum of A/F is a resonance where A/F falls on either side b
 NOISE_BESIDE_FALL = 4.0  #: and by at least this many standard deviations of the noise
 #: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
 SHORT_OF_PEAK = 1.3
+FAR_FROM_RESONANCE = 0.5  #: |cos(lag)| of every row beyond which a run stops more than 30 degrees of phase short of it
 NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent
 WHITE = 1.3  #: neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve
 
@@ -112,7 +113,7 @@ def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     """Whether a resonance lies within the rows: the lag passes pi/2, or A/F falls on both sides of its maximum.
 
-    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as holding it.
+    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as holding it, unless its lag says otherwise.
     """
     if lag is not None and np.cos(lag).max() > 0.0 > np.cos(lag).min():
         return True
@@ -121,6 +122,8 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     fall = max(FALL, NOISE_BESIDE_FALL * run.noise)
     if g[top] - g[: top + 1].min() > fall and g[top] - g[top:].min() > fall:
         return True
+    if lag is not None and np.abs(np.cos(lag)).min() > FAR_FROM_RESONANCE:
+        return False
     near = np.argsort(-g)[: max(5, len(run) // 3)]
     fitted = fit_parabola(run.omega[near], (run.F / run.A)[near])
     if fitted is None:

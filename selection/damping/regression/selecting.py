@@ -232,7 +232,7 @@ class Choice:
                 f"a T-ratio to stop at does not go with selection {self.method!r}",
                 expected=f"one of {', '.join(DIRECTIONS)}",
             )
-        if not (np.isfinite(self.t_stop) and self.t_stop >= 0.0):
+        if not (isinstance(self.t_stop, int | float) and np.isfinite(self.t_stop) and self.t_stop >= 0.0):
             raise InputError(f"a T-ratio of {self.t_stop} to stop at", expected="a finite number >= 0")
 
 
