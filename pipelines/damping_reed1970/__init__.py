@@ -8,8 +8,6 @@ NAS8-21110. The files and the meaning of every column are described in ``data/sa
 Units are lb, in, s.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import lru_cache
 from itertools import count

@@ -1,7 +1,5 @@
 """The reproduction of the report as an exhibit of a study: its chapters, gaps, printed numbers and errata."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Every printed result beside its recomputation: how far apart, which differences are known errata, and the page."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Hashable, Mapping

@@ -1,7 +1,5 @@
 """Every study of chapters II, IV and V: computed once, its tables by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees

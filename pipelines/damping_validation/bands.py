@@ -1,7 +1,5 @@
 """Page of design-load bands on real structures: predictions, goals, higher levels left out, figures with citations."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 from itertools import chain

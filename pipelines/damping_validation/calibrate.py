@@ -1,7 +1,5 @@
 """``damping calibrate``: do bands and posteriors hold what they say? Trials on known structures, tables and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial

@@ -6,8 +6,6 @@ are drawn from the prior, data from the likelihood; the rank of each true value 
 uniform.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

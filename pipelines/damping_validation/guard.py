@@ -7,8 +7,6 @@ The seeds are fixed, so that a change of the answers is a change of the code. A 
 what was measured when it was set, so that redrawn noise does not cross it and a loss of accuracy does.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

@@ -5,8 +5,6 @@ says itself that something is unexplained or that the cause is probably in no li
 is blamed. Shares have exact binomial intervals (Clopper and Pearson), means and percentiles bootstrap ones, at 95 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

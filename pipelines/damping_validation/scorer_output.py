@@ -3,8 +3,6 @@
 The figures of the last blind run of the gap diagnosis are shipped: what may be expected of its answers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any

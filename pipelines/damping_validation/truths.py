@@ -6,8 +6,6 @@ cycle gives the part S of a joint in phase with displacement, which moves the re
 A force stands as S + iC.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

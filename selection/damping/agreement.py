@@ -4,8 +4,6 @@ The ranked laws predict an amplitude with a band; every explanation that the dia
 simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

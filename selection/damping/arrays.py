@@ -3,8 +3,6 @@
 Unit constants with their sources.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from math import pi

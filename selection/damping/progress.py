@@ -1,7 +1,5 @@
 """What long work calls as its parts are done, and one thread of linear algebra while it runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import wraps

@@ -5,8 +5,6 @@ area 4 (K - K1) A1 (A - A1); the printed energy is (A + A1)/(4 A1) times that, e
 The bars over A and K in Eq 2.4.4 stand for A and K (erratum E244).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

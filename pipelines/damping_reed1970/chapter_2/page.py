@@ -1,7 +1,5 @@
 """Chapter II in the report: loops of every force (Fig. 2.4), slip and its equivalent (Fig. 2.5), lumped masses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -3,8 +3,6 @@
 Phasors: a motion A sin(omega t - phi) under F sin(omega t) is the complex number A exp(-i phi).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from math import radians
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 ``measured``, ``corrected``, ``curves`` and ``effect`` are tables of ``Chapter3``, which says what their columns hold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

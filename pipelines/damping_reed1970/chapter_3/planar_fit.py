@@ -10,8 +10,6 @@ omega_p <= omega_y. A "plane" outside the swept frequencies only stands for moti
 are passed over.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache

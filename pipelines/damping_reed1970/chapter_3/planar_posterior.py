@@ -11,8 +11,6 @@ Every parameter is a known function of a standard normal variable, so that a pri
 The likelihood is that of circular normal noise, independent from point to point.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial

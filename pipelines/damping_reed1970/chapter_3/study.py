@@ -1,7 +1,5 @@
 """Chapter III as a whole: conditioning, planar coupling, damping factors. Tables, and what the figures draw."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

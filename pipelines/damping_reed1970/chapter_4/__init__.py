@@ -1,7 +1,5 @@
 """Chapter IV: nonlinear damping of Configuration II from its three sweeps (Tables 4.I to 4.V, section 4.3)."""
 
-from __future__ import annotations
-
 import tomllib
 from math import pi, sqrt
 from pathlib import Path

@@ -6,8 +6,6 @@ damped curve's frequency epsilon. Sides: -1 below resonance, +1 above. For pure 
 the curve has no point of that amplitude: above the resonant one, and below resonance under the static one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -7,8 +7,6 @@ the two are different questions. Cases: I to IV and the second term of V alone, 
 with each nonlinear one in the ratio alpha that keeps the coefficient best.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ A linear coefficient C_1 = F_e/(omega A_m) (Eq. 4.1.7) that grows as C_01 + C_11
 with 3 pi C_11/4 (Eqs. 4.1.11, 4.1.13); one that grows as C_01 + C_11 A^2 is case I beside q^2 q' with 4 C_11 (case V).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from math import pi

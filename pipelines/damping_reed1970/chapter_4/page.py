@@ -1,7 +1,5 @@
 """Chapter IV in the report: coefficient against amplitude (4.1), response curves and levels (4.2), power laws (4.3)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 

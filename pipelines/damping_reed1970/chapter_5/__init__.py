@@ -3,8 +3,6 @@
 Every fit of the report is an ``EnergyFit``, made again from printed, corrected and recovered inputs, side by side.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ and sent the same way; and the same selection is asked of data that are not made
 pi X F sin(phi), against the modal amplitude.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -6,8 +6,6 @@ there come out, how often, and what that does to the energy at twice the largest
 `damping.regression.subsets` does for one response is done here for thousands, with no more than selection needs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -5,8 +5,6 @@ fitted to fifteen points "with zero error"; what a fit that close is worth shows
 Eq. 5.3.6 go below zero there, where a law of damping cannot.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

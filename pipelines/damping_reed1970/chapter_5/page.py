@@ -1,7 +1,5 @@
 """Chapter V in the report: energy as a polynomial (5.1), regressions, and the terms that the data carry (5.3)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pandas as pd

@@ -4,8 +4,6 @@ Three versions of each law: ``printed``; ``recomputed``, the report's own method
 fit of the ranking with its 90 % credible intervals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product

@@ -7,8 +7,6 @@ what cannot be seen to what nobody misses, the record is integrated in time and 
 files of the case and its label; and, for a test that the diagnosis proposes, the further rows of the same truth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -7,8 +7,6 @@ While the frequency moves, q = Re z(t) exp(i theta) with omega = theta' obeys, b
 (2 i omega M + c) z' = F - (k - M omega^2 + i c omega + i M omega' + (S + i C)/A) z (``sweep_phasor``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

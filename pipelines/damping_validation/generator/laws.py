@@ -14,8 +14,6 @@ structure is k (sum_i w_i z_i - q).
 Coordinates coupled with the main one: an absorber, a gyroscopic partner, an electric circuit, a fluid, a heated spring.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ What a test is drawn from: the structure, its simulation and tolerances, the pla
 measurement, the columns of the record, and the texts of the two files of a case.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ given effects of its own, their sizes (and, if asked, what else of them is conti
 first-harmonic ones of ``balance``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

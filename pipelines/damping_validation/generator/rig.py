@@ -3,8 +3,6 @@
 Kinds are named as in ``effects``. ``drift`` is of the structure, which changes while it is tested.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

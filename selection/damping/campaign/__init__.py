@@ -11,8 +11,6 @@ D and the allowed one L the peak within the notch is the limit; where it gives a
 at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain

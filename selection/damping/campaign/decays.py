@@ -4,8 +4,6 @@ The motion of a mode is the sensors' motion projected on its shape by the pseudo
 left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, pi

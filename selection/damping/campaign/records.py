@@ -5,8 +5,6 @@ force is |r_ref| times the base acceleration and the mass 1 where the base shake
 mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi

@@ -4,8 +4,6 @@ A universal file says it in ID lines, points and units; an HDF5 file in a group 
 A drive in time is tracked some lines or samples at a time, so that a file of any size takes the memory of a block.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Iterator, Mapping, Sequence

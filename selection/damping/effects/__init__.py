@@ -1,7 +1,5 @@
 """Effects: what may part a simulation from a test. A contract, effects of one kind in one file, and the catalogue."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain

@@ -5,8 +5,6 @@ An elastic joint that slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c)
 A restoring force with a cubic term or one like it, q |q|: the resonance bends to higher or to lower frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise

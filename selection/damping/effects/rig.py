@@ -2,8 +2,6 @@
 a force that drops out near resonance, a frequency that moves too fast.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import log

@@ -5,8 +5,6 @@ modes in principal planes at an angle (Eqs 3.1.24-3.1.35). A second mode has its
 the rows; residual modes lie beside them and add an all but in-phase part (section 3.1, Eqs 3.1.13-3.1.20).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf, log1p, tan

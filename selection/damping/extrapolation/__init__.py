@@ -7,8 +7,6 @@ The draws are chains, or those of the estimate that weighed the laws (importance
 Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

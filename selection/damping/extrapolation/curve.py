@@ -15,8 +15,6 @@ and its quantiles are where those of amplitude cross A. Uncertainties of mass an
 amplitude's; their squares are added in ln zeta.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

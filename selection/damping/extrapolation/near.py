@@ -8,8 +8,6 @@ Weights are posterior probabilities on the rows near resonance, the same evidenc
 it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

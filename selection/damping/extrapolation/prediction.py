@@ -9,8 +9,6 @@ tested force. What the next test would read is made of four parts, added in ln A
 - measurement noise: scatter of a level and of a reading, and the uncertainties that the record states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Every damping force by name, written out in full, and what follows from the averages of any (`contract.Force`)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial

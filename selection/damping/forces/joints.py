@@ -1,7 +1,5 @@
 """Coulomb friction, the slip joint of Fig. 2.4c, and springs that are not linear."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import pi
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Damping forces that are products of powers of amplitude and frequency: cases I to V, power laws, energy terms."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from math import pi, sqrt

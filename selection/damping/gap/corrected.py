@@ -5,8 +5,6 @@ Posterior of the leading explanation's parameters: importance draws, then chains
 The deviations of the sweeps are integrated out: the residuals are linear in them, with the robust weights of the fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The diagnosis of one record: every question in turn, one result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

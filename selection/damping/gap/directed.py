@@ -16,8 +16,6 @@ Both are quadratic splines of ln A added to a fit to first order; with M and g o
 `damping.gap.directed`) the coefficients are a = -M^-1 g, with covariance M^-1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

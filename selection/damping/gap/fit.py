@@ -7,8 +7,6 @@ Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standa
     ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

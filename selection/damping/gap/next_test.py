@@ -5,8 +5,6 @@ distance of the two predictions, in units of all that the rival leaves open, is 
 and Verdinelli 1995, design for discrimination between models).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain

@@ -3,8 +3,6 @@
 How far the gap shrinks on levels that neither chose nor fitted the explanation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

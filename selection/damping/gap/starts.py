@@ -1,7 +1,5 @@
 """Where to start the fit of one more effect, and how much it could gain: its direction at a fit already made."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Steady-state sweeps of a model at given force levels: the record that a test of it would give."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from itertools import islice

@@ -7,8 +7,6 @@ of any scatter, correlation and noise is a Gaussian integral in closed form, wit
 hypothesis is averaged over all of them by itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import product
 

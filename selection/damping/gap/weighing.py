@@ -6,8 +6,6 @@ answer leaves; its constants are those of ``python -m damping_validation.guard d
 generated cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

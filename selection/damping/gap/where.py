@@ -10,8 +10,6 @@ whatever the law. A constant zeta is viscous damping; a change with amplitude as
 same for the stiffness: p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain

@@ -1,7 +1,5 @@
 """Does a sampled law describe its own data? PSIS-LOO (arviz) and posterior predictive checks."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from typing import Any

@@ -20,8 +20,6 @@ leaves the frequency where it is. So the fall of M omega^2 over the loss F/A say
 it is to letting go; by both :func:`extend` lets slopes stray farther or less far.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

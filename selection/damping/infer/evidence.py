@@ -4,8 +4,6 @@ Newton steps from the best fit of the law find the mode. Their difference quotie
 and are scaled to the posterior's own width, which matters where data are so good that the width is tiny.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -6,8 +6,6 @@ with ``q`` a mixture (:mod:`damping.infer.proposal`) adapted to the weighted dra
 draws, resampled by weight, also start the Markov chains, which choose among further draws of the mixture.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

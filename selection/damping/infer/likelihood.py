@@ -14,8 +14,6 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
     cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache

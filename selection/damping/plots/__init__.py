@@ -6,8 +6,6 @@ colours are of the Okabe-Ito and Tol sets, which people with the common colour d
 styles, labels and position say the same thing once more.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -3,8 +3,6 @@
 A line is solid within the test and dashed beyond it, where the ground is hatched too.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

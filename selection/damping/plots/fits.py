@@ -1,7 +1,5 @@
 """Candidate laws with their weights and errors, posteriors as corner plots, predictive checks, deviations of a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import Any, cast
 

@@ -9,8 +9,6 @@ whose Jacobian at a steady state has the trace -(dC/dA + C/A)/(2 M omega) and th
 (X dX/dA + C dC/dA)/(A (2 M omega)^2), which is the sign of dF/dA along the response curve.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

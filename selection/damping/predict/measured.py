@@ -6,8 +6,6 @@ it: the mass 1/p as the slope of a/q against frequency squared, and damping as c
 a design acceleration needs is free of p; only a damping ratio is not, and takes its uncertainty.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

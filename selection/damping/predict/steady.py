@@ -11,8 +11,6 @@ Eqs 4.2.3 and 4.2.4 with G = C/(M omega_n^2 A); the printed residuals before the
 there (errata E421, E422). Every function takes numbers or arrays that broadcast, parameters of the force included.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ The rate itself follows, where nobody kept it, from the envelope integrated with
 the skew of the peaks. Hok (1948), Lewis (1932): peaks are moved where (df/dt)/(2 zeta f)^2 is not small.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import log, pi

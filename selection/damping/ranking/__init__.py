@@ -8,8 +8,6 @@ priors of :mod:`damping.infer.law` and coefficients >= 0,
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -11,8 +11,6 @@ whose smaller probability, doubled (Bonferroni), is the p-value:
   where the misfit is larger than a few per cent, which is what laws of a few terms leave on real structures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -15,8 +15,6 @@ Z_iL(s) the evidence of record i with the shape held, on nodes over the range of
 through ln Z_iL.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks of single sweeps (resonance, rate, wild readings) and of sweeps against each other (levels, copies)."""
 
-from __future__ import annotations
-
 from math import log, pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks of units, energies and phases: one system, columns not exchanged, E <= pi F A, a lag in radians."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import inf, log, pi
 

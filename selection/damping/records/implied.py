@@ -5,8 +5,6 @@ the real axis with omega^2, by the mass, and lies above it, since a passive stru
 the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola in omega^2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import pi

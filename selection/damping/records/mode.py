@@ -1,7 +1,5 @@
 """A mode: what a simulation assumes of one vibration mode, read from and written to a TOML file."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

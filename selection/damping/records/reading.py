@@ -3,8 +3,6 @@
 Nothing that is read is ever evaluated. A cell is a number, or it is text.
 """
 
-from __future__ import annotations
-
 import re
 from array import array
 from collections.abc import Collection, Container, Iterable, Sequence

@@ -8,8 +8,6 @@ S (in phase) and C (in quadrature) of the restoring and damping forces beyond th
 so Re Z = 0 at phase pi/2: phase resonance, where the force balances the damping alone (report, section 4.1).
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from math import pi
 

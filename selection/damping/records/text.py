@@ -1,7 +1,5 @@
 """Files as text: bytes of bounded size, UTF-8, and the rows of a CSV file with the line on which each starts."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import re

@@ -1,7 +1,5 @@
 """What the checks of the audit look at: a record, its mode, and what its rows imply, computed once for all checks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

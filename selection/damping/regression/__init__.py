@@ -6,8 +6,6 @@ Oishi 2005). Powers of a column and the products that would cancel in an ill-con
 else is plain doubles.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable

@@ -17,8 +17,6 @@ A criterion depends on a model's size and its sum of squares, of deviations or o
 subset has to beat so is a limit for each size, and bounds on sums of squares need nothing else.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -5,8 +5,6 @@ statsmodels fits what a first solution left over, and the coefficients and their
 that fit's: the condition of the columns costs no digits.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The print-out of the regression program, in the order and with the headings of section 5.2 (``printout.txt``)."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The "Multivariate Regression Program I" (SHARE SDA 3104) of section 5.2 for one curve on one table, and its form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise

@@ -6,8 +6,6 @@ a step, to drop the term of least |T| or to add the one that would enter with th
 else a criterion, decides whether it is taken. Nested searches see few of the models; ``subsets`` sees all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias

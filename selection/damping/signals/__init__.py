@@ -10,8 +10,6 @@ excites it as one degree of freedom; the damping factor xi, common to both, is t
 energy put in (Eq. 3.2.15). That equation has several roots or none: every function here returns all of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, sin

@@ -6,8 +6,6 @@ application), one for each sensor, those kept, and from the step ``node`` on ``a
 force, rad): of the node's motion first, then of the mode's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import radians

@@ -8,8 +8,6 @@ Standard uncertainties that are stated go through the chain (``damping.signals.r
 ``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import radians
 from typing import Annotated, Literal, TypeAlias

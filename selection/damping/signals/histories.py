@@ -13,8 +13,6 @@ so that X is its amplitude in the middle although the amplitude grows, theta' th
 Samples are kept for the window at hand alone: a record of any length takes the memory of its longest block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import pi

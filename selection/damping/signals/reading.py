@@ -11,8 +11,6 @@ common to all rows, and a record has no place for such. Where amplitude or phase
 correlated, which a record does not say either. Near a point without a damping factor (Eq. 3.2.15) first order is poor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

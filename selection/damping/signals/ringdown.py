@@ -17,8 +17,6 @@ which is the force amplitude that holds the amplitude A at phase resonance (C = 
 frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
