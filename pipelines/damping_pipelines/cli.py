@@ -177,7 +177,12 @@ def main(arguments: list[str] | None = None) -> None:
     except TyperException as error:  # a usage error: unknown option, missing argument, wrong type
         code = _fail(" ".join(error.format_message().split()), 2)
     except ModuleNotFoundError as error:
-        code = _fail(_missing(error), 1)
+        package = (error.name or "").partition(".")[0]
+        missing = f"the installation is not complete: {error}"
+        if package in EXTRAS:
+            extra = f"'damping-selection[{EXTRAS[package]}]'"
+            missing = f"this needs {package}, which is not installed; pip install {extra} brings it"
+        code = _fail(missing, 1)
     except (typer.Abort, KeyboardInterrupt):
         code = _fail("interrupted; nothing half-written is left behind", 130)
     except OSError as error:
@@ -210,14 +215,6 @@ def _discard_output() -> None:
 
 #: Packages that a bare install leaves out, and the extra that brings each.
 EXTRAS = {"dask": "fleet", "distributed": "fleet", "pyarrow": "formats"}
-
-
-def _missing(error: ModuleNotFoundError) -> str:
-    """What to install, in one line."""
-    package = (error.name or "").partition(".")[0]
-    if package not in EXTRAS:
-        return f"the installation is not complete: {error}"
-    return f"this needs {package}, which is not installed; pip install 'damping-selection[{EXTRAS[package]}]' brings it"
 
 
 def _fail(message: str, code: int) -> int:

@@ -7,7 +7,7 @@ what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -129,9 +129,10 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
         }
         for name, x in variables.items():
             curve = f"{place}-" if len(results) > 1 else ""
-            stem = _describe_unused(
-                f"{_describe_file_name(Path(result.data).stem)}-{curve}deviations-{_describe_file_name(name)}", drawn
-            )
+            stem = f"{_describe_file_name(Path(result.data).stem)}-{curve}deviations-{_describe_file_name(name)}"
+            taken = {name.lower() for name in drawn}  # where case makes no difference
+            stems = (stem, *(f"{stem}-{i}" for i in range(2, len(drawn) + 3)))
+            stem = next(free for free in stems if f"{free}.svg".lower() not in taken)
             figure = deviations_figure(x, d.deviation, d.percent, x_label=name, response=response)
             title = f"{result.data}: deviations of {response} against {name}"
             caption = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
@@ -143,13 +144,6 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
 def _describe_file_name(text: str) -> str:
     """Letters, digits and a few marks of the text, for a file name on any system."""
     return re.sub(r"[^A-Za-z0-9.+-]+", "_", text.replace("^", "").replace("*", "."))[:80].strip("._") or "table"
-
-
-def _describe_unused(stem: str, taken: Mapping[str, str]) -> str:
-    """The stem, numbered if a file has it already, also where case makes no difference."""
-    lower = {name.lower() for name in taken}
-    names = (stem, *(f"{stem}-{i}" for i in range(2, len(taken) + 3)))
-    return next(name for name in names if f"{name}.svg".lower() not in lower)
 
 
 def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:

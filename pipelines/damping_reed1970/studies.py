@@ -92,25 +92,24 @@ class Studies:
 
 def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
     """Compute everything; ``seed`` and ``replicates`` are of the simulations, false terms and circularity."""
+    levels = {}  # of both modes of Configuration II, with xi held as in the report and with the coefficient itself
+    for mode in MODES:
+        record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
+        data = observe(record)
+        for held, mass in (("xi", masses(record, data)), ("coefficient", None)):
+            levels[mode, held] = level_methods(data, mass, (1.0, 100.0))
     return Studies(
         loops=hysteresis_loops(),
         slip=slip_equivalent(),
         lines=tuple(coefficient_lines(mode) for mode in MODES),
         curves=amplitude_frequency(SWEEP_C["M"], SWEEP_C["omega_n"], SWEEP_C["F_e"], SWEEP_C["A_m"], (1.0, 100.0)),
-        levels={(mode, held): _level_methods(mode, held) for mode in MODES for held in ("xi", "coefficient")},
+        levels=levels,
         force_lines=tuple(force_amplitude_lines(mode) for mode in MODES),
         nine=nine_terms(),
         false=false_terms(replicates=replicates[0], seed=seed),
         circular=circularity(replicates=replicates[1], seed=seed),
         surface=energy_surface(),
     )
-
-
-def _level_methods(mode: int, held: str) -> LevelMethods:
-    """The methods on a mode of Configuration II, with xi held as in the report or with the coefficient itself."""
-    record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
-    data = observe(record)
-    return level_methods(data, masses(record, data) if held == "xi" else None, (1.0, 100.0))
 
 
 #: Gaps between simulation and test, diagnosed, by the number of the configuration.

@@ -208,7 +208,9 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     restrictions = (("theta = 28", "free"), (REPORT, "free"), ("theta = 28 + in phase", "free + in phase"))
     compared = [comparison(modal[held], modal[larger]) for held, larger in restrictions]
     tests = [(*pair, modal[pair[1]], test) for pair, test in zip(restrictions, compared, strict=True)]
-    odds = [_bayes_factor(posteriors, variant) for variant in ("theta = 28", REPORT, "one plane")]
+    log_z = posteriors["A2", "free"].evidence.log_z
+    variants = ("theta = 28", REPORT, "one plane")
+    odds = [float(np.exp(log_z - posteriors["A2", variant].evidence.log_z)) for variant in variants]
     theta, planes = _interval(posteriors["A2", "free"], "theta"), (("A2", "free"), ("tail", "free + in phase"))
     second = [posteriors[key].parameters["omega_y"] for key in planes]
     lag, error = float(more.model.lag), 1.645 * more.standard_errors["lag"]
@@ -238,11 +240,6 @@ def tabulate_implications(fits: Fits, posteriors: Posteriors) -> pd.DataFrame:
     table = pd.DataFrame([text.split("\n", 1) for text in texts], columns=["question", "says"])
     numbers = pd.DataFrame([(*answer, np.nan, np.nan)[:3] for answer in answers], columns=["value", "low", "high"])
     return pd.concat([table["question"], numbers, table["says"].map(join_lines)], axis=1)
-
-
-def _bayes_factor(posteriors: Posteriors, variant: str) -> float:
-    """Of all free over a variant."""
-    return float(np.exp(posteriors["A2", "free"].evidence.log_z - posteriors["A2", variant].evidence.log_z))
 
 
 def _interval(posterior: PlanarPosterior, name: str) -> tuple[float, float, float]:

@@ -59,8 +59,11 @@ def nine_terms(names: Sequence[str] = tuple(INPUTS)) -> dict[str, pd.DataFrame]:
         design = energy_design(NINE_TERMS, *load_inputs(name))
         free, held, subsets = fit(design), fit_nonnegative(design), all_subsets(design)
         positive = subsets.take(((subsets.coefficients > 0.0) == subsets.members).all(axis=1))
+        order = [single.names[0] for single in one_term_fits(design)]
+        full = tabulate_terms(free).drop(columns="p_value").rename(columns={"name": "term"})
+        full.insert(1, "one_term_rank", [order.index(term) + 1 for term in free.names])
         tables = {
-            "nine_terms": _tabulate_full(design, free, held),
+            "nine_terms": full.assign(nonnegative=held.coefficients),
             "nine_terms_summary": _tabulate_summary(design, free, held, len(positive)),
             "nine_terms_elimination": _tabulate_elimination(design),
             "nine_terms_best": pd.concat([_tabulate_best(subsets, "free"), _tabulate_best(positive, "> 0")]),
@@ -76,13 +79,6 @@ def load_inputs(name: str) -> Points:
     """A, omega, E of one of ``INPUTS``."""
     energy_fit, version = INPUTS[name]
     return energy_fit.data(version)
-
-
-def _tabulate_full(design: Design, free: Fit, held: Fit) -> pd.DataFrame:
-    order = [single.names[0] for single in one_term_fits(design)]
-    table = tabulate_terms(free).drop(columns="p_value").rename(columns={"name": "term"})
-    table.insert(1, "one_term_rank", [order.index(name) + 1 for name in free.names])
-    return table.assign(nonnegative=held.coefficients)
 
 
 def _tabulate_summary(design: Design, free: Fit, held: Fit, positive: int) -> pd.DataFrame:

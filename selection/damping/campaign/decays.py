@@ -68,7 +68,10 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     if len(kinds) > 1:
         raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
     order = ORDERS[kinds.pop()]
-    motions = [_motions(run) for run in runs]
+    motions = []  # times (n,) and motions (sensors, n) in SI, each about its mean, of each run
+    for run in runs:
+        x = np.array([np.asarray(channel.samples, dtype=float) * _find_factor(channel) for channel in run.channels])
+        motions.append((run.x, x - np.mean(x, axis=1, keepdims=True)))
     size = [float(np.max(np.abs(x))) for _, x in motions]
     at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])
     if not at:
@@ -114,12 +117,6 @@ def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> b
         if odd >= 3 and abs(times / odd - 1.0) < _HARMONIC and mac > _SAME_SHAPE:
             return True
     return False
-
-
-def _motions(run: CampaignRun) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) and motions (sensors, n) in SI, each about its mean."""
-    x = np.array([np.asarray(channel.samples, dtype=float) * _find_factor(channel) for channel in run.channels])
-    return run.x, x - np.mean(x, axis=1, keepdims=True)
 
 
 def _find_factor(sensor: Channel) -> float:

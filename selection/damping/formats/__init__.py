@@ -137,7 +137,10 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         text = "lvm"
     else:
         text = "csv"
-    if stated.format == "auto" and text == "csv" and _is_binary(start):
+    # no lines of text, of whatever encoding, where one byte in twenty is a control character
+    controls = len(start) - len(start.translate(None, _CONTROLS))
+    binary = not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
+    if stated.format == "auto" and text == "csv" and binary:
         expected = "a file of one of these (save a MAT file of version 4 again with -v7)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):
@@ -145,9 +148,3 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
     kind = text if stated.format in ("auto", "mat") else stated.format
     summary.add("format", NAMES["title"][kind], "found in the file" if stated.format == "auto" else "stated")
     return kind
-
-
-def _is_binary(start: bytes) -> bool:
-    """Whether these are no lines of text, of whatever encoding: one byte in twenty is a control character."""
-    controls = len(start) - len(start.translate(None, _CONTROLS))
-    return not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)

@@ -97,7 +97,9 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         else:
             others[name] = values
     damping = {name: _scaled(table, relative.get(name, 0.0)) for name, table in mode.damping.items()}
-    damping |= {name: _together(damping.get(name, {}), values) for name, values in added.items()}
+    for name, own in added.items():
+        leading = next(iter(own))
+        damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
@@ -107,12 +109,6 @@ def _scaled(table: Mapping[str, float], relative: float) -> dict[str, float]:
     """A damping force with its leading coefficient changed by a share of itself."""
     leading = next(iter(table))
     return {key: value * (1.0 + relative) if key == leading else value for key, value in table.items()}
-
-
-def _together(simulated: Mapping[str, float], added: Mapping[str, float]) -> dict[str, float]:
-    """Coefficients of one force, simulated and added."""
-    leading = next(iter(added))
-    return {key: value + (simulated.get(key, 0.0) if key == leading else 0.0) for key, value in added.items()}
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,8 @@ _SURVIVORS = 2
 #: ... of which none costs more than this factor, and so much in ln p, above the best.
 _HOPELESS = 1.3
 _BEHIND = 15.0
+#: Standard deviations of a variable by which fits of the same parts differ, at least.
+_DIFFERENT = 0.5
 
 
 @dataclass(frozen=True)
@@ -121,16 +123,10 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
     """Fits that differ, best first, without those that are far behind."""
     distinct: list[ModelFit] = []
     for fit in sorted(fits, key=lambda fit: -fit.log_posterior):
-        if all(_differ(fit, other) for other in distinct):
+        alike = [other for other in distinct if other.model.parts == fit.model.parts]
+        if all(np.max(np.abs(fit.y - own.y) / np.sqrt(np.diag(own.covariance))) > _DIFFERENT for own in alike):
             distinct.append(fit)
     return [fit for fit in distinct if fit.log_posterior > distinct[0].log_posterior - _BEHIND]
-
-
-def _differ(fit: ModelFit, other: ModelFit) -> bool:
-    if fit.model.parts != other.model.parts:
-        return True
-    sd = np.sqrt(np.diag(other.covariance))
-    return bool(np.max(np.abs(fit.y - other.y) / sd) > 0.5)
 
 
 def log_likelihood(r: FloatArray) -> FloatArray:

@@ -48,12 +48,17 @@ def simulate_sweeps(
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
-    states = _averaged if method == "ritz" else _integrated
     order = frequencies if direction == "up" else frequencies[::-1]
     tables = []
     with progress(f"{method} sweeps {direction}", len(forces) * frequencies.size) as advance:
         for number, level in enumerate(forces):
-            coming, rows = states(level, frequencies, mode, direction), []
+            rows: list[tuple[float, float]] = []
+            if method == "ritz":
+                coming = _averaged(level, frequencies, mode, direction)
+            else:
+                hertz, force = RAD_S_PER_HZ * frequencies, simulated_force(mode)
+                steady = sweep_in_time(force, level, hertz, mode.mass, mode.omega_n, direction)
+                coming = ((state.amplitude, state.phase) for state in steady)
             for part in np.array_split(order, 4):
                 rows += list(islice(coming, part.size))
                 advance(f"force {level:g}", part.size)
@@ -104,12 +109,6 @@ def _averaged(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterat
     else:
         passed = sweep(from_damping(mode.damping), F, omega, mode.mass, mode.omega_n, way)
     yield from zip(passed.amplitude[::step].tolist(), passed.phase[::step].tolist(), strict=True)
-
-
-def _integrated(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
-    """Amplitude and phase in the order swept, by integration in time."""
-    for state in sweep_in_time(simulated_force(mode), F, RAD_S_PER_HZ * hertz, mode.mass, mode.omega_n, way):
-        yield state.amplitude, state.phase
 
 
 def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tuple[float, float]]) -> pd.DataFrame:

@@ -10,13 +10,12 @@ whatever the law. A constant zeta is viscous damping; a change with amplitude as
 same for the stiffness: p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.gap.fit import ModelFit
 from damping.gap.model import steady
 from damping.gap.rows import Rows, wrapped
@@ -101,7 +100,9 @@ def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
     rows = leading.model.problem.rows
     cells = []
     for quantity, change in footprint(leading).items():
-        for own in _runs(rows, np.abs(change) > VISIBLE):
+        seen = np.abs(change) > VISIBLE
+        cuts = [np.split(own, np.flatnonzero(np.diff(seen[own].astype(int))) + 1) for own in rows.runs]
+        for own in (part for part in chain.from_iterable(cuts) if len(part) and seen[part[0]]):
             size = float(np.sqrt(np.mean(change[own] ** 2)))
             cells.append(FootprintCell(*_place(rows, own, quantity), size))
     return tuple(sorted(cells, key=lambda cell: -cell.size))
@@ -116,14 +117,6 @@ def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
 def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float, str]:
     hertz = rows.omega[own] / RAD_S_PER_HZ
     return rows.sweeps[rows.sweep[own[0]]], float(hertz.min()), float(hertz.max()), quantity
-
-
-def _runs(rows: Rows, marked: BoolArray) -> Iterator[IntArray]:
-    """Longest runs of marked rows within a sweep."""
-    for own in rows.runs:
-        for part in np.split(own, np.flatnonzero(np.diff(marked[own].astype(int))) + 1):
-            if len(part) and marked[part[0]]:
-                yield part
 
 
 @dataclass(frozen=True)

@@ -226,11 +226,6 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     axes.vlines(design["force"], design["low"], design["high"], color=look.AVERAGE, linewidth=1.2, zorder=4)
     axes.plot(design["force"], design["median"], "D", color="white", mec=look.AVERAGE, markersize=5, zorder=6)
     axes.set_xlim(force[0], force[-1])
-    axes.set_ylim(0.0, _find_top(band, tested, design))
-
-
-def _find_top(band: pd.DataFrame, tested: pd.DataFrame, design: pd.DataFrame) -> float:
-    """Upper limit of the amplitude axis: the linear line stays in sight, a band that runs away sets no scale."""
+    # the linear line stays in sight, a band that runs away sets no scale
     values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
-    likely = np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])
-    return float(1.12 * np.nanmax([*values, likely]))
+    axes.set_ylim(0.0, 1.12 * np.nanmax([*values, np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])]))

@@ -143,18 +143,14 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         if estimates["amplitude"].max() > _WIDE * estimates["amplitude"].min():
             ax.set_xscale("log")
             plain_log(ax.xaxis)
-        ax.set_ylim(*_range(estimates[quantity], curves.loc[curves["model"] != "free", quantity]))
+        # estimates and curves with a margin; the band of free form may leave it
+        every = pd.concat([estimates[quantity], curves.loc[curves["model"] != "free", quantity]])
+        margin = 0.1 * float(every.max() - every.min()) or 0.1 * float(every.max())
+        ax.set_ylim(float(every.min()) - margin, float(every.max()) + margin)
         ax.set_xlabel(describe_with_unit("amplitude", length))
         ax.set_ylabel(label)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
-
-
-def _range(*values: pd.Series[float]) -> tuple[float, float]:
-    """Limits that hold estimates and curves, with a margin; the band of free form may leave them."""
-    every = pd.concat(values)
-    margin = 0.1 * float(every.max() - every.min()) or 0.1 * float(every.max())
-    return float(every.min()) - margin, float(every.max()) + margin
 
 
 @styled

@@ -223,13 +223,6 @@ def _fit_near(
     return least_squares(left, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
 
 
-def _largest_severity(rows: pd.DataFrame, mass: float) -> float:
-    """Largest (df/dt)/(2 zeta f)^2 at the peaks of a record, zeta by the balance of forces there."""
-    peaks = rows.loc[rows.groupby("sweep", sort=False)["amplitude"].idxmax()]
-    width = peaks["force"] / (mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2 * peaks["amplitude"]) * peaks["frequency"]
-    return float((peaks["sweep_rate"].abs() / width**2).max())
-
-
 def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tuple[str, ...]]:
     """The record as steady states, and what was done: nothing where it is steady.
 
@@ -244,7 +237,11 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         return record, ()
     if "sweep_rate" in record.table.columns:
         known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
-        if _largest_severity(known, mass) < SLOW:
+        peaks = known.loc[known.groupby("sweep", sort=False)["amplitude"].idxmax()]
+        # 2 zeta f at the peaks, by the balance of forces there
+        stiffness = mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2
+        width = peaks["force"] / (stiffness * peaks["amplitude"]) * peaks["frequency"]
+        if (peaks["sweep_rate"].abs() / width**2).max() < SLOW:
             return record, ()
         return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",

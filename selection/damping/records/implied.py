@@ -214,7 +214,11 @@ def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | N
     if run.phase is None or len(run) < FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
         return None
     lag, side = np.unwrap(run.phase), 1 + len(run) // ROWS_A_SIDE
-    slope = np.array([_slope_at(run.omega, lag, k, side) for k in range(len(run))])
+    slope = np.empty(len(run))  # of the line through the points up to ``side`` places from each
+    for k in range(len(run)):
+        part = slice(max(k - side, 0), k + side + 1)
+        u = run.omega[part] - np.mean(run.omega[part])
+        slope[k] = u @ lag[part] / (u @ u)
     weight = run.A / run.F
     near = weight >= NEAR * weight.max()
     own = np.zeros((len(run), count))
@@ -226,13 +230,6 @@ def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | N
         run.stiffness.real,
     )
     return tuple((column.T * weight).T[near] for column in columns)
-
-
-def _slope_at(x: FloatArray, y: FloatArray, k: int, side: int) -> float:
-    """Slope of the line through the points up to ``side`` places from ``k``."""
-    part = slice(max(k - side, 0), k + side + 1)
-    u = x[part] - np.mean(x[part])
-    return float(u @ y[part] / (u @ u))
 
 
 def _solve(design: FloatArray, target: FloatArray) -> tuple[FloatArray, float, float]:

@@ -202,7 +202,12 @@ def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
         best.enter(subsets[standing], sse[standing])
         return _open(nodes, numbers, numbers, sse, stay, best)
     deviations = problem.deviations(rest)
-    leverages = _leverages(subsets[standing], problem) if problem.nonnegative else nodes.leverages
+    leverages = nodes.leverages
+    if problem.nonnegative:
+        directions = [
+            problem.orthonormal @ np.linalg.qr(problem.factor[:, members])[0] for members in subsets[standing]
+        ]
+        leverages = np.array([np.einsum("nk,nk->n", d, d) for d in directions]).reshape(-1, len(problem.observed))
     best.enter(subsets[standing], np.asarray(leave_one_out(deviations[standing], leverages)))
     least, change = _weighted(nodes, deviations, problem)
     return _open(nodes, numbers, numbers + change, least, stay, best)
@@ -215,12 +220,6 @@ def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, Flo
         if inside.any():
             row[inside] = solve_nonnegative(problem.factor[:, inside], problem.along)
     return coefficients, problem.along - coefficients @ problem.factor.T
-
-
-def _leverages(subsets: BoolArray, problem: SubsetProblem) -> FloatArray:
-    """Leverages (m, n) of subsets."""
-    directions = [problem.orthonormal @ np.linalg.qr(problem.factor[:, members])[0] for members in subsets]
-    return np.array([np.einsum("nk,nk->n", d, d) for d in directions]).reshape(len(subsets), len(problem.observed))
 
 
 def _weighted(nodes: _Nodes, deviations: FloatArray, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:

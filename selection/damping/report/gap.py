@@ -216,18 +216,17 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
     """Curves of each model through every sweep: ``sweep, frequency, model, amplitude, phase``."""
     dense = _dense(leading.model.problem.rows)
     tables = []
-    for name, terms in _list_models(leading, lambda fit: _on(fit, dense)).items():
+
+    def find_terms(fit: ModelFit) -> Terms:  # with each sweep's own deviation
+        own = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+        return deviated(own, dense, fit.y[np.newaxis, fit.model.size :], fit.model.scatter)
+
+    for name, terms in _list_models(leading, find_terms).items():
         motion = steady(terms, dense, dense.u)
         phase = motion.phase + 2.0 * np.pi * np.round((np.pi / 2.0 - motion.phase) / (2.0 * np.pi))
         motions = {"model": name, "amplitude": np.exp(motion.u), "phase": phase}
         tables.append(pd.DataFrame({**_locate(dense), **motions}))
     return pd.concat(tables, ignore_index=True)
-
-
-def _on(fit: ModelFit, rows: Rows) -> Terms:
-    """Terms of a fit on other rows of the same sweeps, with each sweep's own deviation."""
-    k = fit.model.size
-    return deviated(fit.model.terms(fit.y[np.newaxis, :k]), rows, fit.y[np.newaxis, k:], fit.model.scatter)
 
 
 def _dense(rows: Rows) -> Rows:

@@ -4,7 +4,6 @@ Their sentences are in ``screens.txt``; here the numbers and the tables that fil
 (:mod:`damping.report.study`).
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.ranking import Candidate
+from damping.ranking import Candidate, Coefficient
 from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
@@ -148,31 +147,27 @@ def _list_shown_laws(result: RecordResult) -> list[Candidate]:
 
 
 def _tabulate_laws(result: RecordResult) -> Table:
+    def describe_coefficient(coefficient: Coefficient) -> str:
+        name = f"{coefficient.force} {coefficient.shape}".strip()
+        unit = words.format_parameter_unit(name, result.mode.units)
+        return f"{name} {words.format_quantity(coefficient.value, unit)}"
+
     table = pd.DataFrame(
         {
             "law": law.name,
             "weight": words.format_share(law.weight),
-            "coefficients": _describe_coefficients(result, law),
+            "coefficients": "; ".join(map(describe_coefficient, law.coefficients)),
             "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
             "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
                 f"{words.NOTHING} %", words.NOTHING
             ),
-            "predicts the same": _describe_equivalents(law.equivalents),
+            "predicts the same": words.NOTHING
+            if not law.equivalents
+            else law.equivalents[0] + (f" and {len(law.equivalents) - 1} more" if len(law.equivalents) > 1 else ""),
         }
         for law in _list_shown_laws(result)
     )
     return Table(table, "", key=result.stem("ranking"))
-
-
-def _describe_coefficients(result: RecordResult, law: Candidate) -> str:
-    named = [(f"{c.force} {c.shape}".strip(), c.value) for c in law.coefficients]
-    units = {name: words.format_parameter_unit(name, result.mode.units) for name, _ in named}
-    return "; ".join(f"{name} {words.format_quantity(value, units[name])}" for name, value in named)
-
-
-def _describe_equivalents(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return names[0] + more if names else words.NOTHING
 
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:

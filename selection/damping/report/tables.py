@@ -135,7 +135,10 @@ def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
     """One row for each form of power law: regression of ln F on ln A beside the posterior of the same exponent."""
     rows = []
     for law in result.power_laws:
-        low, median, high = _posterior_exponent(result, law.form)
+        low, median, high = np.full(3, np.nan)  # of the power law alone, without a converged posterior
+        for sampled in result.posteriors:
+            if sampled.law == Law((law.form,)) and sampled.posterior.converged:
+                low, median, high = np.percentile(posterior_draws(sampled)[f"{law.form} exponent"], _TAILS)
         rows.append(
             {
                 **{name: getattr(law, name) for name in _POWER_LAW},
@@ -150,14 +153,6 @@ def tabulate_power_laws(result: RecordResult) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def _posterior_exponent(result: RecordResult, form: str) -> FloatArray:
-    """Low, median and high of the exponent in the posterior of a power law alone; NaN without a converged one."""
-    for sampled in result.posteriors:
-        if sampled.law == Law((form,)) and sampled.posterior.converged:
-            return np.asarray(np.percentile(posterior_draws(sampled)[f"{form} exponent"], _TAILS))
-    return np.full(3, np.nan)
 
 
 def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
