@@ -81,7 +81,7 @@ def copy(tmp_path_factory, forking):
         module = folder / path
         head, start, rest = module.read_text().partition("CATALOGUE: ")
         entries, end, tail = rest.partition("    )\n}" if entry.startswith("        ") else "}")
-        head = head.replace("import annotations\n", f"import annotations\n\n{line}", 1)
+        head = head.replace("\nfrom damping", f"\n{line}from damping", 1)
         module.write_text(head + start + entries + entry + end + tail)
     (folder / "plain.toml").write_text(MODE)
     (folder / "cubed.toml").write_text(MODE + CUBED)
