@@ -54,7 +54,9 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
             raise InputError(
                 "holds cases of another run", file=folder, expected="an empty --out, or the same run again"
             )
-        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": _describe_generator_digest()}
+        source = sorted(Path(generator.__file__).parent.glob("*.*"))
+        digest = hashlib.sha256(b"".join(file.read_bytes() for file in source)).hexdigest()
+        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": digest}
         sealed = _describe_sealed_before(out, run)
         if sealed is None:
             sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
@@ -112,12 +114,6 @@ def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
     except (FileNotFoundError, ValueError):
         return None
     return sealed if noted == {**run, "sha256": sealed} else None
-
-
-def _describe_generator_digest() -> str:
-    """SHA-256 of the generator's source."""
-    files = sorted(Path(generator.__file__).parent.glob("*.*"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:

@@ -107,7 +107,7 @@ def test_evidence_of_other_scatter_is_that_of_a_fit_made_at_it(lab):
     gain = (1.0 + np.array([0.012, -0.008, 0.004]))[rows.sweep]
     start = setting(lab.record(rows, lab.linear(rows, gain=gain), 8), lab.mode(None, None))
     search = Search(start.problem, {}, start.unknowns)
-    plain = search.run()[0].plain
+    plain = search.run().ranked()[0].plain
     scatters = [Scatter(a, f * XI) for a, f in ((0.003, 0.03), (0.006, 0.06), (0.012, 0.015), (0.025, 0.12))]
     found = [list_evidences(plain, candidate(scatter)).item() for scatter in scatters]
     for scatter, value in zip(scatters, found, strict=True):
@@ -124,7 +124,7 @@ def test_unknown_scatter_is_averaged_by_its_prior(lab):
     np.testing.assert_allclose(np.exp(unknown.log_prior).sum(), 1.0, rtol=0.0, atol=1e-12)  # rounding
     rows = lab.bench(levels=3, points=14).rows
     start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode(None, None))
-    plain = Search(start.problem, {}, unknown).run()[0].plain
+    plain = Search(start.problem, {}, unknown).run().ranked()[0].plain
     one = marginalise_scatter(plain, unknown, -np.inf)
     values = list_evidences(one, unknown) + unknown.log_prior
     np.testing.assert_allclose(one.log_evidence, np.log(np.sum(np.exp(values))), rtol=0.0, atol=1e-9)  # rounding
@@ -146,7 +146,7 @@ def test_errors_of_neighbours_are_freed_of_their_correlation(lab):
     """Against the density of a Gaussian process of covariance rho^|i - j| along each sweep."""
     rows = lab.bench(levels=2, points=7).rows
     start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
-    model = Search(start.problem, {}, start.unknowns).run()[0].plain.model
+    model = Search(start.problem, {}, start.unknowns).run().ranked()[0].plain.model
     r = np.random.default_rng(5).normal(size=28)
     white, log_det = decorrelate(r, model, 0.6)
     block = 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7)))
@@ -160,7 +160,7 @@ def sampled(lab):
     """A well determined effect: a lag of 0.1 rad at a noise of 0.01 rad, with its posterior."""
     start = setting(lab.measured("phase-lag"), lab.mode())
     search = Search(start.problem, {"phase-lag": CATALOGUE["phase-lag"]}, start.unknowns)
-    leading = search.run()[0].best
+    leading = search.run().ranked()[0].best
     assert leading.effects == ("phase-lag",)
     return leading, sample_effects(leading, 1)
 
@@ -179,7 +179,7 @@ def test_importance_draws_give_the_evidence_of_laplace(sampled):
 def fit_alone(lab, name):
     """The best mode of one effect, at the noise stated, and its problem's deviations of sweeps: none."""
     start = setting(lab.measured(name), lab.mode())
-    return Search(start.problem, {name: CATALOGUE[name]}, start.unknowns).run()[0].plain
+    return Search(start.problem, {name: CATALOGUE[name]}, start.unknowns).run().ranked()[0].plain
 
 
 @pytest.mark.parametrize("name", ["displacement", "slip", "stiffness-hardening"])

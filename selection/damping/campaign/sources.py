@@ -75,24 +75,24 @@ def _read(source: Source) -> list[CampaignRun]:
         return [_read_table(source, start)]
     groups: dict[str, list[Function]] = {}  # functions of a universal file with one level in their ID lines
     for function in read_functions(read_bytes(source.file, source.most), source.summary):
-        level = find_level(function.title)
+        level = find_level(function.of.title)
         groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(function)
     return [_join_functions(label, group, source) for label, group in groups.items()]
 
 
 def _name_function(function: Function) -> str:
     """Name of a channel: the ID line without its level."""
-    match = LEVEL.search(function.title)
-    name = function.title[: match.start()] + function.title[match.end() :] if match else function.title
-    return " ".join(name.split()) or f"node {function.response[0]}"
+    match = LEVEL.search(function.of.title)
+    name = function.of.title[: match.start()] + function.of.title[match.end() :] if match else function.of.title
+    return " ".join(name.split()) or f"node {function.of.response_point[0]}"
 
 
 def _join_functions(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
     """The run of some functions of a universal file: of frequency, or of time (tracked where one is the drive)."""
-    if not any(function.is_time for function in group):
+    if not any(function.of.is_time for function in group):
         return _read_spectra(label, group, source)
-    t, units = group[0].x, [(_name_function(function), function.units[0]) for function in group]
-    if not all(function.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
+    t, units = group[0].x, [(_name_function(function), function.of.numerator.unit) for function in group]
+    if not all(function.of.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
         raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
     samples = [np.asarray(function.y).real for function in group]
     drive = source.stated.choose_drive(dict(units))
@@ -104,9 +104,9 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
 
 def _read_spectra(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
     stated = source.stated
-    drives = [f for f in group if not f.per and (f.quantity == "force" or stated.is_drive(_name_function(f)))]
+    drives = [f for f in group if not f.of.per and (f.of.quantity == "force" or stated.is_drive(_name_function(f)))]
     sensors = [function for function in group if not any(function is drive for drive in drives)]
-    ratio = bool(sensors) and bool(sensors[0].per)
+    ratio = bool(sensors) and bool(sensors[0].of.per)
     if not sensors or (not drives and not ratio):
         what = "no response" if not sensors else "neither a control channel nor a ratio to the drive"
         raise InputError(f"{label}: {what}", expected="a channel named control, drive, base or force")
@@ -115,17 +115,17 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
         raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
     level, channels = find_level(label), []
     for sensor in sensors:
-        name, text = _name_function(sensor), sensor.units[0]
-        quantity = sensor.quantity or describe_quantity(text, name)
-        at_drive = sensor.per == "force" and sensor.response == sensor.reference
-        channels.append(Channel(name, quantity, text, np.asarray(sensor.y), bool(sensor.per), at_drive))
+        name, text = _name_function(sensor), sensor.of.numerator.unit
+        quantity = sensor.of.quantity or describe_quantity(text, name)
+        at_drive = sensor.of.per == "force" and sensor.of.response_point == sensor.of.reference_point
+        channels.append(Channel(name, quantity, text, np.asarray(sensor.y), bool(sensor.of.per), at_drive))
     if ratio:
         if level is None or not level[0] > 0.0:
             raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
-        drive_unit = sensors[0].units[1] or level[1]
+        drive_unit = sensors[0].of.denominator.unit or level[1]
         return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), tuple(channels))
     drive = stated.join_controls([f.y * stated.of(_name_function(f)).scale for f in drives])
-    drive_unit = stated.of(_name_function(drives[0])).unit or drives[0].units[0] or "g"
+    drive_unit = stated.of(_name_function(drives[0])).unit or drives[0].of.numerator.unit or "g"
     return source.set_level(CampaignRun(label, None, drive_unit, x, drive, tuple(channels)), label)
 
 

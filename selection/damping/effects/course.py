@@ -188,12 +188,6 @@ SWEEP_RATE = Effect(
 _ANGLE = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
 
 
-def simulate_reading(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """ln of the reading's complex factor moves by ``size`` exp(-i ``angle``) from the first row to the last."""
-    change = table["size"] * np.exp(-1j * np.asarray(table["angle"]))
-    return terms.plus(offset=lambda drive: change * drive.time)
-
-
 READING_DRIFT: Effect = Effect(
     name="reading-drift",
     kind="instrument",
@@ -202,6 +196,9 @@ READING_DRIFT: Effect = Effect(
     forms=lambda scales: (
         READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(_ANGLE,), largest=1.0),
     ),
-    simulate=simulate_reading,
+    # ln of the reading's complex factor moves by ``size`` exp(-i ``angle``) from the first row to the last
+    simulate=lambda terms, table: terms.plus(
+        offset=lambda drive: table["size"] * np.exp(-1j * np.asarray(table["angle"])) * drive.time
+    ),
     need="sweep",
 )

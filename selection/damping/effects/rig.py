@@ -193,18 +193,15 @@ def background_forms(scales: Scales) -> tuple[Form, ...]:
     return (BACKGROUND.form(report, 0.05, shapes=(angle,), largest=1.0),)
 
 
-def simulate_background(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """A signal of constant ``amplitude`` that lags the force by ``angle``."""
-    signal = table["amplitude"] * np.exp(-1j * np.asarray(table["angle"]))
-    return terms.plus(compliance=lambda drive: signal / drive.F)
-
-
 BACKGROUND = Effect(
     name="background",
     kind="instrument",
     sentence="a constant signal is added to the reading",
     forms=background_forms,
-    simulate=simulate_background,
+    # lags the force by ``angle``
+    simulate=lambda terms, table: terms.plus(
+        compliance=lambda drive: table["amplitude"] * np.exp(-1j * np.asarray(table["angle"])) / drive.F
+    ),
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
     need="sweep",
 )

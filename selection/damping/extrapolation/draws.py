@@ -253,11 +253,10 @@ def choose_next_level(
         low, high = at_design[order][np.minimum(np.searchsorted(cumulative, [tail, 1.0 - tail]), len(order) - 1)]
         return float(high - low)
 
-    def expected_width(at: FloatArray, noise: float) -> float:
-        readings = np.quantile(at, READINGS)
-        return float(np.mean([width(np.exp(-0.5 * ((at - reading) / noise) ** 2)) for reading in readings]))
-
-    expected = [expected_width(drawn[:, i], float(sd[i])) for i in range(len(tried))]
+    expected = [
+        np.mean([width(np.exp(-0.5 * ((at - reading) / noise) ** 2)) for reading in np.quantile(at, READINGS)])
+        for at, noise in zip(drawn.T, sd[: len(tried)], strict=False)
+    ]
     table = pd.DataFrame({"force": tried, "expected": np.exp(expected)}).sort_values("expected", kind="stable")
     now = float(np.exp(width(np.ones(len(order)))))
     return NextLevel(design, float(table["force"].iloc[0]), now, float(table["expected"].iloc[0]), table)

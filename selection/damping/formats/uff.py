@@ -66,13 +66,7 @@ def read_uff(
 class Function:
     """A data set 58 as it stands."""
 
-    title: str  #: ID line
-    response: tuple[int, int]  #: node, direction
-    reference: tuple[int, int]  #: likewise
-    is_time: bool
-    quantity: str  #: what the ordinate is
-    per: str  #: what it is divided by, '' where nothing
-    units: tuple[str, str]  #: labels of both
+    of: DataSet
     x: FloatArray
     y: Samples
 
@@ -87,10 +81,7 @@ def read_functions(data: bytes, summary: Summary) -> list[Function]:
     taken = []
     for entry in (entry for entry in find_sets(data)[0] if entry.function in (*_TAKEN, 5)):
         x, y = values(data, entry)
-        at = _abscissa(x, entry, summary)
-        labels = (entry.numerator.unit, entry.denominator.unit if entry.per else "")
-        points = (entry.response_point, entry.reference_point)
-        taken.append(Function(entry.title, *points, entry.is_time, entry.quantity, entry.per, labels, at, y))
+        taken.append(Function(entry, _abscissa(x, entry, summary), y))
     return taken
 
 

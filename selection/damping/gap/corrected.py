@@ -96,19 +96,15 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
             added[effect.damping] = values
         else:
             others[name] = values
-    damping = {name: _scaled(table, relative.get(name, 0.0)) for name, table in mode.damping.items()}
+    damping = {name: dict(table) for name, table in mode.damping.items()}
+    for name, table in damping.items():  # the leading coefficient changed by a share of itself
+        table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
     for name, own in added.items():
         leading = next(iter(own))
         damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
-
-
-def _scaled(table: Mapping[str, float], relative: float) -> dict[str, float]:
-    """A damping force with its leading coefficient changed by a share of itself."""
-    leading = next(iter(table))
-    return {key: value * (1.0 + relative) if key == leading else value for key, value in table.items()}
 
 
 @dataclass(frozen=True)

@@ -250,21 +250,15 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     A combination of effects could take in some of the noise itself.
     """
     if start.noise_known:
-        return start, _run(start, effects)
+        return start, Search(start.problem, effects, start.unknowns).run()
     for _ in range(2):
-        start = start.with_noise_of(_run(start, {}).ranked()[0].best)
+        start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
     search = Search(start.problem, effects, start.unknowns)
     search.singles()
     better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
     a, b = start.problem.rows, better.problem.rows
     changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
     if np.sqrt(np.mean(changes**2)) >= NOISE_ERROR:  # beyond what is integrated over anyway
-        return better, _run(better, effects)
+        return better, Search(better.problem, effects, better.unknowns).run()
     search.combine()
     return start, search
-
-
-def _run(known: Setting, effects: Mapping[str, Effect]) -> Search:
-    search = Search(known.problem, effects, known.unknowns)
-    search.run()
-    return search

@@ -93,7 +93,11 @@ def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: 
     simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
-    return Setting(problem, _scatter(mode, joined), *(all(part) for part in zip(*stated, strict=True)))
+    own = mode.repeatability
+    scatter: Scatter | None = Scatter(own.amplitude or NO_SCATTER, own.frequency or NO_SCATTER)
+    if own.amplitude is None and own.frequency is None and len(joined.sweeps) > 1:  # seen in several sweeps alone
+        scatter = None
+    return Setting(problem, scatter, *(all(part) for part in zip(*stated, strict=True)))
 
 
 def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
@@ -126,14 +130,6 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
     )
-
-
-def _scatter(mode: Mode, rows: Rows) -> Scatter | None:
-    """As stated; none with one sweep, where it cannot be seen; else to be estimated."""
-    stated = mode.repeatability
-    if stated.amplitude is None and stated.frequency is None:
-        return Scatter(NO_SCATTER, NO_SCATTER) if len(rows.sweeps) < 2 else None
-    return Scatter(stated.amplitude or NO_SCATTER, stated.frequency or NO_SCATTER)
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:

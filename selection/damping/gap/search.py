@@ -16,7 +16,7 @@ from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
-from damping.gap.model import Model, Part, Problem
+from damping.gap.model import Model, Problem
 from damping.gap.starts import SURE, Start, at_gap, choose_forms, list_starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
@@ -121,13 +121,14 @@ class Search:
         self.forms = {name: own for name, own in forms.items() if own}
         self.choices = self.choices or len(self.forms)
 
-    def run(self) -> list[Hypothesis]:
-        """Fit the simulation alone, every effect, and combinations; most probable first."""
+    def run(self) -> Search:
+        """Fit the simulation alone, every effect, and combinations."""
         self.singles()
-        return self.combine()
+        self.combine()
+        return self
 
-    def combine(self) -> list[Hypothesis]:
-        """Add effects to what was fitted as long as the data demand them; most probable first."""
+    def combine(self) -> None:
+        """Add effects to what was fitted as long as the data demand them."""
         for size in range(1, self._most_effects()):
             before = len(self.hypotheses)
             self._combine(size)
@@ -137,7 +138,6 @@ class Search:
         if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
             self._combine(1, leading)
         self._shorten()
-        return self.ranked()
 
     def _shorten(self) -> None:
         """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
@@ -259,7 +259,9 @@ class Search:
         parts = (*fit.model.parts, tried[0].part)
         models = [replace(fit.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
-            models += [replace(models[0], parts=other) for other in _list_twins(parts)]
+            forms = [(i, part.form.twin) for i, part in enumerate(parts) if part.form.twin]
+            twins = [(*parts[:i], replace(parts[i], form=twin), *parts[i + 1 :]) for i, twin in forms]
+            models += [replace(models[0], parts=twin) for twin in twins]
         z = np.zeros((len(x), 2 * fit.model.sweeps))
         if base.effects:  # what the fit says of the sweeps may hold beside one more effect, or hide what it explains
             rival = max(rival, fit.log_posterior)
@@ -289,12 +291,3 @@ def _leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
     r = hypothesis.plain.measured
     return not hypothesis.plain.many_wild and spread(r) < 1.0 + _FITTING / np.sqrt(r.size)
-
-
-def _list_twins(parts: tuple[Part, ...]) -> list[tuple[Part, ...]]:
-    """The parts with each form that has a twin replaced by it, one at a time."""
-    return [
-        (*parts[:i], replace(part, form=part.form.twin), *parts[i + 1 :])
-        for i, part in enumerate(parts)
-        if part.form.twin is not None
-    ]

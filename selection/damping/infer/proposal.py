@@ -63,8 +63,11 @@ class Proposal:
         """Parts fitted to posterior draws (n, d) worth ``worth`` independent ones, and the wide one."""
         draws = draws[:: max(1, len(draws) // MOST_FITTED)]
         parts = [draws]
-        while len(parts) < PARTS:
-            parts += _halve(parts.pop(0))
+        while len(parts) < PARTS:  # each cut in halves across its longest axis
+            part = parts.pop(0)
+            centred = part - part.mean(axis=0)
+            order = np.argsort(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1], kind="stable")
+            parts += [part[order[: len(part) // 2]], part[order[len(part) // 2 :]]]
         whole = _covary(draws)
         least = max(BLUR / worth, LEAST_BLUR) * whole + np.diag(1e-6 * np.diag(whole) + 1e-16)
         # a part is cut off where the next begins: twice its covariance lets them overlap
@@ -162,14 +165,6 @@ def _covary(draws: FloatArray) -> FloatArray:
     """Covariance (d, d) of draws (n, d)."""
     centred = draws - draws.mean(axis=0)
     return np.asarray(centred.T @ centred / max(len(draws) - 1, 1))
-
-
-def _halve(draws: FloatArray) -> list[FloatArray]:
-    """Two equal shares of draws (n, d), cut across their longest axis."""
-    centred = draws - draws.mean(axis=0)
-    axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-    order = np.argsort(centred @ axis, kind="stable")
-    return [draws[order[: len(order) // 2]], draws[order[len(order) // 2 :]]]
 
 
 def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArray:

@@ -233,7 +233,10 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
     # a ranking needs no diagnosis to load
     from damping.gap.corrected import effect_intervals, effect_values, refitted_values  # noqa: PLC0415 - see above
 
-    leading = diagnosis.leading
+    leading, held = diagnosis.leading, diagnosis.held_out
+    scheme = "one force level: nothing can be held out" if held is None else held.scheme
+    names = ("nominal", "before", "after", "shrinkage", "low", "high")
+    held_out = {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
     return {
         "format": "gap/1",
         "effects": list(leading.effects),
@@ -244,7 +247,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "levels": [asdict(level) for level in diagnosis.levels],
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
-        "gap": {**asdict(diagnosis.gap), "held_out": _held_out(diagnosis)},
+        "gap": {**asdict(diagnosis.gap), "held_out": held_out},
         "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
         "intervals": {
             effect: {name: list(interval) for name, interval in values.items()}
@@ -256,14 +259,6 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),
     }
-
-
-def _held_out(diagnosis: Diagnosis) -> Form:
-    """The held-out part of the form; nulls where there is one level and nothing could be held out."""
-    names = ("nominal", "before", "after", "shrinkage", "low", "high")
-    held = diagnosis.held_out
-    scheme = "one force level: nothing can be held out" if held is None else held.scheme
-    return {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
 
 
 def _posterior(sampled: EffectPosterior) -> Form:
