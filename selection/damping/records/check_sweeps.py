@@ -7,7 +7,7 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
-from damping.records.view import WILD, Finding, View, label_sweeps, name_sweeps, take_median
+from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_noise(view: View) -> Finding | None:
@@ -34,7 +34,7 @@ def check_outlier(view: View) -> Finding | None:
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in wild)
     values = ", ".join(f"{table['amplitude'][row]:g}" for row in wild[:3])
-    what = f"amplitude {values} at {', '.join(places[:3])}: more than {WILD:g} times off the rows beside it"
+    what = f"amplitude {values} at {', '.join(places[:3])}: far off what the rows beside it say"
     advice = "correct the gain range of that reading, or leave the row out"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)

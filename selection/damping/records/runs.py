@@ -222,6 +222,36 @@ def find_wild_rows(run: Run, factor: float) -> IntArray:
     return np.array(places if len(places) <= max(1.0, MOST_WILD * n) else [], np.int64)
 
 
+STRAY = 0.25  #: least ln of an amplitude over what the phasors beside it say, with phases, that is off
+STRAY_NOISE = 12.0  #: ... in units of the median of that
+BESIDE_STRAY = 0.3  #: what its phase, and the rows beside it, miss over what it misses, at most: it stands alone
+
+
+def find_stray_rows(run: Run) -> IntArray:
+    """Places in the run of amplitudes off the straight line through the phasors Y beside them, which stand alone.
+
+    Along a resonance Y moves evenly, however few rows it has; where a branch ends both rows at the jump are off, and
+    where a resonance bends the phase is off as well.
+    """
+    if run.phase is None or len(run) < 2 * FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
+        return np.empty(0, np.int64)
+
+    def miss(kept: IntArray) -> ComplexArray:
+        x, Y = run.omega[kept], run.stiffness[kept]
+        share = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+        return np.log((Y[:-2] + share * (Y[2:] - Y[:-2])) / Y[1:-1])
+
+    rows, all_off = np.arange(len(run)), miss(np.arange(len(run)))
+    off = np.abs(all_off.real)
+    far = off > max(STRAY, STRAY_NOISE * float(np.median(off)))
+    alone = [
+        k
+        for k in 1 + np.flatnonzero(far & (np.abs(all_off.imag) < BESIDE_STRAY * off))
+        if np.abs(miss(np.delete(rows, k))[max(k - 3, 0) : k + 1]).max() < BESIDE_STRAY * off[k - 1]
+    ]
+    return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
+
+
 def _stands_alone(run: Run, k: int, factor: float) -> bool:
     n, g = len(run), run.compliance
     beside = [m for m in (k - 1, k + 1) if 0 <= m < n]

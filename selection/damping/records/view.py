@@ -21,7 +21,16 @@ from damping.records.implied import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
-from damping.records.runs import FEWEST_ROWS, WHITE, Run, find_wild_rows, has_resonance, measure_whiteness, runs_of
+from damping.records.runs import (
+    FEWEST_ROWS,
+    WHITE,
+    Run,
+    find_stray_rows,
+    find_wild_rows,
+    has_resonance,
+    measure_whiteness,
+    runs_of,
+)
 
 SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
 WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
@@ -84,8 +93,9 @@ class View:
 
     @cached_property
     def wild(self) -> dict[int, str]:
-        """Rows of the record whose amplitude is off by more than ``WILD``, with their sweep."""
-        return {int(run.rows[k]): run.sweep for run in self.raw for k in find_wild_rows(run, WILD)} | self._wild_peaks()
+        """Rows of the record whose amplitude is far off the amplitudes, or phasors, beside it, with their sweep."""
+        found = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
+        return {int(run.rows[k]): run.sweep for run, k in found} | self._wild_peaks()
 
     def _wild_peaks(self) -> dict[int, str]:
         """Among sweeps of one row: the one whose amplitude does not go with its force as the others' do."""
