@@ -12,7 +12,7 @@ from damping import report
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
 from damping.report.page import Block, Footer, Table, render_page, write_sections
-from damping_pipelines.forms import PowerLawForm, StudyForm, StudyRecordForm
+from damping_pipelines.forms import StudyForm, StudyRecordForm
 from damping_pipelines.manifest import Manifest
 
 #: Odds from which on one law or several is said.
@@ -108,7 +108,13 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         | {
             "leading law": _describe_best(record.ranking),
             "weight": report.format_share(max((weight for _, weight in record.groups), default=float("nan"))),
-            "exponent": _describe_exponent(record.form.power_laws),
+            "exponent": next(
+                (
+                    f"{law.p:.2f}" + (f" ± {law.std_error:.2f}" if law.std_error is not None else "")
+                    for law in record.form.power_laws
+                ),
+                report.NOTHING,
+            ),
         }
         for study in studies
         for record in study.records.values()
@@ -130,14 +136,6 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
         "frequency": report.format_quantity(top["frequency"], "Hz", 4),
         "damping ratio there": f"{report.number(100.0 * top['ratio'])} % ({between})",
     }
-
-
-def _describe_exponent(laws: Sequence[PowerLawForm]) -> str:
-    """p of the first power law with its standard error."""
-    if not laws:
-        return report.NOTHING
-    p, error = laws[0].p, laws[0].std_error
-    return f"{p:.2f}" if error is None else f"{p:.2f} ± {error:.2f}"
 
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:

@@ -166,18 +166,15 @@ def saturation_forms(scales: Scales) -> tuple[Form, ...]:
     )
 
 
-def simulate_saturation(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """Clipped at ``level``, or compressed towards it where ``power`` is not 0."""
-    own = compressing(table["level"], table["power"]) if np.any(table["power"]) else clipping(table["level"])
-    return terms.plus(readings=own)
-
-
 SENSOR_SATURATION = Effect(
     name="sensor-saturation",
     kind="instrument",
     sentence="large readings are clipped or compressed",
     forms=saturation_forms,
-    simulate=simulate_saturation,
+    # clipped at ``level``, or compressed towards it where ``power`` is not 0
+    simulate=lambda terms, table: terms.plus(
+        readings=compressing(table["level"], table["power"]) if np.any(table["power"]) else clipping(table["level"])
+    ),
     shapes=(Shape("level", LENGTH, above=0.0), Shape("power", least=0.0, default=0.0)),
     need="sweep",
 )

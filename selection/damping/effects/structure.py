@@ -123,18 +123,16 @@ def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | N
     return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
 
 
-def simulate_planar(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The second plane of a table; with ``alike`` other than 0 all forces act in it too."""
-    weight, in_both = tan(table["angle"]) ** 2, table["alike"] != 0.0
-    return replace(terms, plane=Plane(weight, table["frequency_ratio"], in_both, table["damping_ratio"]))
-
-
 PLANAR_COUPLING = Effect(
     name="planar-coupling",
     kind="structure",
     sentence="the drive excites two close modes in principal planes at an angle",
     forms=planar_forms,
-    simulate=simulate_planar,
+    # with ``alike`` other than 0 all forces act in it too
+    simulate=lambda terms, table: replace(
+        terms,
+        plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], table["alike"] != 0.0, table["damping_ratio"]),
+    ),
     shapes=(
         Shape("angle"),
         Shape("frequency_ratio", above=0.0),

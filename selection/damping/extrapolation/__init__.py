@@ -170,8 +170,15 @@ def _list_sampled(
     """Laws with draws; what became of those whose chains did not converge is a caution of all."""
     members, left_out = [], []
     for law, posterior in posteriors:
-        member, said = _member(law, posterior)
-        if member:
+        said, member = "", Member(law.name, law.weight, law.coordinates, law.evidence.draws)
+        if posterior is not None and posterior.converged:
+            member = replace(member, coordinates=posterior.coordinates, draws=posterior.draws)
+        elif posterior is not None:
+            worth = law.evidence.effective_draws
+            instead = f"importance draws worth {worth:.0f} are used" if worth >= INSTEAD else "left out"
+            said = f"{law.name}: the chain did not converge ({posterior.failure}), {instead}"
+            member = replace(member, cautions=(said,))
+        if posterior is None or posterior.converged or law.evidence.effective_draws >= INSTEAD:
             members.append(member)
         else:
             left_out.append(said)
@@ -179,20 +186,6 @@ def _list_sampled(
     if not members:
         raise AnalysisError("no chain converged: " + "; ".join(left_out))
     return tuple(replace(member.thin(), cautions=(*member.cautions, *left_out), joint=joint) for member in members)
-
-
-def _member(law: Planned, posterior: Posterior | None) -> tuple[Member | None, str]:
-    """A law with its draws, and what is to be said of them; None where there are too few."""
-    if posterior is not None and posterior.converged:
-        return Member(law.name, law.weight, posterior.coordinates, posterior.draws), ""
-    instead = Member(law.name, law.weight, law.coordinates, law.evidence.draws)
-    if posterior is None:
-        return instead, ""
-    said = f"{law.name}: the chain did not converge ({posterior.failure}), "
-    if law.evidence.effective_draws < INSTEAD:
-        return None, said + "left out"
-    said += f"importance draws worth {law.evidence.effective_draws:.0f} are used"
-    return replace(instead, cautions=(said,)), said
 
 
 def _repeatability(mode: Mode | None) -> float:

@@ -79,32 +79,6 @@ class Curve:
         return pd.DataFrame({**columns, "tested": self.tested, "cautions": said})
 
 
-def _trace(
-    backbone: Backbone, force: Interval, amplitude: Interval, level: float, tested: tuple[float, float]
-) -> Curve:
-    """The curve through resonances of which force or amplitude is known and the other has a band.
-
-    Args:
-        tested: amplitudes between which rows are within the test.
-    """
-    f = backbone.frequency_at(amplitude.median, level)
-    z = float(ndtri(0.5 * (1.0 + level)))
-    zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
-    spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
-    down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
-    up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
-    low, high = tested[0] * (1.0 - ROUNDING), tested[1] * (1.0 + ROUNDING)
-    return Curve(
-        level=level,
-        amplitude=amplitude,
-        force=force,
-        frequency=f,
-        damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
-        tested=(amplitude.median >= low) & (amplitude.median <= high),
-        cautions=((),) * len(zeta),
-    )
-
-
 def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
     """Amplitudes of a curve that nobody asked for: over the test, and on to the largest predicted, ``FARTHEST``."""
     data = predicted.plan.data
@@ -193,16 +167,26 @@ def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -
 
 def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     """The curve through predictions, of amplitudes or of forces; ``data``: the rows that they rest on."""
-    predicted = Interval(loads.average.median, loads.average.low, loads.average.high)
-    if loads.amplitude is None:
-        force, amplitude = Interval.known(np.where(np.isfinite(predicted.median), loads.force, np.nan)), predicted
-    else:
-        amplitude = Interval.known(np.where(np.isfinite(predicted.median), loads.amplitude, np.nan))
-        force = predicted
-    traced = _trace(backbone, force, amplitude, loads.level, (float(data.A.min()), float(data.A.max())))
-    if loads.amplitude is None:
-        return replace(traced, force=Interval.known(loads.force), cautions=loads.cautions)
-    return replace(traced, amplitude=Interval.known(loads.amplitude), cautions=loads.cautions)
+    predicted, of_force = Interval(loads.average.median, loads.average.low, loads.average.high), loads.amplitude is None
+    asked = loads.force if loads.amplitude is None else loads.amplitude
+    known = Interval.known(np.where(np.isfinite(predicted.median), asked, np.nan))
+    force, amplitude = (known, predicted) if of_force else (predicted, known)
+    f = backbone.frequency_at(amplitude.median, loads.level)
+    z = float(ndtri(0.5 * (1.0 + loads.level)))
+    zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
+    spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
+    down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
+    up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
+    low, high = data.A.min() * (1.0 - ROUNDING), data.A.max() * (1.0 + ROUNDING)
+    return Curve(
+        level=loads.level,
+        amplitude=amplitude if of_force else Interval.known(asked),
+        force=Interval.known(asked) if of_force else force,
+        frequency=f,
+        damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
+        tested=(amplitude.median >= low) & (amplitude.median <= high),
+        cautions=loads.cautions,
+    )
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:

@@ -42,29 +42,21 @@ def list_cautions(
 
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
-    """Whether a law fits, how far the resonance moved, and what the trend of p says."""
-    slips = (
-        f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
-        "growing beyond the test, and the band allows for it"
-        if plan.joint.probability > 0.5 and force > plan.data.tested_force.max()
-        else ""
-    )
-    return [said for said in (plan.fit.sentence, plan.bistable, slips) if said] + _list_of_trend(force, plan)
-
-
-def _list_of_trend(force: float, plan: Plan) -> list[str]:
-    p = plan.trend
+    """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says."""
+    p, said = plan.trend, [plan.fit.sentence, plan.bistable]
+    if plan.joint.probability > 0.5 and force > plan.data.tested_force.max():
+        said.append(
+            f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
+            "growing beyond the test, and the band allows for it"
+        )
     if not plan.allows(np.asarray(force)):
-        return [
-            f"no prediction beyond {plan.limit:.4g}: fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
-        ]
-    if p.falling:
-        return [
-            f"force grows as a falling power of amplitude ({p.words}, from level to level): damping may stop growing, "
-            "and the band allows for it"
-        ]
-    said = f"force grows as a rising power of amplitude ({p.words}, from level to level)"
-    return [said] if p.rising else []
+        few = f"fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
+        said.append(f"no prediction beyond {plan.limit:.4g}: {few}")
+    elif p.falling or p.rising:
+        way = "falling" if p.falling else "rising"
+        allowed = ": damping may stop growing, and the band allows for it" if p.falling else ""
+        said.append(f"force grows as a {way} power of amplitude ({p.words}, from level to level){allowed}")
+    return [sentence for sentence in said if sentence]
 
 
 def _list_of_test(force: float, data: Observations) -> list[str]:

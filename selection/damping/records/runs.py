@@ -243,12 +243,9 @@ def find_stray_rows(run: Run) -> IntArray:
 
     rows, all_off = np.arange(len(run)), miss(np.arange(len(run)))
     off = np.abs(all_off.real)
-    far = off > max(STRAY, STRAY_NOISE * float(np.median(off)))
-    alone = [
-        k
-        for k in 1 + np.flatnonzero(far & (np.abs(all_off.imag) < BESIDE_STRAY * off))
-        if np.abs(miss(np.delete(rows, k))[max(k - 3, 0) : k + 1]).max() < BESIDE_STRAY * off[k - 1]
-    ]
+    far = (off > max(STRAY, STRAY_NOISE * float(np.median(off)))) & (np.abs(all_off.imag) < BESIDE_STRAY * off)
+    beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far)}
+    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_STRAY * off[k - 1]]
     return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
 
 
