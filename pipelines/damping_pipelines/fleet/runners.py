@@ -1,5 +1,7 @@
 """Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
 
+from __future__ import annotations
+
 import itertools
 import logging
 import socket
