@@ -30,7 +30,7 @@ from damping.gap.fit import ModelFit, decorrelate
 ALARM = 0.003
 #: Most missing forces that an explanation may name and still count as one.
 MOST_FORCES = 2
-#: Residuals beyond this count as so large in tests of sums of squares: wild points say nothing of a model.
+#: Limit, in units of noise, at which residuals are cut off in sums of squares: wild points say nothing of a model.
 CLIP = 3.0
 #: Splines of stiffness, and of damping, with amplitude.
 SPLINES = 6

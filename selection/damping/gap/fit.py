@@ -36,7 +36,7 @@ _FAR_OFF = 1.5
 _TRIED = 4
 _PATIENCE = 5
 _SURVIVORS = 2
-#: ... of which none costs more than this factor, and so much in ln p, above the best.
+#: ... those whose cost is at most this factor, and whose ln p is at most this difference, from the best.
 _HOPELESS = 1.3
 _BEHIND = 15.0
 #: Standard deviations of a variable by which fits of the same parts differ, at least.

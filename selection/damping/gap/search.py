@@ -22,8 +22,8 @@ from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
-#: Hypotheses with a further effect are fitted where the linear gain is at least so much and, times what lines do not
-#: say, could bring them so near the best.
+#: A further effect is fitted where its linear gain in ln p is at least the first and, times the second (gains of fits
+#: are larger than lines say), brings the hypothesis within the third of the most probable.
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
 _NEAR = 4.0
@@ -40,14 +40,14 @@ _MOST_DOUBTING = 4
 _CLOSE_MODES = 10.0
 #: Another form of an effect whose evidence is within this is kept when effects are added.
 _CLOSE = 3.0
-#: Hypotheses whose evidence is so far behind are not fitted again at the scatter and noise that suit them.
+#: ln of the evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
 _WORTH = 12.0
-#: ... and so far behind, not made again with predictions at their own motion either.
+#: ln of the evidence behind the best from which predictions are not taken again at a hypothesis' own motion.
 _LOST = 100.0
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3
-#: ... and none of several that is so far behind.
+#: ln p behind the best from which hypotheses of several effects are not fitted to another problem.
 _LOST_AGAIN = 30.0
 #: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
 _STARTS = 4
