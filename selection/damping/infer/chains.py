@@ -181,9 +181,12 @@ class Posterior(Chains):
 
 @dataclass(frozen=True)
 class ManyTries:
-    """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module)."""
+    """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module).
 
-    log_density: Callable[[FloatArray], FloatArray]
+    ``weigh``: ln w at x (points, dimension) -> (points,), which emcee is told instead of ln p.
+    """
+
+    weigh: Callable[[FloatArray], FloatArray]
     proposal: Proposal
     tries: int
 
@@ -191,9 +194,7 @@ class ManyTries:
         """The state after one step, and which walkers moved (walkers,)."""
         walkers = len(state.coords)
         tried = self.proposal.draw_random(walkers * self.tries, model.random)
-        log_p = self.log_density(tried)
-        log_w = (log_p - self.proposal.log_density(tried)).reshape(walkers, -1)
-        here = state.log_prob - self.proposal.log_density(state.coords)
+        log_w, here = self.weigh(tried).reshape(walkers, -1), state.log_prob
         top = np.maximum(log_w.max(axis=1), here)
         w, own = np.exp(log_w - top[:, None]), np.exp(here - top)
         total = w.sum(axis=1)
@@ -201,8 +202,8 @@ class ManyTries:
         # the largest of ln w + Gumbel noise is one in proportion to w
         chosen = np.argmax(log_w + model.random.gumbel(size=log_w.shape), axis=1)
         moved = model.random.random_sample(walkers) * (total - w[every, chosen] + own) < total
-        at = (every * self.tries + chosen)[moved]
-        state.coords[moved], state.log_prob[moved] = tried[at], log_p[at]
+        state.coords[moved] = tried[(every * self.tries + chosen)[moved]]
+        state.log_prob[moved] = log_w[every, chosen][moved]
         return state, moved
 
 
@@ -249,8 +250,12 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
     random = np.random.RandomState(np.random.SeedSequence(seed).generate_state(4))
     chosen = random.choice(len(start.draws), walkers, replace=False)
     state = emcee.State(start.draws[chosen], random_state=random.get_state())
-    move = ManyTries(target.log_density, start.proposal, settings.tries)
-    sampler = emcee.EnsembleSampler(walkers, target.dimension, target.log_density, vectorize=True, moves=move)
+
+    def weigh(x: FloatArray) -> FloatArray:
+        return target.log_density(x) - start.proposal.log_density(x)
+
+    move = ManyTries(weigh, start.proposal, settings.tries)
+    sampler = emcee.EnsembleSampler(walkers, target.dimension, weigh, vectorize=True, moves=move)
     steps = min(settings.first, settings.budget)
     while True:
         # walkers do not depend on each other, so that equal ones do no harm
