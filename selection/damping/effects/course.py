@@ -6,6 +6,7 @@ from itertools import chain
 from math import log
 
 import numpy as np
+from scipy.special import expit
 
 from damping.arrays import RAD_S_PER_HZ, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
@@ -13,6 +14,12 @@ from damping.forces.shapes import TIME, Shape
 
 #: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
 _SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
+#: Cycles of a structure that warms and cools in the course of a record, and where they begin, rad.
+_CYCLES = FormVariable.between(0.75, 6.0, starts=(-1.0, -0.35, 0.15, 0.6, 1.0))
+_PHASE = FormVariable(0.0, 1.8, starts=(-1.3, -0.45, 0.45, 1.3), linear=True)
+#: When a joint gives way, as a share of the record, and how long it takes: a hundredth of the record.
+_MOMENT = FormVariable(0.5, 0.25, starts=(-1.6, -1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2, 1.6), linear=True)
+_GIVING_WAY = 0.01
 #: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
@@ -36,7 +43,9 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
         *((_jumping_form(scales),) if 2 < scales.sweeps <= _MOST_JUMPS else ()),
         *_drift_side("frequency", scales.bandwidth, _MOST_DRIFT),
         *_drift_side("damping", 0.2, _MOST_WARMING),
-        *_drift_side("settling", scales.bandwidth, _MOST_DRIFT, (_SETTLING,)),
+        *_drift_side("settling", scales.bandwidth, _MOST_DRIFT, settling=_SETTLING),
+        *_drift_side("moment", scales.bandwidth, _MOST_DRIFT, moment=_MOMENT),
+        _drift_side("cycles", scales.bandwidth, _MOST_DRIFT, cycles=_CYCLES, phase=_PHASE)[0],
         *chain.from_iterable(_drift_side("frequency", scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps),
     )
 
@@ -53,44 +62,43 @@ def _jumping_form(scales: Scales) -> Form:
     return DRIFT.form(report, scales.bandwidth, shapes=shapes, largest=_MOST_DRIFT, label="level to level", sizes=sizes)
 
 
-def _drift_side(
-    kind: str, natural: float, most: float, shapes: tuple[FormVariable, ...] = (), sweep: int = 0
-) -> tuple[Form, Form]:
+def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes: FormVariable) -> tuple[Form, Form]:
     quantity = "damping" if kind == "damping" else "frequency"
 
-    def report(size: Floats, *settling: Floats) -> dict[str, Floats]:
-        values = {quantity: size} | ({"settling": settling[0]} if settling else {})
-        return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
+    def report(size: Floats, *values: Floats) -> dict[str, Floats]:
+        own = {quantity: size} | dict(zip(shapes, values, strict=True))
+        return own | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
 
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
-    return DRIFT.either_sign(report, label, natural=natural, shapes=shapes, largest=most, sizes=sizes)
-
-
-def drifting(terms: Terms, quantity: str, change: Floats, settling: Floats, sweep: Floats) -> Terms:
-    """ln of the frequency or the damping changed by ``change`` from the first row to the last, or in one sweep only."""
-
-    def part(drive: Drive) -> Floats:
-        if np.any(sweep):
-            return change * (drive.sweep == sweep)
-        if np.any(settling):
-            return change * (1.0 - np.exp(-(drive.time + 0.5) / settling))
-        return change * drive.time
-
-    return terms.plus(**{"damped" if quantity == "damping" else "detuned": part})
+    variables = tuple(shapes.values())
+    return DRIFT.either_sign(report, label, natural=natural, shapes=variables, largest=most, sizes=sizes)
 
 
 def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """The drift of a table: ``frequency`` and ``damping`` relative, with ``settling`` or in ``sweep`` only.
+    """The drift of a table: ``frequency`` and ``damping``, relative, change by as much from the first row to the last.
 
-    ``frequency_1`` and so on: of each sweep.
+    They may settle in a time, change at a moment, or in cycles, or in one ``sweep`` only; ``frequency_1``, ``_2``, ...:
+    of each sweep.
     """
-    for quantity in ("frequency", "damping"):
+
+    def course(drive: Drive) -> Floats:
+        if np.any(table["sweep"]):
+            return drive.sweep == table["sweep"]
+        if np.any(table["settling"]):
+            return 1.0 - np.exp(-(drive.time + 0.5) / table["settling"])
+        if np.any(table["cycles"]):
+            return np.sin(2.0 * np.pi * table["cycles"] * drive.time + table["phase"])
+        if np.any(table["moment"]):
+            return np.asarray(expit((drive.time + 0.5 - table["moment"]) / _GIVING_WAY))
+        return drive.time
+
+    for quantity, field in (("frequency", "detuned"), ("damping", "damped")):
         if np.any(table[quantity]):
-            terms = drifting(terms, quantity, table[quantity], table["settling"], table["sweep"])
-    for sweep in range(1, _MOST_JUMPS + 1):
-        if np.any(table[f"frequency_{sweep}"]):
-            terms = drifting(terms, "frequency", table[f"frequency_{sweep}"], 0.0, sweep)
+            terms = terms.plus(**{field: lambda drive, size=table[quantity]: size * course(drive)})
+    jumps = [(sweep, table[f"frequency_{sweep}"]) for sweep in range(1, _MOST_JUMPS + 1)]
+    if any(np.any(jump) for _, jump in jumps):
+        terms = terms.plus(detuned=lambda drive: sum(jump * (drive.sweep == sweep) for sweep, jump in jumps))
     return terms
 
 
@@ -104,6 +112,9 @@ DRIFT = Effect(
         Shape("frequency", default=0.0),
         Shape("damping", default=0.0),
         Shape("settling", least=0.0, default=0.0),
+        Shape("cycles", least=0.0, default=0.0),
+        Shape("phase", default=0.0),
+        Shape("moment", least=0.0, default=0.0),
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),

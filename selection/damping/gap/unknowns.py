@@ -35,7 +35,7 @@ LEAST = 1e-6
 FURTHER_ERROR = 0.05
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
 AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
-FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.08), (0.03, 0.08), (0.06, 0.08), (0.12, 0.08), (0.25, 0.08))
+FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.1), (0.03, 0.1), (0.06, 0.1), (0.12, 0.09), (0.2, 0.01))
 #: Nodes of ln noise, in units of its standard deviation.
 _NODES = np.linspace(-2.5, 2.5, 11)
 #: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
