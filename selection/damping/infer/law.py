@@ -15,13 +15,16 @@ prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import EllipsisType
+from typing import TypeAlias
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, IntArray
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
@@ -77,6 +80,10 @@ class Law:
     def is_viscous(self) -> bool:
         """Whether it is viscous damping alone."""
         return all(part.example.viscous for part in self.parts)
+
+
+#: A component, its leading coefficient and its shapes by name, arrays of one shape.
+Part: TypeAlias = tuple[Component, FloatArray, dict[str, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -172,7 +179,7 @@ class Coordinates:
             result.append(values)
         return result
 
-    def find_parts(self, x: FloatArray) -> list[tuple[Component, FloatArray, dict[str, FloatArray]]]:
+    def find_parts(self, x: FloatArray) -> list[Part]:
         """Each component, its leading coefficient in the units of the record (stiffness of a slip joint) and shapes."""
         amplitude, omega, force = self.reference
         total, shares = force * np.exp(TOTAL_LOG_SD * x[..., 0]), self.shares(x)
@@ -187,14 +194,15 @@ class Coordinates:
 
     def force(self, x: FloatArray) -> Sum:
         """The damping force of the law; its parameters have shape (..., 1) so that they broadcast with rows."""
+        return self.join(self.find_parts(x))
 
-        def column(value: FloatArray) -> FloatArray:
-            return np.asarray(value)[..., None]
-
+    @staticmethod
+    def join(parts: Sequence[Part], points: IntArray | EllipsisType = ...) -> Sum:
+        """The force of parts of ``find_parts``, at some of their points."""
         return Sum(
             tuple(
-                part.build(column(c), **{name: column(value) for name, value in shapes.items()})
-                for part, c, shapes in self.find_parts(x)
+                part.build(c[points][..., None], **{name: value[points][..., None] for name, value in shapes.items()})
+                for part, c, shapes in parts
             )
         )
 

@@ -17,10 +17,11 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, IntArray
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import stray_covariance
 from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates
@@ -76,37 +77,58 @@ def _residuals(
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
 
-    def weigh(block: FloatArray) -> FloatArray:
-        force = coordinates.force(block)
-        return _weigh(block, force, *_averages(force, data), coordinates, data)
+    parts = coordinates.find_parts(x)
 
-    return by_blocks(weigh, x, len(data.A))
+    def weigh(points: IntArray) -> FloatArray:
+        return _sum_rows(*_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
+
+    row = coordinates.scatter(x)[0]
+    sums = by_blocks(weigh, np.arange(len(x)), len(data.A))
+    return _weigh_levels(sums, x, coordinates.join(parts), coordinates, data)
 
 
-def by_blocks(work: Callable[[FloatArray], FloatArray], x: FloatArray, rows: int) -> FloatArray:
-    """``work(x)``, one value for each point of ``x`` (points, dimension); its arrays of (points, rows) stay small."""
+Points = TypeVar("Points", FloatArray, IntArray)
+
+
+def by_blocks(work: Callable[[Points], FloatArray], x: Points, rows: int) -> FloatArray:
+    """``work(x)`` of points ``x``, (points, ...) both; its arrays of (points, rows) stay small."""
     step = max(1, BLOCK // rows)
     if len(x) <= step:
         return work(x)
     return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
 
 
-def _weigh(
-    x: FloatArray, force: Sum, C: FloatArray, grown: FloatArray, coordinates: Coordinates, data: Observations
+def _sum_rows(
+    C: FloatArray, grown: FloatArray, row: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """Log likelihood of rows with averages ``C`` and ``grown``; ``force``: of the law at ``x``, up to a factor."""
+    """What rows with averages ``C`` and ``grown`` and scatters ``row`` (points,) come to, (points, 1 + sums).
+
+    The log of the density of independent rows at n = 0; then sums over each sweep of n^2 and, where levels have errors
+    of their own, of h^2 and h n, over the variance of each row.
+    """
     n, h, known = _residuals(C, grown, data)
-    variance = coordinates.scatter(x)[0][:, None] ** 2
+    variance = row[:, None] ** 2
     if known is not None:
         variance = variance + known
     with np.errstate(all="ignore"):
         value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * variance), axis=1)
-        nn = _sum_over(n * n, variance, data)
+        sums = [_sum_over(n * n, variance, data)]
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            hh, hn = _sum_over(h * h, variance, data), _sum_over(h * n, variance, data)
-            value += _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
+            sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
+    return np.column_stack([value, *sums])
+
+
+def _weigh_levels(
+    sums: FloatArray, x: FloatArray, force: Sum, coordinates: Coordinates, data: Observations
+) -> FloatArray:
+    """Log likelihood (points,) of :func:`_sum_rows`; ``force``: of the law at ``x``, up to a factor."""
+    value, nn = sums[:, 0], sums[:, 1 : 1 + len(data.sweeps)]
+    with np.errstate(all="ignore"):
+        if coordinates.with_level_scatter or coordinates.with_doubt:
+            hh, hn = np.split(sums[:, 1 + len(data.sweeps) :], 2, axis=1)
+            value = value + _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
         else:
-            value -= 0.5 * np.sum(nn, axis=1)
+            value = value - 0.5 * np.sum(nn, axis=1)
     return np.where(np.isfinite(value), value, -np.inf)
 
 
@@ -221,40 +243,65 @@ class Balanced:
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
-        return by_blocks(self._log_density, z, len(self.data.A))
+        x = self._cut_off(z)
+        parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
+        s = self._widen(row, level)
+
+        def weigh(points: IntArray) -> FloatArray:
+            C, grown = _averages(self.coordinates.join(parts, points), self.data)
+            x_1 = self._balance(C) + s[points] * z[points, 0]
+            factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
+            sums = _sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
+            return np.column_stack([x_1, sums])
+
+        sums = by_blocks(weigh, np.arange(len(z)), len(self.data.A))
+        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
+        x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
+        force = self.coordinates.join(parts)
+        value = log_prior(x) + _weigh_levels(sums[:, 1:], x, force, self.coordinates, self.data) + np.log(s)
+        return np.where(inside, value, -np.inf)
 
     def find_points(self, z: FloatArray) -> FloatArray:
         """x at z, (points, dimension)."""
         new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
-        x = by_blocks(lambda block: self._balance(block)[0], z[new], len(self.data.A))
+        x, s = self._find_total(z[new])
+        x[:, 0] += s * z[new, 0]
         return np.asarray(x[np.cumsum(new) - 1])
 
     def find_variables(self, x: FloatArray) -> FloatArray:
         """z at x, (points, dimension)."""
-        x_1 = x[:, 0]
-        without, _, _, _, s = self._balance(np.column_stack([np.zeros(len(x)), x[:, 1:]]))
-        return np.column_stack([(x_1 - without[:, 0]) / s, x[:, 1:]])
+        without, s = self._find_total(x)
+        return np.column_stack([(x[:, 0] - without[:, 0]) / s, x[:, 1:]])
 
-    def _balance(self, z: FloatArray) -> tuple[FloatArray, Sum, FloatArray, FloatArray, FloatArray]:
-        """x at z; the law there but for the factor exp(x_1); its C and growth without that factor; and s."""
+    def _find_total(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
+        x = self._cut_off(z)
+        parts = self.coordinates.find_parts(x)
+
+        def balance(points: IntArray) -> FloatArray:
+            return self._balance(_averages(self.coordinates.join(parts, points), self.data)[0])
+
+        s = self._widen(*self.coordinates.scatter(x))
+        x[:, 0] = by_blocks(balance, np.arange(len(z)), len(self.data.A))
+        return x, s
+
+    @staticmethod
+    def _cut_off(z: FloatArray) -> FloatArray:
+        """x at z but for x_1, which is 0: the law there lacks the factor exp(x_1)."""
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
-        force = self.coordinates.force(x)
-        C, grown = _averages(force, self.data)
-        data, (row, level) = self.data, self.coordinates.scatter(x)
+        return x
+
+    def _balance(self, C: FloatArray) -> FloatArray:
+        """t (points,) of a law with averages C (points, rows)."""
+        data = self.data
         weight = 1.0 / (data.D**2 + data.R**2)
         with np.errstate(all="ignore"):
             t = np.log((C @ (weight * data.D)) / ((C * C) @ weight)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0
-        known = np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2)
-        s = np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN
-        x[:, 0] = np.clip(t, -REACH, REACH) + s * z[:, 0]
-        return x, force, C, grown, s
+        return np.asarray(np.clip(t, -REACH, REACH))
 
-    def _log_density(self, z: FloatArray) -> FloatArray:
-        x, force, C, grown, s = self._balance(z)
-        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(x[:, 0]) < REACH)
-        x[:, 0] = np.clip(x[:, 0], -REACH, REACH)
-        factor = np.exp(TOTAL_LOG_SD * x[:, :1])
-        value = log_prior(x) + _weigh(x, force, factor * C, factor * grown, self.coordinates, self.data) + np.log(s)
-        return np.where(inside, value, -np.inf)
+    def _widen(self, row: FloatArray, level: FloatArray) -> FloatArray:
+        """s (points,) of scatters of rows and levels."""
+        known = np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2)
+        return np.asarray(np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN)
