@@ -17,14 +17,14 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from damping.arrays import FloatArray, IntArray
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import stray_covariance
-from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates
+from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
 from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
@@ -76,21 +76,16 @@ def _residuals(
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
-
-    parts = coordinates.find_parts(x)
+    parts, row = coordinates.find_parts(x), coordinates.scatter(x)[0]
 
     def weigh(points: IntArray) -> FloatArray:
         return _sum_rows(*_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
-    row = coordinates.scatter(x)[0]
     sums = by_blocks(weigh, np.arange(len(x)), len(data.A))
     return _weigh_levels(sums, x, coordinates.join(parts), coordinates, data)
 
 
-Points = TypeVar("Points", FloatArray, IntArray)
-
-
-def by_blocks(work: Callable[[Points], FloatArray], x: Points, rows: int) -> FloatArray:
+def by_blocks(work: Callable[[Any], FloatArray], x: np.ndarray, rows: int) -> FloatArray:
     """``work(x)`` of points ``x``, (points, ...) both; its arrays of (points, rows) stay small."""
     step = max(1, BLOCK // rows)
     if len(x) <= step:
@@ -243,9 +238,7 @@ class Balanced:
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
-        x = self._cut_off(z)
-        parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
-        s = self._widen(row, level)
+        x, parts, row, s = self._prepare(z)
 
         def weigh(points: IntArray) -> FloatArray:
             C, grown = _averages(self.coordinates.join(parts, points), self.data)
@@ -275,22 +268,21 @@ class Balanced:
 
     def _find_total(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
-        x = self._cut_off(z)
-        parts = self.coordinates.find_parts(x)
+        x, parts, _, s = self._prepare(z)
 
         def balance(points: IntArray) -> FloatArray:
             return self._balance(_averages(self.coordinates.join(parts, points), self.data)[0])
 
-        s = self._widen(*self.coordinates.scatter(x))
         x[:, 0] = by_blocks(balance, np.arange(len(z)), len(self.data.A))
         return x, s
 
-    @staticmethod
-    def _cut_off(z: FloatArray) -> FloatArray:
-        """x at z but for x_1, which is 0: the law there lacks the factor exp(x_1)."""
+    def _prepare(self, z: FloatArray) -> tuple[FloatArray, list[Part], FloatArray, FloatArray]:
+        """x at z but for x_1 = 0; the law's parts there, which lack exp(x_1); scatters of rows; and s."""
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
-        return x
+        row, level = self.coordinates.scatter(x)
+        known = np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2)
+        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN
 
     def _balance(self, C: FloatArray) -> FloatArray:
         """t (points,) of a law with averages C (points, rows)."""
@@ -300,8 +292,3 @@ class Balanced:
             t = np.log((C @ (weight * data.D)) / ((C * C) @ weight)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0
         return np.asarray(np.clip(t, -REACH, REACH))
-
-    def _widen(self, row: FloatArray, level: FloatArray) -> FloatArray:
-        """s (points,) of scatters of rows and levels."""
-        known = np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2)
-        return np.asarray(np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN)
