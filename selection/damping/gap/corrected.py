@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Effect
 from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
@@ -104,6 +104,8 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
+    if slip := damping.get("slip"):  # no joint loses more than there is
+        slip["stiffness"] = min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
 
 
