@@ -84,7 +84,7 @@ def test_the_audit_refuses_and_despite_is_the_way_past(files, damping, tmp_path,
     words = commands(wrong, mode, tmp_path)[name]
     run = damping(*words)
     assert run.code == 1
-    assert "phase-sign (refuse)" in run.err
+    assert f"{wrong.name if name != 'fleet' else 'one.csv'}: phase-sign (refuse)" in run.err
     assert "--despite phase-sign" in run.err
     run = damping(*words, "--despite", "phase-sign", *(("--replace",) if name == "fleet" else ()))
     assert run.code == 0, run.err
