@@ -60,7 +60,7 @@ def _drift_side(
 
     def report(size: Floats, *settling: Floats) -> dict[str, Floats]:
         values = {quantity: size} | ({"settling": settling[0]} if settling else {})
-        return values | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
+        return values | ({"sweep": float(sweep)} if sweep else {})
 
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
@@ -126,8 +126,8 @@ def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
         return one_sweep(terms, sweep, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": np.zeros_like(size) + sweep}
-        return values | ({"force": np.ones_like(size)} if force else {})
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": float(sweep)}
+        return values | ({"force": 1.0} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}"
     return LEVEL_OFFSET.either_sign(report, label, change, largest=log(3.0))
