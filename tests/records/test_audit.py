@@ -61,10 +61,16 @@ def test_every_wrong_record_is_named_and_refused_where_due(seed):
     assert not missed
 
 
-@pytest.mark.parametrize("name", ["negated", "minus pi", "m for mm", "exchanged", "degrees, wrapped", "noise"])
+@pytest.mark.parametrize("name", ["negated", "minus pi", "m for mm", "exchanged", "degrees, wrapped", "turns", "noise"])
 def test_one_cause_is_one_finding(name):
     check, table, mode, _ = wrong_cases(1)[name]
     assert [finding.check for finding in audit(record_of(table), mode).findings] == [check]
+
+
+def test_turns_are_named_as_turns():
+    _, table, mode, _ = wrong_cases(0)["turns"]
+    (finding,) = audit(record_of(table), mode).findings
+    assert finding.advice == "are they turns? multiply by 2 pi"
 
 
 def _files() -> list[tuple[Path, Path]]:

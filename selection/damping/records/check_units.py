@@ -6,6 +6,7 @@ from math import inf, log, pi
 import numpy as np
 
 from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.records.implied import is_in_turns
 from damping.records.resonance import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -161,6 +162,9 @@ def check_phase_unit(view: View) -> Finding | None:
     what = f"the phases of {name_sweeps(view.incoherent)} jump or turn as no lag in radians does"
     what += ", though the amplitudes do not"
     advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be saved: import the file anew)"
+    if all(is_in_turns(run) for run in view.runs if run.sweep in view.incoherent):
+        what = f"the phases of {name_sweeps(view.incoherent)} pass the resonance within one radian"
+        advice = "are they turns? multiply by 2 pi"
     return Finding("phase-unit", "refuse", what, advice, view.incoherent)
 
 
