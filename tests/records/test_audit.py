@@ -67,6 +67,21 @@ def test_one_cause_is_one_finding(name):
     assert [finding.check for finding in audit(record_of(table), mode).findings] == [check]
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.8, 0.95, 1.0, 1.05, 1.2])
+def test_an_energy_that_contradicts_its_row_is_refused(factor):
+    """One measured on the structure may differ by 5 %, as a gain does, from that of noisy force, motion and phase."""
+    for seed in range(3):
+        b = replace(right_benches(1, seed=3)[0], noise=0.03, seed=seed)
+        truth = clean(b)
+        energy = factor * np.pi * truth["force"] * truth["amplitude"] * np.sin(truth["phase"])
+        found = audit(record_of(measured(truth, b).assign(energy=energy)), b.mode).findings
+        assert [(one.check, one.verdict) for one in found] == [("energy", "refuse")] * (not 0.9 < factor < 1.1)
+    one_row = energy / factor
+    one_row[int(np.argmax(truth["amplitude"]))] *= factor
+    found = audit(record_of(measured(truth, b).assign(energy=one_row)), b.mode).findings
+    assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
+
+
 def test_turns_are_named_as_turns():
     _, table, mode, _ = wrong_cases(0)["turns"]
     (finding,) = audit(record_of(table), mode).findings
