@@ -219,9 +219,9 @@ def test_a_level_that_stops_below_its_resonance_is_named():
         assert (finding.check, finding.verdict, finding.sweeps) == ("edge-of-sweep", "caution", ("C",))
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.6, 2.0, 3.0])
+@pytest.mark.parametrize("factor", [0.5, 1.6, 2.0, 3.0, np.exp(0.6j), np.exp(-0.6j), np.exp(1.5j)])
 @pytest.mark.parametrize("row", [3, 8, 9, 10, 17])
-def test_an_amplitude_off_beside_right_phases_is_named(row, factor):
+def test_a_reading_off_beside_right_ones_is_named(row, factor):
     """21 rows through the resonance of a linear mode (xi = 0.02), noise 0.5 %: at the peak (row 10) and off it."""
     r = np.linspace(0.94, 1.06, 21)
     response = 10.0 / (1.0 - r**2 + 0.04j * r)
@@ -229,7 +229,8 @@ def test_an_amplitude_off_beside_right_phases_is_named(row, factor):
     table = pd.DataFrame({"sweep": "A", "force": 10.0, "frequency": 1.7 * r, "phase": -np.angle(response)})
     table["amplitude"] = np.abs(response) * noise
     assert audit(record_of(table)).verdict == "ok"
-    table.loc[row, "amplitude"] *= factor
+    table.loc[row, "amplitude"] *= abs(factor)
+    table.loc[row, "phase"] += np.angle(factor)
     (finding,) = audit(record_of(table)).findings
     assert (finding.check, finding.sweeps) == ("outlier", ("A",))
     assert f"at row {row + 1} " in finding.what

@@ -23,7 +23,10 @@ def check_noise(view: View) -> Finding | None:
 
 
 def check_outlier(view: View) -> Finding | None:
-    """Single amplitudes far from what the rows beside them say."""
+    """Single readings far from what the rows beside them say.
+
+    They stay in every fit: one in a hundred coarse sweeps has a right reading like them, at its resonance.
+    """
     table = view.record.table
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
     beats = view.sensed is not None  # the response after a peak that was passed too fast falls to nothing between beats
@@ -33,9 +36,14 @@ def check_outlier(view: View) -> Finding | None:
     places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in wild]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in wild)
-    values = ", ".join(f"{table['amplitude'][row]:g}" for row in wild[:3])
+    lags = table["phase"] if view.record.has_phase else {}
+    values = ", ".join(
+        f"{table['amplitude'][row]:g}{f' (phase {lags[row]:.3g})' if len(lags) else ''}" for row in wild[:3]
+    )
     what = f"amplitude {values} at {', '.join(places[:3])}: far off what the rows beside it say"
-    advice = "correct the gain range of that reading, or leave the row out"
+    advice = (
+        "it is in every fit: correct that reading (gain range, tracking), or take the row out of the file and run again"
+    )
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)
 
