@@ -73,16 +73,22 @@ def runs_of(record: Record) -> list[Run]:
     return [run for _, table in record.table.groupby("sweep", sort=False) for run in _legs(table)]
 
 
-def _legs(table: pd.DataFrame) -> Iterator[Run]:
+def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
+    """Rows of one sweep as taken, and the places of its legs up or down; by frequency where they make no legs."""
     if "time" in table.columns and table["time"].notna().all():
         table = table.sort_values("time", kind="stable")
     step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))
     turns = np.flatnonzero(step[1:] * step[:-1] < 0.0) + 2
-    parts = np.split(np.arange(len(table)), turns)
-    if min(len(part) for part in parts) < FEWEST_ROWS:
-        parts = [np.arange(len(table))]
-    for part in parts:
-        yield _run(table.iloc[part].sort_values("frequency", kind="stable"))
+    legs = np.split(np.arange(len(table)), turns)
+    if len(legs) == 1 or min(map(len, legs)) >= FEWEST_ROWS:
+        return table, legs
+    return table.sort_values(["frequency", "amplitude"]), [np.arange(len(table))]
+
+
+def _legs(table: pd.DataFrame) -> Iterator[Run]:
+    table, legs = order_rows(table)
+    for leg in legs:
+        yield _run(table.iloc[leg].sort_values("frequency", kind="stable"))
 
 
 def _run(table: pd.DataFrame) -> Run:
