@@ -52,10 +52,9 @@ def gap(
     if not records:
         if not model.is_dir():
             raise InputError("no record beside it", file=model, expected="MODEL.toml RECORD.csv, or a folder of cases")
-        if simulator is not None or plot is not None:
-            raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
-        if report is not None or model_out is not None:
-            raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
+        if any(option is not None for option in (simulator, plot, report, model_out)):
+            options = "--simulator, --plot, --report and --model-out"
+            raise InputError(f"{options} are for one record", expected="MODEL.toml RECORD.csv")
         if json_out is None or json_out == "-":
             raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
         if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):

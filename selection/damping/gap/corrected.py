@@ -49,23 +49,15 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
     return parameters
 
 
-def effect_places(fit: ModelFit) -> dict[str, str]:
-    """What an effect of one sweep alone acts on, such as ``force of sweep B``, by effect."""
-    sweeps, places = fit.model.problem.rows.sweeps, dict[str, str]()
-    for effect, own in effect_values(fit).items():
+def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
+    """Parameters of every effect, and in words what one of a single sweep acts on, such as ``force of sweep B``."""
+    sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
+    for effect, own in values.items():
         if "sweep" in own:
-            what = "frequency" if "frequency" in own else "force" if own.get("force") else "readings"
-            places[effect] = f"{what} of sweep {sweeps[int(own['sweep']) - 1]}"
-    return places
-
-
-def free_values(fit: ModelFit) -> dict[str, dict[str, float]]:
-    """Parameters of every effect of a fit without those that `effect_places` says in words."""
-    words = dict.fromkeys(effect_places(fit), ("sweep", "force"))
-    return {
-        effect: {name: value for name, value in own.items() if name not in words.get(effect, ())}
-        for effect, own in effect_values(fit).items()
-    }
+            sweep = sweeps[int(own.pop("sweep")) - 1]
+            what = "frequency" if "frequency" in own else "force" if own.pop("force", 0.0) else "readings"
+            places[effect] = f"{what} of sweep {sweep}"
+    return values, places
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:

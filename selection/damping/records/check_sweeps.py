@@ -33,17 +33,16 @@ def check_outlier(view: View) -> Finding | None:
     wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
     if not wild:
         return None
-    places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in wild]
+    shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
+    told = [
+        f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
+        f"({table['frequency'][row]:g} Hz, sweep {view.wild[row]})"
+        for row in wild[:3]
+    ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in wild)
-    lags = table["phase"] if view.record.has_phase else {}
-    values = ", ".join(
-        f"{table['amplitude'][row]:g}{f' (phase {lags[row]:.3g})' if len(lags) else ''}" for row in wild[:3]
-    )
-    what = f"amplitude {values} at {', '.join(places[:3])}: far off what the rows beside it say"
-    advice = (
-        "it is in every fit: correct that reading (gain range, tracking), or take the row out of the file and run again"
-    )
+    what = f"{'; '.join(told)}: far off what the rows beside it say"
+    advice = "it is in every fit: correct that reading (gain range, tracking), or run again without the row"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)
 

@@ -66,14 +66,14 @@ def check_energy(view: View) -> Finding | None:
     small = bool(resonant) and all(np.nanmax(share[rows]) < 1.0 / ENERGY_SHORT for rows in resonant)
     if not wrong.any() and not small:
         return None
-    sizes = np.abs(np.where(np.isfinite(apart), apart, np.log(np.maximum(share, 1.0))))
-    row = int(np.nanargmax(np.where(wrong, sizes, 0.0) if wrong.any() else share))
-    if wrong[row] and np.isfinite(apart[row]):
-        what = f"energy {table['energy'][row]:g} at row {row + 1} is {np.exp(apart[row]):.3g} of pi F A sin(phase), "
-        what += "that of the force, amplitude and phase there"
+    by_phase = wrong & np.isfinite(apart)
+    row = int(np.nanargmax(np.abs(np.where(by_phase, apart, 0.0)) if by_phase.any() else share))
+    what = f"energy {table['energy'][row]:g} at row {row + 1} is "
+    if by_phase.any():
+        what += f"{np.exp(apart[row]):.3g} of pi F A sin(phase), that of the force, amplitude and phase there"
     else:
-        what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
-        what += "the most that force and motion allow" + ("" if wrong.any() else "; at a resonance it is all of it")
+        what += f"{share[row]:.3g} of pi F A, the most that force and motion allow"
+        what += "" if wrong.any() else "; at a resonance it is all of it"
     advice = "check the unit of the energy and whether it is that of one cycle, or leave the column out"
     return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if wrong[run.rows].any()))
 

@@ -16,7 +16,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
-from damping.gap.corrected import EffectPosterior, effect_places, free_values, refitted_values
+from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
@@ -46,7 +46,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     cannot be told apart), ``trends`` (of local damping and frequency with amplitude), ``reach`` (how far the gap
     shrinks where it did not choose the explanation), ``following`` (what to test next).
     """
-    leading, places = diagnosis.hypotheses[0], effect_places(diagnosis.leading.best)
+    leading, (_, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
     named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
     trends = (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend))
     values = {
@@ -117,7 +117,7 @@ def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     leading = diagnosis.leading.best
     rows = [
         {"of": effect, "parameter": name, "value": value}
-        for effect, values in free_values(leading).items()
+        for effect, values in describe_effects(leading)[0].items()
         for name, value in values.items()
     ]
     corrections = refitted_values(leading).items()
