@@ -249,10 +249,10 @@ def find_stray_rows(run: Run) -> IntArray:
         return np.log((Y[:-2] + share * (Y[2:] - Y[:-2])) / Y[1:-1])
 
     rows, all_off = np.arange(len(run)), miss(np.arange(len(run)))
-    off = np.abs([all_off.real, all_off.imag])
-    far = (off > np.maximum(STRAY, STRAY_NOISE * np.median(off, axis=1, keepdims=True))) & (
-        off[::-1] < BESIDE_STRAY * off
-    )
+    off, size = np.abs([all_off.real, all_off.imag]), np.abs(run.stiffness)
+    steep = np.maximum(0.5 * (size[:-2] + size[2:]) / (size[1:-1] * np.exp(all_off.real)), 1.0)  # noise of larger Y
+    least = np.maximum(STRAY, STRAY_NOISE * steep * np.median(off, axis=1, keepdims=True))
+    far = (off > least) & (off[::-1] < BESIDE_STRAY * off)
     beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far.any(axis=0))}
     alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_STRAY * off[:, k - 1].max()]
     return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
