@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -21,7 +21,7 @@ from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_file, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import PlainTable, console, number, parse_number
+from damping_pipelines.terminal import PlainTable, console, number, parse_number, report_findings
 
 
 def campaign(
@@ -34,11 +34,12 @@ def campaign(
     previous: Path | None,
     seed: int,
     max_size: int,
+    despite: Collection[str],
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    InputError: bad usage, or files that are not understood. AnalysisError: no mode that can be followed over the
-    levels.
+    InputError: bad usage, files that are not understood, or a mode that the audit refuses. AnalysisError: no mode that
+    can be followed over the levels.
     """
     refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
     named = [os.path.realpath(file) for file in sources]
@@ -48,6 +49,8 @@ def campaign(
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
     answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
+    for mode in answer.modes:
+        report_findings(mode.record, mode.mode, despite)
     inputs = {file.name: digest_file(file) for file in (*sources, *([previous] if previous else []))}
     title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
@@ -196,7 +199,7 @@ def _show(answer: Campaign, out: Path) -> None:
     to.print(table)
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
-        for line in (*left_out, *mode.notches, *(f"{mode.name}: {finding}" for finding in mode.findings)):
+        for line in (*left_out, *mode.notches):
             to.print(f"- {line}")
     for outcome in answer.outcomes:
         to.print(f"- {outcome}")

@@ -91,6 +91,7 @@ def campaign(
         Path | None, Option(metavar="campaign.json", help="The answer before these runs: held against them.")
     ] = None,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """A laboratory's files, several levels, modes and sensors, to the answer."""
@@ -165,6 +166,7 @@ def export(
     mode_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the converted mode here.")] = None,
     text: Annotated[bool, Option("--text", help="Values of a universal file as text, not bytes.")] = False,
     to: Annotated[str | None, Option(metavar="CODE", help="Deck: nastran, abaqus, ansys, opensees, openfast.")] = None,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Records, rankings and loads to other formats and units; damping to a structural code."""
@@ -263,6 +265,7 @@ def bands(
     records: Annotated[Path, Argument(metavar="FOLDER", help="NAME/record.csv with NAME/mode.toml.")],
     out: Folder,
     seed: Seed = DEFAULT_SEED,
+    despite: Despite = NONE,
 ) -> None:
     """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
 

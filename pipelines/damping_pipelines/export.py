@@ -1,5 +1,6 @@
 """``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import export_deck
 from damping_pipelines.forms import MAX_FORM_SIZE, AnswerForm, LoadsForm, ParameterForm, RankForm, read_form
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
-from damping_pipelines.terminal import console
+from damping_pipelines.terminal import console, report_findings
 
 _UFF = (".uff", ".unv")
 
@@ -30,14 +31,15 @@ def export(
     mode_out: Path | None = None,
     text: bool = False,
     to: str | None = None,
+    despite: Collection[str] = (),
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> None:
     """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
 
     Options as ``damping export --help`` says them; ``given`` is ``--from``. A form is known by its first character.
-    InputError: bad options, a file that cannot be read, or units that are not known, are said to be two things, or of a
-    ranking, which is not converted. AnalysisError: a record that a universal file cannot hold, or a mode that cannot be
-    converted.
+    InputError: bad options, a file that cannot be read, a record that the audit refuses, or units that are not known,
+    are said to be two things, or of a ranking, which is not converted. AnalysisError: a record that a universal file
+    cannot hold, or a mode that cannot be converted.
     """
     if to is not None:
         if units or given or mode or mode_out or text:
@@ -61,6 +63,7 @@ def export(
         return
     record = read_record(source, max_size=max_size)
     described = read_mode(mode) if mode else None
+    report_findings(record, described, despite)
     names = _names(described, given)
     notes: list[str] = []
     if units is not None:

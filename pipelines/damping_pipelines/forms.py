@@ -150,7 +150,7 @@ class DampedMode(FormPart):
 class DampingForm(FormPart):
     """Any of the three forms that hold damping ratios."""
 
-    format: str
+    format: Literal["curve/1", "loads/1", "campaign/1"]
     level: float = 0.9
     predictions: list[DampedRow] = []
     rows: list[DampedRow] = []

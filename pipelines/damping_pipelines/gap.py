@@ -50,10 +50,11 @@ def gap(
         expected = "MODEL.toml RECORD.csv, also after --with"
         raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
     if not records:
-        if simulator is not None or plot is not None:
-            raise InputError("--with, --simulator and --plot are for one record", expected="MODEL.toml RECORD.csv")
-        if report is not None or model_out is not None:
-            raise InputError("--report and --model-out are for one record", expected="MODEL.toml RECORD.csv")
+        if not model.is_dir():
+            raise InputError("no record beside it", file=model, expected="MODEL.toml RECORD.csv, or a folder of cases")
+        if any(option is not None for option in (simulator, plot, report, model_out)):
+            options = "--simulator, --plot, --report and --model-out"
+            raise InputError(f"{options} are for one record", expected="MODEL.toml RECORD.csv")
         if json_out is None or json_out == "-":
             raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
         if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
@@ -95,7 +96,7 @@ def gap(
 def import_simulator(name: str) -> Simulate:
     """The function of ``MODULE:FUNCTION``, looked for in the working folder first.
 
-    InputError: no such module or function.
+    InputError: no such module or function, or one that cannot be loaded.
     """
     module, _, function = name.partition(":")
     if not module or not function:
@@ -103,8 +104,8 @@ def import_simulator(name: str) -> Simulate:
     sys.path.insert(0, str(Path.cwd()))
     try:
         named = getattr(importlib.import_module(module), function, None)
-    except ImportError as error:
-        raise InputError(f"--simulator: {error}", expected="a module in the working folder or installed") from None
+    except (Exception, SystemExit) as error:
+        raise InputError(f"--simulator: {error!r}", expected="a module in the working folder or installed") from None
     finally:
         sys.path.pop(0)
     if not callable(named):
@@ -117,10 +118,8 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns how many failed.
-    InputError: ``cases`` is no folder, or holds no case.
+    InputError: ``cases`` holds no case.
     """
-    if not cases.is_dir():
-        raise InputError("no such folder", file=cases, expected="MODEL.toml RECORD.csv, or a folder of cases")
     names = sorted(path.parent.name for path in cases.glob("*/model.toml"))
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")

@@ -17,7 +17,7 @@ import typer
 
 import damping
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, naming
 from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record, read_table
@@ -104,7 +104,8 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
     table = read_table(path, text_columns=("sweep",), max_size=max_size)
     if len(table) > MOST_ROWS:
         raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
-    required = list_required_columns(names, list(table.columns))
+    with naming(path):
+        required = list_required_columns(names, list(table.columns))
     numbers = [name for name in required if name != "sweep"]
     text = ("sweep",) if "sweep" not in names else ()  # a label, unless a term takes it as a number
     if text and all(name in table.columns and pd.api.types.is_float_dtype(table[name]) for name in numbers):

@@ -1,6 +1,7 @@
 """Page of design-load bands on real structures: predictions, goals, higher levels left out, figures with citations."""
 
 import tomllib
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -25,7 +26,7 @@ from damping.report import forms
 from damping.report.page import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
-from damping_pipelines.terminal import progress
+from damping_pipelines.terminal import progress, report_findings
 
 LEVEL = 0.9
 #: Largest high/low wanted at a ratio of force to the largest tested one.
@@ -51,11 +52,11 @@ class BandResult:
     left_out: pd.DataFrame
 
 
-def bands_page(records: Path, out: Path, seed: int) -> None:
+def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = ()) -> None:
     """Predict for every ``NAME/record.csv`` with ``NAME/mode.toml`` under ``records``; write page, tables and figures.
 
     Nothing of a record is copied: only predictions, resonances derived from it and figures are written. InputError: no
-    such records, or a bad one.
+    such records, or a bad one; Refused: by the audit of one, and not among ``despite``.
     """
     names = sorted(path.parent.name for path in records.glob("*/record.csv"))
     if not names:
@@ -65,7 +66,7 @@ def bands_page(records: Path, out: Path, seed: int) -> None:
     inputs = {name: digest(read_bytes(records / name, MAX_SIZE)) for name in read}
     with sole_writer(out, ["README.md", *outputs]):
         files: dict[str, bytes] = {}
-        results = [predict_structure(records / name, seed) for name in names]
+        results = [predict_structure(records / name, seed, despite) for name in names]
         for band in results:
             files[f"{band.name}.png"] = plots.to_png(draw_real_bands(band), _DPI)
             files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()
@@ -75,9 +76,10 @@ def bands_page(records: Path, out: Path, seed: int) -> None:
     print(f"{out / 'README.md'} written")
 
 
-def predict_structure(folder: Path, seed: int) -> BandResult:
+def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) -> BandResult:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
+    report_findings(record, mode, despite)
     data = near_resonance(record)
     largest = data.tested_force.max()
     predicted = extrapolate_loads(data, largest * np.array(RATIOS), LEVEL, seed, mode=mode, progress=progress)

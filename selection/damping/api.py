@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from damping.answers import CurveResult, LoadsResult, RankingResult
+from damping.answers import CurveResult, LoadsResult, RankingResult, explain_weights
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, extrapolate_loads
@@ -113,7 +113,7 @@ def extrapolate(
         predicted = replace(predicted, loads=predict_forces(predicted, at))
     backbone = find_backbone(measured.record, mode, findings.implied)
     against = compare_with_diagnosis(measured.record, mode, predicted.loads)
-    return LoadsResult(predicted, mode, predicted.plan.data, backbone, findings, measured.said, against)
+    return LoadsResult(predicted, mode, data, backbone, findings, explain_weights(measured, data), against)
 
 
 @single_threaded
@@ -151,7 +151,7 @@ def curve(
     asked += [predicted.loads] if len(under) else []
     backbone = find_backbone(measured.record, mode, findings.implied)
     traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
-    return CurveResult(traced, predicted, mode, findings, measured.said)
+    return CurveResult(traced, predicted, mode, findings, explain_weights(measured, data))
 
 
 def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:

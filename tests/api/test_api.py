@@ -332,3 +332,17 @@ def test_progress_is_seen(record):
     dp.rank(record, progress=progress)
     assert seen == [("ranking", 3), "viscous", "viscous + velocity-squared", "viscous + displacement-velocity"]
     assert ranking.CRITERION in dp.rank(record).title
+
+
+def test_weights_of_loads_that_are_not_those_of_the_ranking_are_explained(record, mode, few_laws):
+    """Of one row a sweep both rest on the same rows, with the same weights; of whole sweeps the loads say why not."""
+    rows = [(k, f, F) for k, F in enumerate((10.0, 20.0, 40.0)) for f in np.linspace(1.6, 1.8, 15)]
+    sweep, frequency, force = map(np.array, zip(*rows, strict=True))
+    r = frequency / 1.7
+    response = force / (1.0 - r**2 + 0.04j * r)
+    columns = {"sweep": sweep.astype(str), "force": force, "frequency": frequency, "amplitude": np.abs(response)}
+    swept = dp.Record(pd.DataFrame({**columns, "phase": -np.angle(response)}))
+    linear = dp.Mode(name="m", frequency=1.7, mass=1.0 / (2.0 * np.pi * 1.7) ** 2)
+    for own, of, differ in ((record, mode, False), (swept, linear, True)):
+        for answer in (dp.extrapolate(own, of, [60.0]), dp.curve(own, of, forces=[60.0])):
+            assert any("a ranking weighs them on every row" in said for said in answer.to_json()["cautions"]) == differ

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -502,3 +503,17 @@ def test_a_form_that_is_no_campaign(tmp_path, damping):
     run = damping("campaign", wrong, "--out", tmp_path / "out", "--previous", wrong)
     assert run.code == 2
     assert "campaign.json" in run.err
+
+
+def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):
+    """A lead for a lag, in whatever way it came there: nothing is written, and the check is named."""
+    r = np.linspace(0.94, 1.06, 21)
+    response = 10.0 / (1.0 - r**2 + 0.04j * r)
+    columns = {"sweep": "A", "force": 10.0, "frequency": 41.0 * r, "amplitude": np.abs(response)}
+    record = Record(pd.DataFrame({**columns, "phase": np.angle(response)}), "mode-1")
+    refused = replace(bare_mode(41.0, []), record=record)
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: Campaign((refused,), LEVELS, (0.8,), "g"))
+    run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", tmp_path / "out")
+    assert run.code == 1
+    assert "mode-1: phase-sign (refuse)" in run.err
+    assert not (tmp_path / "out").exists()

@@ -171,6 +171,7 @@ def test_bad_usage(damping, case, tmp_path):
         ((case.parent,), "--json"),
         ((tmp_path / "empty", "--json", tmp_path / "out"), "holds no case"),
         ((model, "--json", tmp_path / "out"), "folder"),
+        ((model,), f"{model}: no record beside it"),
     ):
         done = damping("gap", *words)
         assert (done.code, done.out) == (2, ""), words
@@ -215,6 +216,12 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
     done = damping("gap", "model.toml", "record.csv", "--simulator", "positional:plate")
     assert (done.code, done.out) == (2, "")
     assert "by position" in done.err
+    quitting = "import sys\n\ndef plate(force, frequency):\n    sys.exit(3)\n"
+    for name, text in (("quits", quitting), ("quits_at_once", f"{quitting}plate(1, 2)\n"), ("no_python", "def")):
+        (tmp_path / f"{name}.py").write_text(text)
+        done = damping("gap", "model.toml", "record.csv", "--simulator", f"{name}:plate")
+        assert (done.code, done.out) == (2, "")
+        assert "simulator" in done.err.splitlines()[-1]
 
 
 def test_a_state_without_its_record(damping, case):

@@ -23,6 +23,8 @@ from damping.gap.search import Search
 from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
+from damping.report.forms import gap_form
+from damping.report.gap import describe_diagnosis
 from damping_validation.generator.laws import Partner
 
 pytestmark = pytest.mark.usefixtures("no_folds")
@@ -179,6 +181,14 @@ def test_an_effect_is_found_and_sized(lab, name, table):
             assert abs(true - 0.5 * (low + high)) < high - low, (key, true, intervals[key])
         else:
             assert values[key] == true  # which sweep it is
+    if "sweep" in values:  # a label is no parameter: it is told in words
+        form = gap_form(found)
+        assert set(form["parameters"][name]) == set(form["intervals"][name]) == {next(iter(CASES[name]))}
+        place = form["places"][name]
+        # a linear mode does not tell a reading from the force
+        assert place in ("frequency of sweep C", "readings of sweep B", "force of sweep B")
+        assert place.endswith("B") == (name == "level-offset")
+        assert place in describe_diagnosis(found)["verdict"][0]
     again = with_effects(TERMS, {name: values})
     assert isinstance(again, Terms)  # a corrected model holds it
 

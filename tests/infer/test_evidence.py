@@ -10,7 +10,7 @@ from benchmarks import _contender
 from damping.errors import AnalysisError
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, start_at
-from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, importance, more_draws
+from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_posterior
 from damping.infer.observations import Observations
@@ -126,7 +126,7 @@ def normal(x: np.ndarray) -> np.ndarray:
 
 def test_draws_are_worth_what_is_wanted():
     start = importance(normal, np.array([1.0, -0.5]), np.array([[0.09, 0.018], [0.018, 0.01]]))
-    x, worth = more_draws(normal, start, 20_000, seed=3)
+    x, worth = _contender.more_draws(normal, start, 20_000, seed=3)
     assert 20_000 <= worth <= len(x)
     # 4 standard errors of 20 000 independent draws; points that fill space err less
     error = 4.0 / np.sqrt(20_000)
@@ -138,7 +138,7 @@ def test_draws_are_worth_what_is_wanted():
 def test_more_than_memory_holds_is_refused():
     start = importance(normal, np.array([1.0, -0.5]), np.array([[0.09, 0.018], [0.018, 0.01]]))
     with pytest.raises(AnalysisError, match="need more than"):
-        more_draws(normal, start, 1e9)
+        _contender.more_draws(normal, start, 1e9)
 
 
 def test_samplers_are_timed_on_the_posterior_of_the_library():

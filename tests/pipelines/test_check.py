@@ -68,23 +68,27 @@ def commands(record: Path, mode: Path, folder: Path) -> dict[str, tuple[object, 
     cases = folder / "cases"
     write_text(cases / "one.csv", record.read_text())
     write_text(cases / "one.toml", mode.read_text())
+    write_text(folder / "structures" / "one" / "record.csv", record.read_text())
+    write_text(folder / "structures" / "one" / "mode.toml", mode.read_text())
     columns = ("--column", "sweep=sweep", "--column", "phase=phase", "--response", "displacement", "--consistent")
     return {
         "rank": ("rank", record, "--mode", mode),
         "extrapolate": ("extrapolate", record, "--mode", mode, "--force", "8"),
         "gap": ("gap", mode, record, "--no-posterior"),
         "import": ("import", record, "--out", folder / "imported.csv", *columns),
+        "export": ("export", record, "--out", folder / "exported.csv"),
+        "bands": ("bands", folder / "structures", "--out", folder / "bands"),
         "fleet": ("fleet", cases, "--out", folder / "fleet", "--fast", "--workers", "0"),
     }
 
 
-@pytest.mark.parametrize("name", ["rank", "extrapolate", "gap", "fleet"])
+@pytest.mark.parametrize("name", ["rank", "extrapolate", "gap", "export", "bands", "fleet"])
 def test_the_audit_refuses_and_despite_is_the_way_past(files, damping, tmp_path, name, few_laws):
     _, wrong, mode = files
     words = commands(wrong, mode, tmp_path)[name]
     run = damping(*words)
     assert run.code == 1
-    assert "phase-sign (refuse)" in run.err
+    assert f"{dict(fleet='one.csv', bands='record.csv').get(name, wrong.name)}: phase-sign (refuse)" in run.err
     assert "--despite phase-sign" in run.err
     run = damping(*words, "--despite", "phase-sign", *(("--replace",) if name == "fleet" else ()))
     assert run.code == 0, run.err

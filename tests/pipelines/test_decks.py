@@ -121,6 +121,7 @@ def test_coefficients_carry_the_forces_they_came_from(deck):
         (FORM, "sap2000", "expected nastran or abaqus", 2),
         ({"format": "loads/1", "predictions": [{"force": 1.0}]}, "nastran", "no level holds a damping ratio", 1),
         ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
+        ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
     ],
 )

@@ -283,6 +283,8 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
     add("other mode", "beyond-model", table, True, replace(mode, frequency=1.7 * mode.frequency))
     add("degrees, wrapped", "phase-unit", table.assign(phase=np.mod(np.degrees(table["phase"]), 2.0 * pi)))
     add("degrees", "phase-unit", table.assign(phase=np.degrees(table["phase"])))
+    add("turns", "phase-unit", table.assign(phase=table["phase"] / (2.0 * pi)))
+    add("turns of a lead", "phase-unit", table.assign(phase=-table["phase"] / (2.0 * pi)))
     add("negated", "phase-sign", table.assign(phase=-table["phase"]))
     add("minus pi", "phase-sign", table.assign(phase=table["phase"] - pi))
     add("lead of acceleration", "phase-sign", table.assign(phase=pi - table["phase"]))

@@ -61,10 +61,31 @@ def test_every_wrong_record_is_named_and_refused_where_due(seed):
     assert not missed
 
 
-@pytest.mark.parametrize("name", ["negated", "minus pi", "m for mm", "exchanged", "degrees, wrapped", "noise"])
+@pytest.mark.parametrize("name", ["negated", "minus pi", "m for mm", "exchanged", "degrees, wrapped", "turns", "noise"])
 def test_one_cause_is_one_finding(name):
     check, table, mode, _ = wrong_cases(1)[name]
     assert [finding.check for finding in audit(record_of(table), mode).findings] == [check]
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 0.95, 1.0, 1.05, 1.2])
+def test_an_energy_that_contradicts_its_row_is_refused(factor):
+    """One measured on the structure may differ by 5 %, as a gain does, from that of noisy force, motion and phase."""
+    for seed in range(3):
+        b = replace(right_benches(1, seed=3)[0], noise=0.03, seed=seed)
+        truth = clean(b)
+        energy = factor * np.pi * truth["force"] * truth["amplitude"] * np.sin(truth["phase"])
+        found = audit(record_of(measured(truth, b).assign(energy=energy)), b.mode).findings
+        assert [(one.check, one.verdict) for one in found] == [("energy", "refuse")] * (not 0.9 < factor < 1.1)
+    one_row = energy / factor
+    one_row[int(np.argmax(truth["amplitude"]))] *= factor
+    found = audit(record_of(measured(truth, b).assign(energy=one_row)), b.mode).findings
+    assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
+
+
+def test_turns_are_named_as_turns():
+    _, table, mode, _ = wrong_cases(0)["turns"]
+    (finding,) = audit(record_of(table), mode).findings
+    assert finding.advice == "are they turns? multiply by 2 pi"
 
 
 def _files() -> list[tuple[Path, Path]]:
@@ -198,9 +219,9 @@ def test_a_level_that_stops_below_its_resonance_is_named():
         assert (finding.check, finding.verdict, finding.sweeps) == ("edge-of-sweep", "caution", ("C",))
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.6, 2.0, 3.0])
+@pytest.mark.parametrize("factor", [0.5, 1.6, 2.0, 3.0, np.exp(0.6j), np.exp(-0.6j), np.exp(1.5j)])
 @pytest.mark.parametrize("row", [3, 8, 9, 10, 17])
-def test_an_amplitude_off_beside_right_phases_is_named(row, factor):
+def test_a_reading_off_beside_right_ones_is_named(row, factor):
     """21 rows through the resonance of a linear mode (xi = 0.02), noise 0.5 %: at the peak (row 10) and off it."""
     r = np.linspace(0.94, 1.06, 21)
     response = 10.0 / (1.0 - r**2 + 0.04j * r)
@@ -208,7 +229,8 @@ def test_an_amplitude_off_beside_right_phases_is_named(row, factor):
     table = pd.DataFrame({"sweep": "A", "force": 10.0, "frequency": 1.7 * r, "phase": -np.angle(response)})
     table["amplitude"] = np.abs(response) * noise
     assert audit(record_of(table)).verdict == "ok"
-    table.loc[row, "amplitude"] *= factor
+    table.loc[row, "amplitude"] *= abs(factor)
+    table.loc[row, "phase"] += np.angle(factor)
     (finding,) = audit(record_of(table)).findings
     assert (finding.check, finding.sweeps) == ("outlier", ("A",))
     assert f"at row {row + 1} " in finding.what

@@ -130,6 +130,12 @@ REFUSED = {
         MODE + "[damping]\nslip = {stiffness = 1, limit = 0}\n",
         ", line 6, column limit: is 0; expected a number > 0",
     ),
+    "all of the stiffness lost": (
+        MODE + "[damping]\nslip = {stiffness = 741, limit = 0.1}\n",
+        # 3 (2 pi 2.5)^2
+        ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
+        "(2 pi frequency)^2",
+    ),
     "effect": (MODE + '[effects.phase-lag]\nlag = "c"\n', ", line 6, column lag: is text; expected a finite number"),
     "key of an effect": (
         MODE + "[effects.stiffness-hardening]\ncoefficient = 1\nexponant = 2\n",
@@ -231,8 +237,16 @@ def tables(effect):
     )
 
 
+def build(frequency, mass, damping, **rest):
+    """A mode whose joint loses no more stiffness than there is; none where that is too small a number."""
+    K = mass * (2.0 * pi * frequency) ** 2
+    slip = damping.pop("slip", None)
+    added = {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
+    return Mode(frequency=frequency, mass=mass, damping=damping | added, **rest)
+
+
 MODES = st.builds(
-    Mode,
+    build,
     name=TEXT.filter(lambda text: "\r" not in text and "\n" not in text),
     frequency=POSITIVE,
     mass=POSITIVE,

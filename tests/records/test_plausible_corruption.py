@@ -70,6 +70,7 @@ WRONG: dict[str, tuple[str, bool, Change]] = {
     "negated": ("phase-sign", True, lambda t, _: t.assign(phase=-t["phase"])),
     "half a turn off": ("phase-sign", True, lambda t, _: t.assign(phase=t["phase"] - np.pi)),
     "degrees, wrapped": ("phase-unit", True, lambda t, _: t.assign(phase=np.degrees(t["phase"]) % (2.0 * np.pi))),
+    "turns": ("phase-unit", True, lambda t, _: t.assign(phase=t["phase"] / (2.0 * np.pi))),
     "a delay": ("phase-offset", False, lambda t, rng: t.assign(phase=t["phase"] + rng.uniform(0.12, 0.5))),
     "cut below": ("edge-of-sweep", True, cut),
     "levels exchanged": ("amplitude-falls", True, fallen),

@@ -1,6 +1,7 @@
 """Energy per cycle, phase offset and phase resonance against closed forms and a time integration."""
 
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records.mode import Mode
+from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import (
     energy_per_cycle,
@@ -288,3 +290,16 @@ def test_ranking_and_diagnosis_number_levels_alike():
     record = Record(pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude"]), "made")
     assert number_levels(observe(record).tested_force).tolist() == [0, 0, 1]
     assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).level.tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize("example", ["tank", "bolted-joint"])
+def test_the_order_of_rows_moves_nothing(example):
+    """Without a time rows that make no legs up or down are taken by frequency: neighbours are those of the sweep."""
+    measured = read_record(Path(__file__).parents[2] / "examples" / example / "record.csv")
+    own = measured.table.groupby("sweep", sort=False)
+    mixed = Record(pd.concat([rows.sample(frac=1.0, random_state=1) for _, rows in own]))
+    columns = ["sweep", "force", "frequency", "amplitude", "phase_offset"]
+    pd.testing.assert_frame_equal(tabulate_resonances(mixed)[columns], tabulate_resonances(measured)[columns])
+    a, b = observe(mixed), observe(measured)
+    for name in ("A", "omega", "D", "R", "tested_force", "tested_amplitude"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))

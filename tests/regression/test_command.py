@@ -218,7 +218,11 @@ BAD = {
     "power of a power": ("--terms", "x^2^2", "character 3"),
     "power that is not finite": ("--terms", "x^inf", "character 3"),
     "code": ("--terms", "__import__('os').getcwd()", "missing column"),
-    "a number for a column": ("--terms", "2*x", "missing column 2"),
+    "a number for a column": (
+        "--terms",
+        "2*x",
+        "shoe.csv: missing column 2; expected columns alone: the fit gives each",
+    ),
     "unknown column": ("--terms", "xx", "missing column xx"),
     "text column": ("--terms", "x, label", "line 2, column label: 'a' is not a number"),
     "unknown response": ("--response", "w", "missing column w"),

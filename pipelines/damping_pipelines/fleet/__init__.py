@@ -45,8 +45,8 @@ def fleet(
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
     Options as ``damping fleet --help`` says them; ``dashboard="off"``: none, ``workers=0``: one record after the other.
-    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: every record failed, or the
-    workers are gone.
+    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: a record failed, whatever
+    became of the others, or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
     if workers is not None and workers < 0:
@@ -217,5 +217,6 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
         highlight=False,
         markup=False,
     )
-    if not len(table.loc[table["status"] != "failed"]):
-        raise AnalysisError(f"every record failed; the first: {table['reason'].iloc[0]}")
+    lost = table.loc[table["status"] == "failed", "reason"]
+    if len(lost):
+        raise AnalysisError(f"{len(lost)} of {len(table)} records failed; the first: {lost.iloc[0]}")

@@ -67,7 +67,7 @@ def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes
 
     def report(size: Floats, *values: Floats) -> dict[str, Floats]:
         own = {quantity: size} | dict(zip(shapes, values, strict=True))
-        return own | ({"sweep": np.zeros_like(size) + sweep} if sweep else {})
+        return own | ({"sweep": float(sweep)} if sweep else {})
 
     label = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
@@ -137,8 +137,8 @@ def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
         return one_sweep(terms, sweep, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": np.zeros_like(size) + sweep}
-        return values | ({"force": np.ones_like(size)} if force else {})
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": float(sweep)}
+        return values | ({"force": 1.0} if force else {})
 
     label = f"{'force' if force else 'readings'} of sweep {sweep}"
     return LEVEL_OFFSET.either_sign(report, label, change, largest=log(3.0))

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Effect
 from damping.forces import list_parameter_names
 from damping.gap.fit import ModelFit
@@ -47,6 +47,17 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
         values = [float(value[0, 0]) for value in part.values(x)]
         parameters[part.form.effect] = {name: float(value) for name, value in part.form.report(*values).items()}
     return parameters
+
+
+def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
+    """Parameters of every effect, and in words what one of a single sweep acts on, such as ``force of sweep B``."""
+    sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
+    for effect, own in values.items():
+        if "sweep" in own:
+            sweep = sweeps[int(own.pop("sweep")) - 1]
+            what = "frequency" if "frequency" in own else "force" if own.pop("force", 0.0) else "readings"
+            places[effect] = f"{what} of sweep {sweep}"
+    return values, places
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
@@ -104,6 +115,8 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
+    if slip := damping.get("slip"):  # no joint loses more than there is
+        slip["stiffness"] = min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
 
 

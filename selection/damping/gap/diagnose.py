@@ -107,7 +107,7 @@ class Diagnosis(Explained):
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
-        return rank_tests(self.hypotheses, f"damping gap {files[0]} {files[1]}")
+        return rank_tests(self.explanations, f"damping gap {files[0]} {files[1]}")
 
     @property
     def next_test(self) -> NextTest | None:

@@ -30,9 +30,8 @@ ADDED_MASSES = (0.2, 0.5)
 FLOOR = 3e-4
 #: Log odds below which a test is not worth its time: 20 to 1.
 WORTH = 3.0
-#: Explanations compared with the leading one, and the probability below which they are not alive.
+#: Explanations compared with the leading one.
 MOST_RIVALS = 3
-ALIVE = 0.01
 
 _SWEEP = ("force", "frequency", "amplitude", "phase")
 _THIRD = ("amplitude_3", "phase_3")
@@ -164,16 +163,15 @@ class NextTest:
     command: str
 
 
-def rank_tests(hypotheses: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
+def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
     """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
 
-    ``hypotheses`` are in order of probability. The log odds are those against all rivals that are alive together.
+    ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
     """
-    rivals = [rival for rival in hypotheses[1 : 1 + MOST_RIVALS] if rival.probability > ALIVE]
+    leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not rivals:
         return ()
-    leading = hypotheses[0].hypothesis.best
-    p = np.array([max(rival.probability, 1e-12) for rival in rivals])
+    p = np.array([rival.probability for rival in rivals])
     tests = []
     for design in DESIGNS:
         rows = design.plan(leading.model.problem)

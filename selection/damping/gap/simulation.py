@@ -178,11 +178,15 @@ class Simulator:
         """Amplitude and Z of the simulation with some parameters changed.
 
         Raises:
-            InputError: it does not return an amplitude and a phase for every row.
+            InputError: it fails, or does not return an amplitude and a phase for every row.
         """
-        function = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        expected = "(amplitude, phase), a number each for every row"
+        try:
+            function = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+        except (Exception, SystemExit) as error:
+            raise InputError(f"the simulator ends with {error!r}", expected=expected) from error
         pair = [np.asarray(part, dtype=float) for part in function] if isinstance(function, tuple) else []
         if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
-            raise InputError("the simulator's answer", expected="(amplitude, phase), a number each for every row")
+            raise InputError("the simulator's answer", expected=expected)
         A, phase = pair
         return A, np.asarray(drive.F * np.exp(1j * phase) / A)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.infer.proposal import Proposal
 
 #: Draws of each round: more where few have not sufficed.
@@ -28,8 +27,6 @@ LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
 #: Halvings of the interval in which a temper is sought: to 1e-6.
 _HALVINGS = 20
-#: Draws that still fit a small memory.
-MOST_DRAWS = 2**22
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ def importance(
         q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
         log_mixture = np.log(q @ (sizes / len(x)))
-        weighed = _weigh(x, log_p - log_mixture, seed)
+        weighed = weigh(x, log_p - log_mixture, seed)
         enough = wanted if round_ < rounds - 1 else min(wanted, LEAST_DRAWS)
         if round_ >= least_rounds - 1 and weighed.effective_draws > enough:
             break
@@ -100,10 +97,10 @@ def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
         power = 0.5 * (low + high)
         w = np.exp(power * (log_w - log_w.max()))
         low, high = (power, high) if w.sum() ** 2 >= FITTED_TO * np.sum(w**2) else (low, power)
-    return _weigh(x, low * np.where(np.isfinite(log_w), log_w, -np.inf) if low > 0.0 else log_w, seed)
+    return weigh(x, low * np.where(np.isfinite(log_w), log_w, -np.inf) if low > 0.0 else log_w, seed)
 
 
-def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
+def weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
     """Draws x (n, d) of log weights (n,), resampled in proportion with equal spacing (systematic)."""
     w = np.exp(log_w - log_w.max())
     edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
@@ -114,23 +111,3 @@ def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
         draws=x[chosen],
         effective_draws=float(w.sum() ** 2 / np.sum(w**2)),
     )
-
-
-def more_draws(
-    log_density: Callable[[FloatArray], FloatArray], start: Evidence, wanted: float, seed: int = 0
-) -> tuple[FloatArray, float]:
-    """Posterior draws (n, dimension) that are worth ``wanted`` independent ones, and their worth.
-
-    From the proposal of ``start``; resampling with equal spacing adds next to nothing to the error.
-
-    Raises:
-        AnalysisError: ``MOST_DRAWS`` are worth less.
-    """
-    proposal, number = start.proposal, int(1.1 * wanted * len(start.draws) / start.effective_draws)
-    while number <= MOST_DRAWS:
-        x = proposal.draw(number, seed)
-        weighed = _weigh(x, log_density(x) - proposal.log_density(x), seed)
-        if weighed.effective_draws >= wanted:
-            return weighed.draws, weighed.effective_draws
-        number = int(1.1 * wanted * number / weighed.effective_draws)
-    raise AnalysisError(f"importance draws worth {wanted:g} would need more than {MOST_DRAWS}")

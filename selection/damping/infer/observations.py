@@ -20,6 +20,7 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.records.record import Record
 from damping.records.resonance import energy_per_cycle, tabulate_resonances
+from damping.records.runs import order_rows
 
 #: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
@@ -130,14 +131,14 @@ def observe(record: Record) -> Observations:
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.
     """
-    table = record.table
+    table = pd.concat([order_rows(own)[0] for _, own in record.table.groupby("sweep", sort=False)])
     sweeps = table["sweep"].nunique()
     if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
         raise AnalysisError(
             f"{record.source}: {len(table)} rows of {sweeps} sweeps; laws are weighed on {MOST_ROWS} rows"
             f" of {MOST_SWEEPS} sweeps at most: keep the rows near resonance, or every second one"
         )
-    energy = energy_per_cycle(record)
+    energy = energy_per_cycle(record)[table.index]
     usable = np.isfinite(energy)
     if not usable.any():
         raise AnalysisError(f"{record.source}: no row gives an energy per cycle, so damping cannot be judged")

@@ -36,7 +36,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
     (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
-    (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model")),
+    (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
     (check_units.check_phase_sign, ("phase-offset", "energy")),
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", "amplitude-falls", "edge-of-sweep", "units")),
@@ -55,11 +55,12 @@ class Audit:
     """Findings of a record, those that refuse first, and what its sweeps imply.
 
     ``implied``: one row for each sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``,
-    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show it.
+    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show it. ``source``: of the record.
     """
 
     findings: tuple[Finding, ...]
     implied: pd.DataFrame
+    source: str
 
     @property
     def verdict(self) -> str:
@@ -87,7 +88,7 @@ class Audit:
         require_checks(despite)
         for finding in self.findings:
             if finding.verdict == "refuse" and finding.check not in despite:
-                raise Refused(f"{finding}, or --despite {finding.check}")
+                raise Refused(f"{finding}, or --despite {finding.check}", file=self.source)
         return self
 
     def __str__(self) -> str:
@@ -117,4 +118,4 @@ def audit(record: Record, mode: Mode | None = None) -> Audit:
         if finding is not None and finding.check not in explained:
             findings.append(finding)
             explained |= set(explains)
-    return Audit(tuple(sorted(findings, key=lambda finding: finding.verdict != "refuse")), view.implied)
+    return Audit(tuple(sorted(findings, key=lambda finding: finding.verdict != "refuse")), view.implied, record.source)

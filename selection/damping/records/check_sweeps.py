@@ -23,19 +23,26 @@ def check_noise(view: View) -> Finding | None:
 
 
 def check_outlier(view: View) -> Finding | None:
-    """Single amplitudes far from what the rows beside them say."""
+    """Single readings far from what the rows beside them say.
+
+    They stay in every fit: one in a hundred coarse sweeps has a right reading like them, at its resonance.
+    """
     table = view.record.table
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
     beats = view.sensed is not None  # the response after a peak that was passed too fast falls to nothing between beats
     wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
     if not wild:
         return None
-    places = [f"row {row + 1} ({table['frequency'][row]:g} Hz, sweep {view.wild[row]})" for row in wild]
+    shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
+    told = [
+        f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
+        f"({table['frequency'][row]:g} Hz, sweep {view.wild[row]})"
+        for row in wild[:3]
+    ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in wild)
-    values = ", ".join(f"{table['amplitude'][row]:g}" for row in wild[:3])
-    what = f"amplitude {values} at {', '.join(places[:3])}: far off what the rows beside it say"
-    advice = "correct the gain range of that reading, or leave the row out"
+    what = f"{'; '.join(told)}: far off what the rows beside it say"
+    advice = "it is in every fit: correct that reading (gain range, tracking), or run again without the row"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)
 

@@ -5,7 +5,8 @@ from math import inf, log, pi
 
 import numpy as np
 
-from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2
+from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
+from damping.records.implied import is_in_turns
 from damping.records.resonance import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -52,28 +53,51 @@ def check_exchange(view: View) -> Finding | None:
 
 
 def check_energy(view: View) -> Finding | None:
-    """Energies that force and motion do not allow: E <= pi F A always, and equal to it at resonance."""
+    """Energies that force and motion do not allow: E <= pi F A always, equal to it at resonance, pi F A sin(phase)."""
     if "energy" not in view.record.table.columns:
         return None
     table = view.record.table
-    most = pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64)
-    share = energy_per_cycle(view.record) / most
+    share = energy_per_cycle(view.record) / (pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64))
     share[list(view.wild)] = np.nan
-    beyond = share > ENERGY
+    apart, noise = _compare_energies(view, share)
+    wrong = (share > ENERGY) | (np.abs(apart) > np.maximum(log(ENERGY), NOISE_OF_ENERGY * noise))
+    wrong |= np.isfinite(apart) & (abs(take_median(apart)) > log(ENERGY_OF_ALL))
     resonant = [leg.run.rows for leg in view.legs if leg.resonant]
     small = bool(resonant) and all(np.nanmax(share[rows]) < 1.0 / ENERGY_SHORT for rows in resonant)
-    if not beyond.any() and not small:
+    if not wrong.any() and not small:
         return None
-    row = int(np.nanargmax(share))
-    what = f"energy {table['energy'][row]:g} at row {row + 1} is {share[row]:.3g} of pi F A, "
-    what += "the most that force and motion allow"
-    if not beyond.any():
-        what += "; at a resonance it is all of it"
+    by_phase = wrong & np.isfinite(apart)
+    row = int(np.nanargmax(np.abs(np.where(by_phase, apart, 0.0)) if by_phase.any() else share))
+    what = f"energy {table['energy'][row]:g} at row {row + 1} is "
+    if by_phase.any():
+        what += f"{np.exp(apart[row]):.3g} of pi F A sin(phase), that of the force, amplitude and phase there"
+    else:
+        what += f"{share[row]:.3g} of pi F A, the most that force and motion allow"
+        what += "" if wrong.any() else "; at a resonance it is all of it"
     advice = "check the unit of the energy and whether it is that of one cycle, or leave the column out"
-    return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if beyond[run.rows].any()))
+    return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if wrong[run.rows].any()))
 
 
-ENERGY = 1.25  #: energy beyond pi F A by this factor is no noise
+def _compare_energies(view: View, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """ln of E/(pi F A sin(phase)), (n,), NaN where the phase is far from resonance or none, and the noise of its run.
+
+    An energy may have been computed from phases as they are, or be free of their offset: the nearer of both counts.
+    """
+    apart, noise = np.full((2, len(share)), np.nan)
+    for leg in view.legs:
+        if leg.lag is not None and leg.run.phase is not None:
+            sine = np.sin([leg.run.phase, leg.lag])
+            both = np.log(share[leg.run.rows] / np.where(sine > NEAR_RESONANCE, sine, np.nan))
+            apart[leg.run.rows] = np.where(np.abs(both[1]) < np.abs(both[0]), both[1], both[0])
+            noise[leg.run.rows] = leg.run.noise
+    return apart, noise
+
+
+ENERGY = 1.25  #: energy beyond pi F A, or off that of its phase, by this factor is no noise
+NOISE_OF_ENERGY = 6.0  #: ... if that is no less than so many standard deviations of the noise
+#: The same of all rows at once: gains of force, motion and a channel of the energy, each 5 % off in one direction.
+ENERGY_OF_ALL = 1.15
+NEAR_RESONANCE = 0.7  #: sine of a phase from which noise of the phase hardly moves the energy
 ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
 
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
@@ -161,6 +185,9 @@ def check_phase_unit(view: View) -> Finding | None:
     what = f"the phases of {name_sweeps(view.incoherent)} jump or turn as no lag in radians does"
     what += ", though the amplitudes do not"
     advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be saved: import the file anew)"
+    if all(is_in_turns(run) for run in view.runs if run.sweep in view.incoherent):
+        what = f"the phases of {name_sweeps(view.incoherent)} pass the resonance within one radian"
+        advice = "are they turns? multiply by 2 pi"
     return Finding("phase-unit", "refuse", what, advice, view.incoherent)
 
 

@@ -150,13 +150,20 @@ MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a
 CERTAIN = 4.0  #: standard errors below 0 from which a mean sine of the phase counts as negative
 
 
-def is_incoherent(run: Run, turn: Implied) -> bool:
-    """Whether the phases of a run have nothing to do with its amplitudes, or turn more than any mode can."""
+def is_in_turns(run: Run) -> bool:
+    """Whether the phases pass a resonance within one radian, and are a better line in Y taken as turns."""
     assert run.phase is not None
-    if np.abs(run.phase).max() > MOST_RADIANS:
-        return True
-    if len(run) < 6:
+    if np.abs(run.phase).max() > 1.0 or not has_resonance(run, None):
         return False
+    return _fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < _fit_line(run)[1]
+
+
+def is_incoherent(run: Run, turn: Implied) -> bool:
+    """Whether the phases of a run have nothing to do with its amplitudes, turn more than any mode can, or are turns."""
+    assert run.phase is not None
+    in_turns = is_in_turns(run)
+    if in_turns or len(run) < 6:
+        return in_turns
     jumps = float(np.mean(np.cos(np.diff(run.phase)))) < SMOOTH
     return bool(np.ptp(np.unwrap(run.phase)) > MOST_RADIANS) or (turn.miss > INCOHERENT and jumps)
 

@@ -127,10 +127,17 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     repeatability = top.table("repeatability", "amplitude", "frequency")
     damping, others = top.table("damping", *forces.CATALOGUE), top.table("effects", *effects.CATALOGUE)
     sizes = ("frequency", "mass", "viscous")
+    simulated = {name: _force(damping, name) for name in damping.values}
+    frequency = mode.number("frequency", above=0.0)
+    mass = mode.number("mass", above=0.0, default=1.0 if drive == "base" else None)
+    whole, lost = mass * (RAD_S_PER_HZ * frequency) ** 2, simulated.get("slip", {}).get("stiffness", 0.0)
+    if lost > whole:
+        expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
+        raise damping.table("slip").error("stiffness", f"is {lost:g}", expected)
     return {
         "name": mode.text("name", default=name),
-        "frequency": mode.number("frequency", above=0.0),
-        "mass": mode.number("mass", above=0.0, default=1.0 if drive == "base" else None),
+        "frequency": frequency,
+        "mass": mass,
         "drive": drive,
         "tolerance": Tolerance(
             **{key: tolerance.number(key, default=getattr(Tolerance, key), least=0.0) for key in sizes},
@@ -139,7 +146,7 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
         "repeatability": Repeatability(**{key: repeatability.number(key, least=0.0) for key in repeatability.values}),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
         "rig": _rig(top.table("rig", "planes", "force", "rate")),
-        "damping": {name: _force(damping, name) for name in damping.values},
+        "damping": simulated,
         "effects": {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values},
     }
 

@@ -16,6 +16,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
+from damping.records.runs import order_rows
 
 #: Rows between the half-power points (|cot phase| <= 1) that make a fit of them better than two neighbours.
 ROWS_FOR_FIT = 5
@@ -100,6 +101,7 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     for a linear mode under constant force; where the sweep jumps past resonance the nearer one decides. The amplitude
     is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
     """
+    table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
     force, frequency, amplitude = (table[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
     offset = 0.0

@@ -73,16 +73,22 @@ def runs_of(record: Record) -> list[Run]:
     return [run for _, table in record.table.groupby("sweep", sort=False) for run in _legs(table)]
 
 
-def _legs(table: pd.DataFrame) -> Iterator[Run]:
+def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
+    """Rows of one sweep as taken, and the places of its legs up or down; by frequency where they make no legs."""
     if "time" in table.columns and table["time"].notna().all():
         table = table.sort_values("time", kind="stable")
     step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))
     turns = np.flatnonzero(step[1:] * step[:-1] < 0.0) + 2
-    parts = np.split(np.arange(len(table)), turns)
-    if min(len(part) for part in parts) < FEWEST_ROWS:
-        parts = [np.arange(len(table))]
-    for part in parts:
-        yield _run(table.iloc[part].sort_values("frequency", kind="stable"))
+    legs = np.split(np.arange(len(table)), turns)
+    if len(legs) == 1 or min(map(len, legs)) >= FEWEST_ROWS:
+        return table, legs
+    return table.sort_values(["frequency", "amplitude"]), [np.arange(len(table))]
+
+
+def _legs(table: pd.DataFrame) -> Iterator[Run]:
+    table, legs = order_rows(table)
+    for leg in legs:
+        yield _run(table.iloc[leg].sort_values("frequency", kind="stable"))
 
 
 def _run(table: pd.DataFrame) -> Run:
@@ -222,16 +228,17 @@ def find_wild_rows(run: Run, factor: float) -> IntArray:
     return np.array(places if len(places) <= max(1.0, MOST_WILD * n) else [], np.int64)
 
 
-STRAY = 0.25  #: least ln of an amplitude over what the phasors beside it say, with phases, that is off
+#: Least ln of an amplitude over what the phasors beside it say, with phases, that is off; and a phase less that, rad.
+STRAY = ((0.25,), (0.5,))
 STRAY_NOISE = 12.0  #: ... in units of the median of that
-BESIDE_STRAY = 0.3  #: what its phase, and the rows beside it, miss over what it misses, at most: it stands alone
+BESIDE_STRAY = 0.3  #: what its other part, and the rows beside it, miss over what it misses, at most: it stands alone
 
 
 def find_stray_rows(run: Run) -> IntArray:
-    """Places in the run of amplitudes off the straight line through the phasors Y beside them, which stand alone.
+    """Places in the run of amplitudes or phases off the straight line through the phasors Y beside them, alone.
 
     Along a resonance Y moves evenly, however few rows it has; where a branch ends both rows at the jump are off, and
-    where a resonance bends the phase is off as well.
+    where a resonance bends amplitude and phase are off at once.
     """
     if run.phase is None or len(run) < 2 * FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
         return np.empty(0, np.int64)
@@ -242,10 +249,12 @@ def find_stray_rows(run: Run) -> IntArray:
         return np.log((Y[:-2] + share * (Y[2:] - Y[:-2])) / Y[1:-1])
 
     rows, all_off = np.arange(len(run)), miss(np.arange(len(run)))
-    off = np.abs(all_off.real)
-    far = (off > max(STRAY, STRAY_NOISE * float(np.median(off)))) & (np.abs(all_off.imag) < BESIDE_STRAY * off)
-    beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far)}
-    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_STRAY * off[k - 1]]
+    off, size = np.abs([all_off.real, all_off.imag]), np.abs(run.stiffness)
+    steep = np.maximum(0.5 * (size[:-2] + size[2:]) / (size[1:-1] * np.exp(all_off.real)), 1.0)  # noise of larger Y
+    least = np.maximum(STRAY, STRAY_NOISE * steep * np.median(off, axis=1, keepdims=True))
+    far = (off > least) & (off[::-1] < BESIDE_STRAY * off)
+    beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far.any(axis=0))}
+    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_STRAY * off[:, k - 1].max()]
     return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
 
 

@@ -7,7 +7,6 @@ else is plain doubles.
 """
 
 import math
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import reduce
@@ -17,6 +16,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
+from damping.records.text import NUMBER
 
 #: Head and tail of the same shape.
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
@@ -83,7 +83,6 @@ def deviations(columns: Pair, coefficients: FloatArray, observed: FloatArray) ->
     return times_matrix(with_observed, np.concatenate([[1.0], -coefficients])[:, None])[:, 0]
 
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _EXACT_POWERS = 64  # whole powers up to here carry a tail; beyond, a plain power
 
 CONSTANT = "1"
@@ -169,7 +168,7 @@ def _factor(factor: str, start: int, text: str) -> tuple[str, float]:
         return column.strip(), 1.0
     at = start + len(column) + 1
     number = exponent.strip()
-    value = float(number) if _NUMBER.fullmatch(number) else math.nan
+    value = float(number) if NUMBER.fullmatch(number) else math.nan
     if not math.isfinite(value):
         given = repr(number) if number else "nothing"
         raise _error(text, at, f"{given} as a power", "a finite real number such as 2, 0.5 or -1")

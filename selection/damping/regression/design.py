@@ -19,9 +19,10 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
-from damping.errors import AnalysisError
+from damping.errors import AnalysisError, InputError
 from damping.records.record import Record
 from damping.records.resonance import energy_per_cycle
+from damping.records.text import NUMBER
 from damping.regression import Term, times_matrix
 
 _ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
@@ -57,8 +58,11 @@ def list_sources(name: str, available: Collection[str]) -> tuple[str, ...]:
     return (name,)
 
 
-def list_required_columns(names: Iterable[str], available: Collection[str]) -> tuple[str, ...]:
-    """The table's columns that all of ``names`` are made of, each once."""
+def list_required_columns(names: Collection[str], available: Collection[str]) -> tuple[str, ...]:
+    """The table's columns that all of ``names`` are made of, each once. InputError for a number that is no column."""
+    number = next((name for name in names if NUMBER.fullmatch(name) and name not in available), None)
+    if number is not None:
+        raise InputError(f"missing column {number}", expected="columns alone: the fit gives each term its factor")
     return tuple(dict.fromkeys(column for name in names for column in list_sources(name, available)))
 
 

@@ -231,9 +231,10 @@ def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     # a ranking needs no diagnosis to load
-    from damping.gap.corrected import effect_intervals, effect_values, refitted_values  # noqa: PLC0415 - see above
+    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - see above
 
     leading, held = diagnosis.leading, diagnosis.held_out
+    parameters, places = describe_effects(leading.best)
     scheme = "one force level: nothing can be held out" if held is None else held.scheme
     names = ("nominal", "before", "after", "shrinkage", "low", "high")
     held_out = {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
@@ -248,7 +249,8 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
         "gap": {**asdict(diagnosis.gap), "held_out": held_out},
-        "parameters": effect_values(leading.best) | {"simulation": refitted_values(leading.best)},
+        "parameters": parameters | {"simulation": refitted_values(leading.best)},
+        "places": places,
         "intervals": {
             effect: {name: list(interval) for name, interval in values.items()}
             for effect, values in effect_intervals(leading.best).items()

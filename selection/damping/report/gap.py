@@ -16,7 +16,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
-from damping.gap.corrected import EffectPosterior, effect_values, refitted_values
+from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
@@ -46,12 +46,13 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     cannot be told apart), ``trends`` (of local damping and frequency with amplitude), ``reach`` (how far the gap
     shrinks where it did not choose the explanation), ``following`` (what to test next).
     """
-    leading = diagnosis.hypotheses[0]
+    leading, (_, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
+    named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
     trends = (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend))
     values = {
         **vars(diagnosis),
         "leading": leading,
-        "effects": [f"{CATALOGUE[name].sentence} ({name})" if name in CATALOGUE else name for name in leading.effects],
+        "effects": [f"{CATALOGUE[name].sentence} ({named[name]})" if name in CATALOGUE else name for name in named],
         "top": diagnosis.where[0],
         "of_rig": {name for name, effect in CATALOGUE.items() if effect.kind == "instrument"},
         "trends": [(what, trend) for what, trend in trends if trend is not None],
@@ -116,7 +117,7 @@ def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     leading = diagnosis.leading.best
     rows = [
         {"of": effect, "parameter": name, "value": value}
-        for effect, values in effect_values(leading).items()
+        for effect, values in describe_effects(leading)[0].items()
         for name, value in values.items()
     ]
     corrections = refitted_values(leading).items()
