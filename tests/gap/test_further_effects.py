@@ -183,7 +183,7 @@ def test_an_effect_is_found_and_sized(lab, name, table):
             assert values[key] == true  # which sweep it is
     if "sweep" in values:  # a label is no parameter: it is told in words
         form = gap_form(found)
-        assert set(form["parameters"][name]) == set(form["intervals"][name]) == {next(iter(CASES[name]))}
+        assert set(form["parameters"][name]) == set(form["intervals"][name]) == {next(iter(table))}
         place = form["places"][name]
         # a linear mode does not tell a reading from the force
         assert place in ("frequency of sweep C", "readings of sweep B", "force of sweep B")
