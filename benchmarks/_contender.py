@@ -84,15 +84,18 @@ def in_part(x: np.ndarray, used: float, how: str) -> Sampled:
 def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
     from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
-    from damping.infer.importance import more_draws  # noqa: PLC0415 - as above
+    from damping.infer.importance import draw_again  # noqa: PLC0415 - as above
     from damping.infer.likelihood import Balanced  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
     posterior = Balanced(coordinates, data)
     begin = replace(start, draws=posterior.find_variables(start.draws))
-    draws, size = more_draws(posterior.log_density, begin, wanted, SEED)
-    return Sampled(posterior.find_points(draws), size, f"{len(draws)} importance draws")
+    found, number = start, int(1.1 * wanted * len(start.draws) / start.effective_draws)
+    while found.effective_draws < wanted:
+        found = draw_again(posterior.log_density, begin.proposal, number, SEED)
+        number = int(1.1 * wanted * number / found.effective_draws)
+    return Sampled(posterior.find_points(found.draws), found.effective_draws, f"{len(found.draws)} importance draws")
 
 
 def chains(wanted: int) -> Sampled:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.errors import AnalysisError
 from damping.infer.proposal import Proposal
 
 #: Draws of each round: more where few have not sufficed.
@@ -28,8 +27,6 @@ LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
 #: Halvings of the interval in which a temper is sought: to 1e-6.
 _HALVINGS = 20
-#: Draws that still fit a small memory.
-MOST_DRAWS = 2**22
 
 
 @dataclass(frozen=True)
@@ -116,21 +113,9 @@ def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
     )
 
 
-def more_draws(
-    log_density: Callable[[FloatArray], FloatArray], start: Evidence, wanted: float, seed: int = 0
-) -> tuple[FloatArray, float]:
-    """Posterior draws (n, dimension) that are worth ``wanted`` independent ones, and their worth.
-
-    From the proposal of ``start``; resampling with equal spacing adds next to nothing to the error.
-
-    Raises:
-        AnalysisError: ``MOST_DRAWS`` are worth less.
-    """
-    proposal, number = start.proposal, int(1.1 * wanted * len(start.draws) / start.effective_draws)
-    while number <= MOST_DRAWS:
-        x = proposal.draw(number, seed)
-        weighed = _weigh(x, log_density(x) - proposal.log_density(x), seed)
-        if weighed.effective_draws >= wanted:
-            return weighed.draws, weighed.effective_draws
-        number = int(1.1 * wanted * number / weighed.effective_draws)
-    raise AnalysisError(f"importance draws worth {wanted:g} would need more than {MOST_DRAWS}")
+def draw_again(
+    log_density: Callable[[FloatArray], FloatArray], proposal: Proposal, number: int, seed: int = 0
+) -> Evidence:
+    """Evidence of ``number`` fresh draws: unlike rounds that end when enough draws count, blind to what they meet."""
+    x = proposal.draw(number, seed)
+    return _weigh(x, log_density(x) - proposal.log_density(x), seed)
