@@ -46,7 +46,7 @@ LEAST_WEIGHT = 0.01
 FEWEST_BELOW = 2
 #: Fresh draws of a law for each hundredth of its weight, and once more: the upper end of the Saturn V's band at three
 #: times the tested force then differs by 0.8 % from seed to seed.
-FRESH_DRAWS = 1024
+FRESH_DRAWS = 1536
 
 
 def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
