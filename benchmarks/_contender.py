@@ -16,7 +16,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
@@ -24,7 +23,6 @@ from typing import Any
 import numpy as np
 
 #: Draws that still fit a small memory.
-MOST_DRAWS = 2**22
 #: Table 4.II: force (lb), frequency (Hz), amplitude (in).
 FORCE = [19.37, 24.95, 28.98]
 HZ = [1.66882, 1.66577, 1.66401]
@@ -84,40 +82,21 @@ def in_part(x: np.ndarray, used: float, how: str) -> Sampled:
     return Sampled(x.reshape(-1, 3), size, f"{how}, {x.shape[0]} x {x.shape[1]} draws", 0.5 * size / used)
 
 
-def more_draws(
-    log_density: Callable[[np.ndarray], np.ndarray], start: Any, wanted: float, seed: int = 0
-) -> tuple[np.ndarray, float]:
-    """Posterior draws (n, dimension) that are worth ``wanted`` independent ones, and their worth.
-
-    From the proposal of ``start``; resampling with equal spacing adds next to nothing to the error.
-
-    Raises:
-        AnalysisError: ``MOST_DRAWS`` are worth less.
-    """
-    from damping.errors import AnalysisError  # noqa: PLC0415 - as above
-    from damping.infer.importance import weigh  # noqa: PLC0415 - as above
-
-    proposal, number = start.proposal, int(1.1 * wanted * len(start.draws) / start.effective_draws)
-    while number <= MOST_DRAWS:
-        x = proposal.draw(number, seed)
-        weighed = weigh(x, log_density(x) - proposal.log_density(x), seed)
-        if weighed.effective_draws >= wanted:
-            return weighed.draws, weighed.effective_draws
-        number = int(1.1 * wanted * number / weighed.effective_draws)
-    raise AnalysisError(f"importance draws worth {wanted:g} would need more than {MOST_DRAWS}")
-
-
 def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
     from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
+    from damping.infer.importance import draw_again  # noqa: PLC0415 - as above
     from damping.infer.likelihood import Balanced  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
     posterior = Balanced(coordinates, data)
     begin = replace(start, draws=posterior.find_variables(start.draws))
-    draws, size = more_draws(posterior.log_density, begin, wanted, SEED)
-    return Sampled(posterior.find_points(draws), size, f"{len(draws)} importance draws")
+    found, number = start, int(1.1 * wanted * len(start.draws) / start.effective_draws)
+    while found.effective_draws < wanted:
+        found = draw_again(posterior.log_density, begin.proposal, number, SEED)
+        number = int(1.1 * wanted * number / found.effective_draws)
+    return Sampled(posterior.find_points(found.draws), found.effective_draws, f"{len(found.draws)} importance draws")
 
 
 def chains(wanted: int) -> Sampled:

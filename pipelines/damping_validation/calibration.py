@@ -114,9 +114,10 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     data = _read_frequencies(data, truth, rng.spawn(1)[0])
 
     force = tested[-1] * np.array(RATIOS)
-    estimate = brief_evidence if way == "fast" else evidence
+    fast = way == "fast"
+    estimate = brief_evidence if fast else evidence
     mode = Mode(name=name, frequency=OMEGA / RAD_S_PER_HZ, mass=truth.mass)
-    predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate)
+    predicted = extrapolate_loads(data, force, LEVEL, seed, mode=mode, laws=laws, estimate=estimate, fresh=not fast)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))

@@ -45,7 +45,8 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tup
     """What the ranked laws say against a diagnosis at ``BEYOND`` times the tested force; empty where they agree."""
     try:
         near = near_resonance(record)
-        loads = extrapolate_loads(near, [BEYOND * near.tested_force.max()], seed=seed, mode=diagnosis.mode).loads
+        force = [BEYOND * near.tested_force.max()]
+        loads = extrapolate_loads(near, force, seed=seed, mode=diagnosis.mode, fresh=False).loads
     except AnalysisError:  # a record without rows that laws can be ranked on
         return ()
     return describe_disagreement(loads, diagnosis.hypotheses, diagnosis.mode)

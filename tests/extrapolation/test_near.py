@@ -9,7 +9,7 @@ from scipy.special import softmax
 
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
-from damping.extrapolation import draw_evidence, extrapolate_loads, leave_higher_levels_out
+from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import (
     BISTABLE,
     CHANGES,
@@ -226,7 +226,7 @@ def test_weights_are_those_of_the_evidence():
 def test_two_levels_allow_half_as_much_again_and_no_more():
     data = levels("viscous", 2)
     forces = data.tested_force.max() * np.array([1.4, 2.0])
-    extrapolated = extrapolate_loads(data, forces, laws=CANDIDATES, sampler=draw_evidence)
+    extrapolated = extrapolate_loads(data, forces, laws=CANDIDATES, fresh=False)
     plan, loads = extrapolated.plan, extrapolated.loads
     np.testing.assert_allclose(plan.limit, 1.5 * data.tested_force.max(), rtol=1e-12)
     assert np.isfinite(loads.average.median[0])
@@ -250,7 +250,7 @@ def test_a_law_that_changes_at_the_top_widens_the_band(peaks, top):
     widths = []
     for factor in (1.0, top):
         data = onset(peaks, factor)
-        band = extrapolate_loads(data, [8.0], laws=CANDIDATES, sampler=draw_evidence).loads.average
+        band = extrapolate_loads(data, [8.0], laws=CANDIDATES, fresh=False).loads.average
         widths.append(float(np.log(band.high / band.low)[0]))
     assert widths[1] > 3.0 * widths[0]
 
@@ -267,7 +267,7 @@ def test_leaving_higher_levels_out_sees_nothing_of_them(few_laws):
     assert table["levels"].tolist() == [2, 2, 3]
     assert table["sweep"].tolist() == ["level 3", "level 4", "level 4"]
     lower = data.keep_sweeps(np.arange(4) < 2)
-    loads = extrapolate_loads(lower, data.tested_force[2:], sampler=draw_evidence, least_weight=0.0).loads
+    loads = extrapolate_loads(lower, data.tested_force[2:], fresh=False).loads
     np.testing.assert_allclose(table["median"][:2], loads.average.median, rtol=1e-12)
     np.testing.assert_allclose(table["ratio"][:2], data.tested_force[2:] / data.tested_force[1], rtol=1e-12)
 

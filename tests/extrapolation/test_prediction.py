@@ -4,13 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
-from damping.extrapolation.draws import Member, amplitude_draws, draw_spread
+from damping.extrapolation import extrapolate_loads
+from damping.extrapolation.draws import Member, amplitude_draws, draw_spread, find_quantiles
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
+from damping.records.mode import read_mode
+from damping_reed1970 import data_folder
 
 
 def member(components, data, weight=1.0):
@@ -61,10 +65,28 @@ def test_bands_are_ordered_and_the_predictive_is_wider(saturn):
 def test_an_average_of_one_is_that_one(saturn):
     data = saturn("config-2-mode-2")
     loads = predict([member(("viscous", "displacement-velocity"), data)], np.array([90.0]), data, 0.9, seed=1)
-    # the average resamples the same draws: quantiles agree to the Monte Carlo error of 20 000 draws, 1 % of the band
-    width = loads.average.high - loads.average.low
-    np.testing.assert_allclose(loads.average.low, loads.by_model[0].low, atol=0.03 * float(width[0]))
-    np.testing.assert_allclose(loads.average.high, loads.by_model[0].high, atol=0.03 * float(width[0]))
+    np.testing.assert_allclose(loads.average.low, loads.by_model[0].low, rtol=1e-12)
+    np.testing.assert_allclose(loads.average.high, loads.by_model[0].high, rtol=1e-12)
+
+
+def test_quantiles_of_draws_that_stand_for_shares():
+    values = np.random.default_rng(0).standard_normal((5001, 2))
+    at = np.array([0.05, 0.5, 0.95])
+    alike = find_quantiles(values, np.ones(5001), at)
+    np.testing.assert_allclose(alike, np.quantile(values, at, axis=0, method="hazen"), rtol=1e-9)
+    # shares N(1, 1)/N(0, 1) make N(1, 1) of draws of N(0, 1), of any density where none is NaN
+    u = ndtri((np.arange(100_000) + 0.5) / 100_000)
+    both = np.stack([np.append(u, np.nan), np.append(u, np.nan)], axis=1)
+    moved = find_quantiles(both, np.append(np.exp(u - 0.5), 7.0), at)
+    np.testing.assert_allclose(moved.T, np.tile(1.0 + ndtri(at), (2, 1)), atol=1e-3)  # the tail of a share: 1e-4
+
+
+@pytest.mark.slow
+def test_the_upper_end_of_a_band_hardly_differs_from_seed_to_seed(saturn):
+    """0.8 % by 16 seeds; 8 seeds of that stay below 1.3 % in 99 of 100, and 2.2 % as of independent draws does in 5."""
+    data, mode = saturn("config-2-mode-1"), read_mode(data_folder() / "saturn-v" / "modes" / "config-2-mode-1.toml")
+    ends = [extrapolate_loads(data, [90.0], seed=seed, mode=mode).loads.average.high[0] for seed in range(8)]
+    assert np.std(np.log(ends), ddof=1) < 0.013
 
 
 def test_saturated_slip_has_no_prediction(peaks):

@@ -10,7 +10,7 @@ from benchmarks import _contender
 from damping.errors import AnalysisError
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, start_at
-from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, importance
+from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, draw_again, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_posterior
 from damping.infer.observations import Observations
@@ -124,21 +124,16 @@ def normal(x: np.ndarray) -> np.ndarray:
     return -0.5 * (u**2 - 1.2 * u * v + v**2) / (1.0 - 0.36)
 
 
-def test_draws_are_worth_what_is_wanted():
+def test_fresh_draws_are_of_the_density():
     start = importance(normal, np.array([1.0, -0.5]), np.array([[0.09, 0.018], [0.018, 0.01]]))
-    x, worth = _contender.more_draws(normal, start, 20_000, seed=3)
-    assert 20_000 <= worth <= len(x)
-    # 4 standard errors of 20 000 independent draws; points that fill space err less
-    error = 4.0 / np.sqrt(20_000)
+    fresh = draw_again(normal, start.proposal, 40_000, seed=3)
+    x = fresh.draws
+    # the same integral; 4 standard errors of as many independent draws, and points that fill space err less
+    assert abs(fresh.log_z - start.log_z) < 4.0 * np.hypot(fresh.standard_error, start.standard_error)
+    error = 4.0 / np.sqrt(fresh.effective_draws)
     np.testing.assert_allclose(x.mean(axis=0), [1.0, -0.5], rtol=0.0, atol=error * 0.3)
     np.testing.assert_allclose(x.std(axis=0), [0.3, 0.1], rtol=error, atol=0.0)
     np.testing.assert_allclose(np.corrcoef(x.T)[0, 1], 0.6, rtol=0.0, atol=error)
-
-
-def test_more_than_memory_holds_is_refused():
-    start = importance(normal, np.array([1.0, -0.5]), np.array([[0.09, 0.018], [0.018, 0.01]]))
-    with pytest.raises(AnalysisError, match="need more than"):
-        _contender.more_draws(normal, start, 1e9)
 
 
 def test_samplers_are_timed_on_the_posterior_of_the_library():

@@ -9,10 +9,9 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import kurtosis, norm
 
-from benchmarks import _contender
 from damping.infer.chains import Target, run, sample
 from damping.infer.evidence import evidence
-from damping.infer.importance import importance
+from damping.infer.importance import draw_again, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_likelihood, log_posterior, log_prior
 
@@ -114,8 +113,10 @@ def test_importance_sampling(components, saturn):
     found = {name: of_chains(values) for name, values in posterior.parameters().items()}
     balanced = Balanced(c.scaled(data.reference), data.scaled())
     begin = replace(start, draws=balanced.find_variables(start.draws))
-    draws, size = _contender.more_draws(balanced.log_density, begin, MANY, seed=1)
-    other = {n: estimate(v, size) for n, v in c.parameters(balanced.find_points(draws)).items()}
+    fresh = draw_again(balanced.log_density, begin.proposal, int(MANY * len(start.draws) / start.effective_draws), 1)
+    assert fresh.effective_draws > 0.5 * MANY
+    values = c.parameters(balanced.find_points(fresh.draws))
+    other = {n: estimate(v, fresh.effective_draws) for n, v in values.items()}
     assert largest_difference(found, other) < LARGEST
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from damping import report
 from damping.errors import DampingError, escape_control
-from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import Curve, trace_loads
 from damping.extrapolation.near import Plan, near_resonance
@@ -133,7 +133,7 @@ def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
     largest = data.tested_force.max()
     forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
     predicted = extrapolate_loads(
-        data, forces, settings.level, read.task.seed, mode=read.mode, estimate=estimate, sampler=draw_evidence
+        data, forces, settings.level, read.task.seed, mode=read.mode, estimate=estimate, fresh=False
     )
     bands = None
     if not settings.fast:

@@ -16,7 +16,7 @@ from damping.arrays import BoolArray, ComplexArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation import draw_evidence, extrapolate_loads
+from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.extrapolation.prediction import Loads
 from damping.formats.quantity import unit
@@ -249,5 +249,5 @@ def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) 
     asked = np.array(forces, dtype=float)
     measured = prepare(record, mode)
     data = near_resonance(measured.record)
-    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, sampler=draw_evidence)
+    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, fresh=False)
     return predicted.loads, max(predicted.plan.laws, key=lambda law: law.weight).name, measured.said

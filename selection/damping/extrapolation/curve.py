@@ -107,7 +107,6 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     predicted_there = np.isfinite(average.median)
     linear = np.where(predicted_there, data.tested_force[top] * asked / data.tested_amplitude[top], np.nan)
     weights = [member.weight for member in predicted.members]
-    of_draws = tuple(dict.fromkeys(caution for member in predicted.members for caution in member.cautions))
     steep = np.gradient(np.log(grid)) / np.gradient(np.log(loads.average.median))
     refusal = "no prediction: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
@@ -126,7 +125,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
-            (list_cautions(f, True, data, weights, plan) if p else (refusal,)) + of_draws
+            (list_cautions(f, True, data, weights, plan) if p else (refusal,))
             for f, p in zip(average.median, predicted_there, strict=True)
         ),
         limit=plan.limit,

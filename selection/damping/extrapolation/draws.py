@@ -29,8 +29,8 @@ from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
-#: Draws of the average over models: the 5 % and 95 % points are then known to 1 % of the band's width.
-AVERAGE_DRAWS = 20_000
+#: Draws of the average over models: paths then move its upper end by 0.5 % from seed to seed.
+AVERAGE_DRAWS = 40_000
 #: Draws of a law of little weight, at least: its own band is then known to 5 % of its width.
 FEWEST_DRAWS = 1000
 #: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
@@ -43,20 +43,25 @@ _DIGITS = 12
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``cautions``: what to know of the draws. ``joint``: what the resonances say of one.
+    ``joint``: what the resonances say of one.
     """
 
     name: str
     weight: float
     coordinates: Coordinates
     draws: FloatArray
-    cautions: tuple[str, ...] = ()
     joint: JointEvidence = ANY_JOINT
 
     def thin(self) -> Member:
-        """Every k-th draw, as many as its share in ``AVERAGE_DRAWS`` asks for."""
+        """Every k-th draw by rising straying, as many as its share in ``AVERAGE_DRAWS`` asks for.
+
+        In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray alike.
+        """
         wanted = max(FEWEST_DRAWS, int(AVERAGE_DRAWS * self.weight))
-        return replace(self, draws=self.draws[:: max(1, len(self.draws) // wanted)])
+        draws = self.draws
+        if self.coordinates.with_doubt:
+            draws = draws[np.argsort(draws[:, self.coordinates.names.index("doubt")], kind="stable")]
+        return replace(self, draws=draws[:: max(1, len(draws) // wanted)])
 
 
 @dataclass(frozen=True)
@@ -81,21 +86,29 @@ class Spread:
         return Spread(*(getattr(self, part.name)[:, columns] for part in fields(self)))
 
 
-def pool(
-    spreads: Sequence[Spread], weights: FloatArray, rng: np.random.Generator, odds: Sequence[FloatArray] | None = None
-) -> Spread:
-    """Draws of the average over models, ``AVERAGE_DRAWS`` by ``weights``; of each law's own by ``odds`` where given."""
-    counts = rng.multinomial(AVERAGE_DRAWS, weights)
-    rows = [
-        rng.choice(len(s.law), count, p=None if odds is None else odds[i] / odds[i].sum())
-        for i, (s, count) in enumerate(zip(spreads, counts, strict=True))
-    ]
-    return Spread(
-        *(
-            np.concatenate([getattr(s, part.name)[r] for s, r in zip(spreads, rows, strict=True)])
-            for part in fields(Spread)
-        )
-    )
+def pool(spreads: Sequence[Spread]) -> Spread:
+    """Draws of all laws, one after another."""
+    return Spread(*(np.concatenate([getattr(s, part.name) for s in spreads]) for part in fields(Spread)))
+
+
+def share_out(members: Sequence[Member], spreads: Sequence[Spread]) -> FloatArray:
+    """Share of each draw of the pool in the average over models, (draws,)."""
+    shares = [np.full(len(s.law), m.weight / len(s.law)) for m, s in zip(members, spreads, strict=True)]
+    return np.concatenate(shares) / sum(m.weight for m in members)
+
+
+def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> FloatArray:
+    """Quantiles (quantiles, columns) of values (draws, columns) of ``shares`` (draws,); NaN has none.
+
+    Each draw is spread evenly over its share.
+    """
+    found = []
+    for column in values.T:
+        order = np.argsort(column)  # NaN last
+        column, share = column[order], np.where(np.isnan(column[order]), 0.0, shares[order])
+        total = np.cumsum(share)
+        found.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
+    return np.array(found).T
 
 
 def draw_spreads(
@@ -114,28 +127,32 @@ def draw_spread(
     between = np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)
     tested, asked, between = (np.asarray(np.round(part, _DIGITS), float) for part in (tested, asked, between))
     z = np.unique(np.concatenate([asked, between]))
-    damping = member.coordinates.force(member.draws)
-    of_law = np.log(resonant_amplitude(damping, np.exp(z)[None, :], data.tested_omega[data.top]))
-    row, level = member.coordinates.scatter(member.draws)
+    new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampled ones stand several times
+    draws, which = member.draws[new], np.cumsum(new) - 1
+    damping = member.coordinates.force(draws)
+    of_law = np.log(resonant_amplitude(damping, np.exp(z)[None, :], data.tested_omega[data.top]))[which]
+    row, level = member.coordinates.scatter(draws)
     if member.coordinates.with_level_scatter:
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    left, errors, known = _levels(damping, row, level, data)
-    mean, drawn = stray(member.coordinates.doubt(member.draws, damping), left, errors, tested, z, rng)
+    sigma, noise = member.coordinates.doubt(draws, damping), row**2 + level**2
+    left, errors, known = (part[which] for part in _levels(damping, row, level, data))
+    mean, drawn = stray(sigma[which], left, errors, tested, z, rng)
     beyond = z >= tested.max()
     columns = np.searchsorted(z, asked)
 
     def at_forces(strays: FloatArray) -> FloatArray:
         log_A = of_law + strays
         log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], member.joint)
-        return log_A[:, columns]
+        return np.asarray(log_A[:, columns])
 
     law = at_forces(mean)
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
-    noise = np.sqrt(row**2 + level**2 + known) * rng.standard_normal(len(row))
-    noise = np.broadcast_to(noise[:, None], law.shape)
-    return Spread(law, at_forces(drawn) - law, noise, np.isfinite(of_law[:, columns]))
+    noise = np.sqrt(noise[which] + known) * rng.standard_normal(len(which))
+    return Spread(
+        law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns])
+    )
 
 
 def _levels(
@@ -166,21 +183,18 @@ ON_THE_WAY = (1.0 / 3.0, 2.0 / 3.0)
 READINGS = (np.arange(24) + 0.5) / 24
 
 
-def vary_priors(
-    members: Sequence[Member], spreads: Sequence[Spread], force: FloatArray, level: float, seed: int
-) -> pd.DataFrame:
+def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: FloatArray, level: float) -> pd.DataFrame:
     """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the draws ``spreads``.
 
     Returns:
         One row for each prior, factor and force: ``prior, factor, force, median, low, high``.
     """
-    tail, rows = 50.0 * (1.0 - level), []
+    tail, rows = 0.5 * (1.0 - level), []
+    total, shares = pool(spreads).total, share_out(members, spreads)
     for prior, ratio in (("scatter", _of_scatter), ("share", _of_shares), ("discrepancy", _of_doubt)):
         for factor in FACTORS:
-            odds = [ratio(member, factor) for member in members]
-            weights = np.array([m.weight * w.mean() for m, w in zip(members, odds, strict=True)])
-            drawn = pool(spreads, weights / weights.sum(), np.random.default_rng(seed), odds).total
-            low, median, high = np.exp(np.percentile(drawn, [tail, 50.0, 100.0 - tail], axis=0))
+            odds = shares * np.concatenate([ratio(member, factor) for member in members])
+            low, median, high = np.exp(find_quantiles(total, odds, np.array([tail, 0.5, 1.0 - tail])))
             rows += [(prior, factor, *values) for values in zip(force, median, low, high, strict=True)]
     return pd.DataFrame(rows, columns=["prior", "factor", "force", "median", "low", "high"])
 
@@ -233,28 +247,33 @@ def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
 
 @np.errstate(over="ignore")  # a band beyond all numbers is infinite
 def choose_next_level(
-    members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float, seed: int
+    members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float
 ) -> NextLevel:
     """The level of ``tried`` (levels,) that would most shrink the band at ``design``.
 
     Args:
         spreads: draws at the forces ``tried``, then ``design``.
     """
-    weights = np.array([m.weight for m in members])
-    pooled = pool(spreads, weights / weights.sum(), np.random.default_rng(seed))
+    pooled, shares = pool(spreads), share_out(members, spreads)
     drawn = pooled.law + pooled.stray
     # the level's own noise is fresh: readings there are spread by it, and it says nothing of the noise at the design
-    sd = np.maximum(np.sqrt(np.mean(pooled.noise**2, axis=0)), 1e-6)
+    sd = np.maximum(np.sqrt(shares @ pooled.noise**2), 1e-6)
     at_design, tail = pooled.total[:, -1], 0.5 * (1.0 - level)
     order = np.argsort(at_design)
 
     def width(odds: FloatArray) -> float:
-        cumulative = np.cumsum(odds[order]) / odds.sum()
-        low, high = at_design[order][np.minimum(np.searchsorted(cumulative, [tail, 1.0 - tail]), len(order) - 1)]
+        cumulative = np.cumsum((shares * odds)[order])
+        at = np.searchsorted(cumulative, cumulative[-1] * np.array([tail, 1.0 - tail]))
+        low, high = at_design[order][np.minimum(at, len(order) - 1)]
         return float(high - low)
 
     expected = [
-        np.mean([width(np.exp(-0.5 * ((at - reading) / noise) ** 2)) for reading in np.quantile(at, READINGS)])
+        np.mean(
+            [
+                width(np.exp(-0.5 * ((at - reading) / noise) ** 2))
+                for reading in find_quantiles(at[:, None], shares, READINGS)
+            ]
+        )
         for at, noise in zip(drawn.T, sd[: len(tried)], strict=False)
     ]
     table = pd.DataFrame({"force": tried, "expected": np.exp(expected)}).sort_values("expected", kind="stable")

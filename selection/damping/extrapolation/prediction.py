@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.extrapolation.draws import Member, Spread, draw_spreads, pool
+from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
@@ -148,15 +148,14 @@ def predict(
     """
     if spreads is None:
         spreads = draw_spreads(members, force, data, repeatability, seed)
-    rng = np.random.default_rng(seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
-    bands = [_band(m.name, m.weight, s, allowed, level) for m, s in zip(members, spreads, strict=True)]
+    own = [np.ones(len(s.law)) for s in spreads]
+    bands = [_band(m.name, m.weight, s, n, allowed, level) for m, s, n in zip(members, spreads, own, strict=True)]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    average = _band("average over models", 1.0, pool(spreads, weights, rng), allowed, level)
+    average = _band("average over models", 1.0, pool(spreads), share_out(members, spreads), allowed, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
-    of_draws = tuple(dict.fromkeys(caution for member in members for caution in member.cautions))
     return Loads(
         force=force,
         level=level,
@@ -169,7 +168,7 @@ def predict(
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, bool(p), data, [m.weight for m in members], plan) + of_draws
+            list_cautions(f, bool(p), data, [m.weight for m in members], plan)
             for f, p in zip(force, predicted, strict=True)
         ),
         limit=plan.limit if plan else np.inf,
@@ -193,15 +192,15 @@ def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArr
 
 
 @np.errstate(over="ignore")  # an amplitude beyond all numbers is infinite
-def _band(name: str, weight: float, spread: Spread, allowed: np.ndarray, level: float) -> Band:
-    """Quantiles over draws; NaN at forces not allowed and where too many draws have no resonance."""
-    refused = (np.mean(~spread.resonates, axis=0) > REFUSED_SHARE) | ~allowed
-    tail = 50.0 * (1.0 - level)
+def _band(name: str, weight: float, spread: Spread, shares: FloatArray, allowed: np.ndarray, level: float) -> Band:
+    """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance."""
+    refused = (shares @ ~spread.resonates > REFUSED_SHARE * shares.sum()) | ~allowed
+    tail = 0.5 * (1.0 - level)
 
-    def quantiles(draws: FloatArray, q: list[float]) -> FloatArray:
+    def quantiles(draws: FloatArray, *q: float) -> FloatArray:
         filled = np.where(refused, 0.0, draws)
-        return np.where(refused, np.nan, np.exp(np.nanpercentile(filled, q, axis=0)))
+        return np.where(refused, np.nan, np.exp(find_quantiles(filled, shares, np.array(q))))
 
-    low, median, high = quantiles(spread.total, [tail, 50.0, 100.0 - tail])
-    credible_low, credible_high = quantiles(spread.law, [tail, 100.0 - tail])
+    low, median, high = quantiles(spread.total, tail, 0.5, 1.0 - tail)
+    credible_low, credible_high = quantiles(spread.law, tail, 1.0 - tail)
     return Band(name, weight, median, low, high, credible_low, credible_high)

@@ -23,7 +23,7 @@ it is to letting go; by both :func:`extend` lets slopes stray farther or less fa
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr, logsumexp, ndtri
 
 from damping.arrays import FloatArray
 
@@ -60,6 +60,8 @@ LETS_GO = 0.45
 #: Fall over loss of such a joint. Below, slip has only begun, and in proportion less is left; above, most of the joint
 #: has let go before. The slopes of joints of ``damping calibrate`` from one to four times the tested force say so.
 FALLS_AT_GO = (0.5, 1.0)
+#: Square roots of the primes: steps of points that fill the directions in which paths differ most (Richtmyer 1951).
+_STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0])
 #: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
 #: any force measured of structures) down to 1/3 (slip in full).
 SLOPES = (0.25, 3.0)
@@ -96,6 +98,8 @@ def stray(
 ) -> tuple[FloatArray, FloatArray]:
     """g on ``grid`` given what levels leave over: its mean, and one draw of it (Matheron's rule), each (draws, grid).
 
+    Neighbouring draws fill the principal directions of the path, so that ends of bands err by a third as much.
+
     Args:
         sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). noise: covariance of
             its errors, (draws, levels, levels). at, grid: ln F of the levels and of the grid.
@@ -104,8 +108,13 @@ def stray(
     n = len(at)
     both = np.concatenate([at, grid])
     prior = stray_covariance(both, both, origin)
-    root = np.linalg.cholesky(prior + 1e-9 * np.eye(len(both)))
-    drawn = sigma[:, None] * (rng.standard_normal((len(sigma), len(both))) @ root.T)
+    variance, directions = np.linalg.eigh(prior)
+    directions *= np.copysign(1.0, directions[-1])  # rounding has no say in the sign
+    x = rng.standard_normal((len(sigma), len(both)))
+    most = min(len(_STEPS), len(both))
+    points = np.arange(len(sigma))[:, None] * _STEPS[:most] + rng.random(most)
+    x[:, -most:] = ndtri(np.clip(points % 1.0, 1e-12, 1.0 - 1e-12))[:, ::-1]
+    drawn = sigma[:, None] * (x @ (directions * np.sqrt(np.maximum(variance, 0.0))).T)
     errors = (np.linalg.cholesky(noise) @ rng.standard_normal((len(sigma), n, 1)))[..., 0]
     square = (sigma**2)[:, None, None] * prior[:n, :n] + noise
     wanted = np.stack([left, left - drawn[:, :n] - errors], axis=-1)

@@ -82,7 +82,7 @@ def importance(
         q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
         log_mixture = np.log(q @ (sizes / len(x)))
-        weighed = weigh(x, log_p - log_mixture, seed)
+        weighed = _weigh(x, log_p - log_mixture, seed)
         enough = wanted if round_ < rounds - 1 else min(wanted, LEAST_DRAWS)
         if round_ >= least_rounds - 1 and weighed.effective_draws > enough:
             break
@@ -97,10 +97,10 @@ def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
         power = 0.5 * (low + high)
         w = np.exp(power * (log_w - log_w.max()))
         low, high = (power, high) if w.sum() ** 2 >= FITTED_TO * np.sum(w**2) else (low, power)
-    return weigh(x, low * np.where(np.isfinite(log_w), log_w, -np.inf) if low > 0.0 else log_w, seed)
+    return _weigh(x, low * np.where(np.isfinite(log_w), log_w, -np.inf) if low > 0.0 else log_w, seed)
 
 
-def weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
+def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
     """Draws x (n, d) of log weights (n,), resampled in proportion with equal spacing (systematic)."""
     w = np.exp(log_w - log_w.max())
     edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
@@ -111,3 +111,11 @@ def weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
         draws=x[chosen],
         effective_draws=float(w.sum() ** 2 / np.sum(w**2)),
     )
+
+
+def draw_again(
+    log_density: Callable[[FloatArray], FloatArray], proposal: Proposal, number: int, seed: int = 0
+) -> Evidence:
+    """Evidence of ``number`` fresh draws: unlike rounds that end when enough draws count, blind to what they meet."""
+    x = proposal.draw(number, seed)
+    return _weigh(x, log_density(x) - proposal.log_density(x), seed)
