@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-#: Draws that still fit a small memory.
 #: Table 4.II: force (lb), frequency (Hz), amplitude (in).
 FORCE = [19.37, 24.95, 28.98]
 HZ = [1.66882, 1.66577, 1.66401]
