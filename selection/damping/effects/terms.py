@@ -28,8 +28,6 @@ from damping.effects.contract import Drive, Instrument, Terms, add_parts
 NEAREST = 1e-6
 #: Times that the amplitude of each path is refined: the shares of the paths change little.
 _REFINEMENTS = 2
-#: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
-_CYCLE = 24
 #: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
 #: taken to first order: differences of nearly equal numbers say less.
 _SLOW = 1e-8
@@ -175,13 +173,7 @@ def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive)
     That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
     """
     terms = tuned(terms, drive)
-    theta = np.pi * (np.arange(_CYCLE) + 0.5).reshape(-1, 1, 1) / _CYCLE
-    cycle: Floats = 0.0
-    for force in terms.forces:
-        cycle = cycle + np.asarray(force.cycle(theta, A, drive.omega))
-    if np.ndim(cycle) == 0:
-        return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
-    harmonic = 2j * np.mean(cycle * np.exp(-3j * theta), axis=0)
+    harmonic = sum((force.third(A, drive.omega) for force in terms.forces), start=np.zeros(np.shape(A), complex))
     M = terms.M * drive.mass
     stiffness = M * (np.square(terms.omega_n) - 9.0 * np.square(drive.omega)) - 9.0 * drive.added * drive.omega**2
     return np.asarray(-harmonic * np.exp(-3j * phase) / stiffness)

@@ -101,6 +101,13 @@ class Slip(Force):
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
         return -self.stiffness * q
 
+    def third(self, A: Floats, omega: Floats) -> Floats:
+        """-(i/(3 pi)) k A sin^2(psi) exp(-2 i psi), psi as in `averages`: the integral of the loop by parts."""
+        held = self._held(A)
+        squared = 4.0 * held * (1.0 - held)
+        turned = (1.0 - 2.0 * held - 1j * np.sqrt(squared)) ** 2
+        return -1j / (3.0 * pi) * self.stiffness * (A * squared) * turned
+
     @property
     def joints(self) -> tuple[Joint, ...]:
         """One spring of stiffness k with a slider that holds up to k A1."""
@@ -133,6 +140,10 @@ class CubicStiffness(Spring):
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k3 q^3."""
         return self.coefficient * q * q * q
+
+    def third(self, A: Floats, omega: Floats) -> Floats:
+        """-k3 A^3/4: sin^3 = (3 sin - sin(3 theta))/4."""
+        return -0.25 * self.coefficient * (A * A * A) * ones(omega)
 
 
 @dataclass(frozen=True)
