@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from damping.arrays import Floats
+from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.forces.contract import Force, Sum, ones
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
@@ -72,11 +72,18 @@ class ManyJoints(Sum):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """The sums of C, dC/d ln A, S and dS/d ln A."""
+        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in self._as_one(A, omega).averages(A, omega))
+        return C, slope, S, in_phase_slope
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """The sum of their third harmonics."""
+        return np.asarray(np.sum(self._as_one(A, omega).third(A, omega), axis=0))
+
+    def _as_one(self, A: Floats, omega: Floats) -> Slip:
+        """All joints, along an axis before those of A and omega."""
         values = (np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit"))
         rank = 1 + max(np.ndim(A), np.ndim(omega))
-        slips = Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in values))
-        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in slips.averages(A, omega))
-        return C, slope, S, in_phase_slope
+        return Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in values))
 
 
 def joint_force(table: Mapping[str, Floats]) -> Force:
