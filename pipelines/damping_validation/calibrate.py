@@ -34,7 +34,6 @@ _DPI = 130
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
-
 #: Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee.
 FULL = {"fast": 40, "importance": 4, "ranks": 24, "emcee": 2}
 QUICK = {"fast": 1, "importance": 0, "ranks": 12, "emcee": 2}

@@ -37,9 +37,10 @@ def draw_printed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.S
     axes.plot(omega, y, "o", color="none", markeredgecolor=MEASURED, markersize=5.5, zorder=4, label=label)
 
 
-def draw_computed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
-    """Computed points: dots that fit into the circles."""
-    axes.plot(omega, y, ".", color=LINEAR, markersize=4.5, zorder=5, label=label)
+def draw_compared(axes: Axes, measured: pd.DataFrame, name: str, printed: str, computed: str) -> None:
+    """Printed points of a quantity, and computed ones: dots that fit into their circles."""
+    draw_printed(axes, measured["omega"], measured[f"{name}_printed"], printed)
+    axes.plot(measured["omega"], measured[name], ".", color=LINEAR, markersize=4.5, zorder=5, label=computed)
 
 
 def draw_from_zero(axes: Axes) -> None:
@@ -85,8 +86,7 @@ def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     figure, axes = build_panel(3.3, OMEGA, "phase angle (rad)")
     draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
-    draw_printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
-    draw_computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
+    draw_compared(axes, measured, "phi_2", "second mode, printed", "second mode, computed")
     axes.set_yticks([0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi, np.pi], ["0", "π/4", "π/2", "3π/4", "π"])
     axes.set_ylim(0.0, np.pi)
     axes.legend(loc="upper left")
@@ -98,8 +98,7 @@ def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6) with the planar fit."""
     figure, axes = build_panel(3.3, OMEGA, "modal amplitude (in)")
     draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % band")
-    draw_printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
-    draw_computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
+    draw_compared(axes, measured, "A_2", "printed (Table 3.III)", "computed (Eqs. 3.1.20-3.1.23)")
     draw_from_zero(axes)
     return figure
 
@@ -109,8 +108,7 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
     """Draw energy input per cycle against frequency (Fig. 3.9) with what one damping factor for all points loses."""
     figure, axes = build_panel(3.3, OMEGA, "energy per cycle (in-lb)")
     _draw_one_damping(axes, curves, "energy")
-    draw_printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
-    draw_computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
+    draw_compared(axes, measured, "energy", "printed (Table 3.IV)", "computed, π X F sin φ (Eq. 3.2.9)")
     axes.plot(corrected["omega"], corrected["energy"], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
     draw_from_zero(axes)
     return figure
@@ -123,8 +121,7 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
         _draw_one_damping(axes, curves, plane)
-        draw_printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
-        draw_computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
+        draw_compared(axes, measured, plane, "printed (Table 3.IV)", "computed at the nearest root of Eq. 3.2.15")
         axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
         axes.set_title(f"Principal {plane} plane")
         axes.set(ylabel="modal amplitude (in)", ylim=(0.0, None))

@@ -15,7 +15,7 @@ from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.lines import SweepLines
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults, Studies
+from damping_reed1970.studies import ReportResults
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
@@ -31,7 +31,19 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
     values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
-    figures = collect_figures(studies)
+    curves = studies.curves
+    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
+    figures: dict[str, Callable[[], Figure]] = {
+        "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
+        "response-explained": lambda: response.draw_response_explained(explained),
+        "response-curves": lambda: response.draw_response_curves(curves),
+        "phase-curves": lambda: response.draw_phase_curves(curves),
+        "response-differences": lambda: response.draw_differences(curves),
+        "undamped-error": lambda: response.draw_undamped_error(curves),
+        "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
+    }
+    for (mode, held), level in studies.levels.items():
+        figures[f"level-variation-mode-{mode}-{held}"] = partial(draw_level_variation, level.variations, held)
     return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
 
 
@@ -59,25 +71,6 @@ def _widen(table: pd.DataFrame, value: str, columns: pd.Series) -> pd.DataFrame:
 
 def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(case=frame["case"].str.replace("alpha", "α").str.replace("I + ", "I and "))
-
-
-def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
-    """How each figure of the chapter is drawn, by name."""
-    curves = studies.curves
-    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
-    return {
-        "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
-        "response-explained": lambda: response.draw_response_explained(explained),
-        "response-curves": lambda: response.draw_response_curves(curves),
-        "phase-curves": lambda: response.draw_phase_curves(curves),
-        "response-differences": lambda: response.draw_differences(curves),
-        "undamped-error": lambda: response.draw_undamped_error(curves),
-        "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
-        **{
-            f"level-variation-mode-{mode}-{held}": partial(draw_level_variation, level.variations, held)
-            for (mode, held), level in studies.levels.items()
-        },
-    }
 
 
 _MODES = {1: "First mode", 2: "Second mode"}
