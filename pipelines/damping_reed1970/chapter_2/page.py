@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import eigh
 
-from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
+from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, build_panels, law_style, styled
 from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
@@ -47,8 +47,7 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 @styled
 def draw_slip_equivalent(equivalent: SlipEquivalent) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
-    figure = Figure(figsize=(WIDTH, 5.8))
-    left, right = figure.subplots(2, 1)
+    figure, (left, right) = build_panels(5.8, 2)
     slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
     slip, printed, corrected = equivalent.slip, equivalent.printed, equivalent.corrected
     left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)

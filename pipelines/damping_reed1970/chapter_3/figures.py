@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray, Floats
-from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, build_panel, styled
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, build_panel, build_panels, styled
 from damping.plots.fits import corner
 from damping.signals import plane_motion
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
@@ -117,8 +117,7 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
 @styled
 def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
     """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), one panel for each plane."""
-    figure = Figure(figsize=(WIDTH, 5.6))
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    figure, panels = build_panels(5.6, 2, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
         _draw_one_damping(axes, curves, plane)
         draw_compared(axes, measured, plane, "printed (Table 3.IV)", "computed at the nearest root of Eq. 3.2.15")
@@ -133,8 +132,7 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
 @styled
 def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
     """Draw what each step of the conditioning removed: motion in phase with the force."""
-    figure = Figure(figsize=(WIDTH, 7.6))
-    left, right, amplitude, phase = figure.subplots(4, 1, sharex=True)
+    figure, (left, right, amplitude, phase) = build_panels(7.6, 4, sharex=True)
     first = effect[effect["step"] == effect["step"].iloc[0]]
     for step, rows in effect.groupby("step", sort=False):
         colour, line = _STEPS.get(str(step), (INK, "-"))
@@ -182,8 +180,7 @@ def _draw_one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
 def draw_planar_overlay(measured: pd.DataFrame, mode: PlanarBand, curves: pd.DataFrame) -> Figure:
     """Draw measured amplitude and phase with the planar oscillator: all free, two held, and with a lag and motion in
     phase with the force fitted too."""
-    figure = Figure(figsize=(WIDTH, 4.9))
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
+    figure, (upper, lower) = build_panels(4.9, 2, sharex=True, height_ratios=(1.6, 1.0))
     for axes, name, points, curve in (
         (upper, "amplitude", "A_2_printed", mode.amplitude),
         (lower, "phase", "phi_2_printed", mode.phase),

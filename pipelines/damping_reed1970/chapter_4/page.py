@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
+from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, build_panels, law_style, plain_log, styled
 from damping.report.page import Table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
@@ -84,8 +84,8 @@ _COEFFICIENT_LINES = {
 @styled
 def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
-    figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
-    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+    figure, panels = build_panels(2.9 * len(modes), len(modes))
+    for axes, data in zip(panels, modes, strict=True):
         for cases, (law, label) in _COEFFICIENT_LINES.items():
             line, colour = data.lines[data.lines["cases"] == cases], law_style(law).colour
             axes.fill_between(line["amplitude_in"], line["low"], line["high"], color=colour, alpha=0.13, linewidth=0)
@@ -113,8 +113,8 @@ def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
 @styled
 def draw_force_amplitude(modes: Sequence[SweepLines]) -> Figure:
     """Draw resonant force against amplitude on logarithmic axes (Fig. 4.10), with the extrapolation of section 4.3."""
-    figure = Figure(figsize=(WIDTH, 3.1 * len(modes)))
-    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+    figure, panels = build_panels(3.1 * len(modes), len(modes))
+    for axes, data in zip(panels, modes, strict=True):
         lines, force = data.lines, data.lines["force_lb"]
         axes.set(xscale="log", yscale="log")
         band, (refitted, as_printed) = "90 % t interval of the line", data.exponents
