@@ -73,7 +73,7 @@ def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mappin
     Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
     """
     own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, "", headings=own | dict(headings or {}), key=name_table_file(chapter, name))
+    return Table(frame, "", headings=own | dict(headings or {}), key=f"chapter_{chapter}_{name}")
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -81,11 +81,6 @@ def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
     chosen = np.logical_and.reduce([(frame[name] == value).to_numpy() for name, value in where.items()])
     assert chosen.sum() == 1, f"{chosen.sum()} rows with {where}"
     return frame.iloc[int(chosen.argmax())]
-
-
-def name_table_file(chapter: int, name: str) -> str:
-    """Name of the file of a chapter's table, without its ending."""
-    return f"chapter_{chapter}_{name}"
 
 
 def chapter_of(identity: str) -> int:
@@ -118,8 +113,6 @@ def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
 
 #: A table with more rows than this is folded away.
 MOST_ROWS = 24
-
-
 #: Tables that are known by name: ``title``, ``text``, what it says, and ``columns`` that the page shows (all if none).
 KNOWN: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
 
@@ -171,4 +164,4 @@ def write_chapter(
     known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row, "labels": LABELS}
     blocks = write_blocks(text, {**known_values, **values}, take)
     section = Section(f"chapter-{number}", LABELS["titles"][str(number)], blocks)
-    return ReportPart(section, {name_table_file(number, name): frame for name, frame in tables.items()})
+    return ReportPart(section, {whole[name].key: frame for name, frame in tables.items()})

@@ -18,7 +18,7 @@ from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import format_share
-from damping.report.gap import describe_diagnosis, gap_figures
+from damping.report.gap import describe_diagnosis, gap_figures, tabulate_hypotheses
 from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
 from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
@@ -190,7 +190,8 @@ _MOST = 8
 
 def gaps_part(diagnoses: Gaps) -> ReportPart:
     """The part: Configuration I against one plane, Configuration II against viscous damping."""
-    tables = {f"gap_configuration_{number}": tabulate_hypotheses(d) for number, d in diagnoses.items()}
+    fitted = {number: tabulate_hypotheses(diagnosis) for number, diagnosis in diagnoses.items()}
+    tables = {f"gap_configuration_{number}": table.drop(columns="listed") for number, table in fitted.items()}
 
     def take(kind: str, name: str, caption: str) -> list[Block]:
         if kind == "blind":
@@ -217,13 +218,6 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
 
 def _draw_gap(file: str, drawn: Drawn) -> DrawnBlock:
     return draw_block(file, drawn.title, drawn.description, lambda: drawn.figure)
-
-
-def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
-    """Every hypothesis that was fitted, most probable first: ``explanation, probability, log_evidence``."""
-    hypotheses = diagnosis.hypotheses
-    rows = [(" + ".join(h.effects) or "no effect", h.probability, h.hypothesis.log_evidence) for h in hypotheses]
-    return pd.DataFrame(rows, columns=["explanation", "probability", "log_evidence"])
 
 
 def _find_planes(diagnosis: Diagnosis) -> tuple[float, float, float] | None:

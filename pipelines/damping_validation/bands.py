@@ -137,8 +137,7 @@ _PARTS = {
 @plots.styled
 def draw_real_bands(band: BandResult) -> Figure:
     """Draw three panels side by side: beyond the test, higher levels left out, standard deviations of the parts."""
-    figure = Figure(figsize=(1.35 * plots.TEXT_WIDTH, 3.1))
-    axes = figure.subplots(1, 3, width_ratios=[5, 3.4, 3.4])
+    figure, axes = plots.build_panels(3.1, 1, 3, 1.35 * plots.TEXT_WIDTH, width_ratios=[5, 3.4, 3.4])
     bands = tabulate_loads(band.grid)
     _draw_bands(axes[0], bands, band)
     _draw_left_out(axes[1], band.left_out)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from scipy.stats import binom, binomtest
 
 from damping.infer.law import Law
-from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, styled, to_png
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, build_panels, styled, to_png
 from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
@@ -33,7 +33,6 @@ BATCH = 12
 _DPI = 130
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
-
 
 #: Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee.
 FULL = {"fast": 40, "importance": 4, "ranks": 24, "emcee": 2}
@@ -216,8 +215,7 @@ def render_page(
 def draw_coverage(table: pd.DataFrame) -> Figure:
     """Draw the share of next tests inside the band and above it, by structure and ratio, with 95 % intervals."""
     names = list(dict.fromkeys(table["truth"]))[::-1]
-    figure = Figure(figsize=(TEXT_WIDTH, 0.28 * len(names) + 1.0))
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure, (left, right) = build_panels(0.28 * len(names) + 1.0, 1, 2, TEXT_WIDTH, sharey=True)
     for ax, column, goal in ((left, "held", trial.LEVEL), (right, "above", 0.5 * (1.0 - trial.LEVEL))):
         ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
         for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
@@ -269,10 +267,9 @@ def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
 def _open_panels(names: Collection[str], height: float, sharey: bool) -> tuple[Figure, dict[str, Axes]]:
     """A figure of three columns of small panels, one a name, ``height`` inches a row."""
     rows = -(-len(names) // 3)
-    figure = Figure(figsize=(TEXT_WIDTH, height * rows))
-    panels = figure.subplots(rows, 3, sharex=True, sharey=sharey, squeeze=False).ravel()
-    for ax in panels[len(names) :]:
+    figure, panels = build_panels(height * rows, rows, 3, TEXT_WIDTH, sharex=True, sharey=sharey, squeeze=False)
+    for ax in panels.flat[len(names) :]:
         ax.set_visible(False)
-    for ax, name in zip(panels, names, strict=False):
+    for ax, name in zip(panels.flat, names, strict=False):
         ax.set_title(name, fontsize=7)
-    return figure, dict(zip(names, panels, strict=False))
+    return figure, dict(zip(names, panels.flat, strict=False))

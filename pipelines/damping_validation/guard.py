@@ -10,9 +10,8 @@ what was measured when it was set, so that redrawn noise does not cross it and a
 import json
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from damping.records.reading import read_record
 from damping_pipelines.terminal import end_with_parent
 from damping_validation.blind import make_cases, read_sealed
 from damping_validation.calibration import RATIOS, coverage_trial
+from damping_validation.scorer import Figure, Goal, measure_share
 from damping_validation.truths import TRUTHS
 
 #: Trials of each truth, and their seed.
@@ -39,28 +39,7 @@ BLIND_SEED = 20262
 JOBS = 2
 
 
-@dataclass(frozen=True)
-class Guarded:
-    """A share that was measured and the least, or the most, that is accepted."""
-
-    name: str
-    value: float
-    limit: float
-    least: bool = True
-
-    @property
-    def holds(self) -> bool:
-        """Whether the limit is kept."""
-        return self.value >= self.limit if self.least else self.value <= self.limit
-
-    @property
-    def sentence(self) -> str:
-        """A line for the log."""
-        side = "at least" if self.least else "at most"
-        return f"{'held' if self.holds else 'LOST'}  {self.name}: {self.value:.3f} ({side} {self.limit:.3f})"
-
-
-def guard_coverage() -> Iterator[Guarded]:
+def guard_coverage() -> Iterator[Figure]:
     """Share of next tests within the 90 % band, and above it, at each of ``RATIOS``."""
     names, seeds = zip(
         *((name, SEED + 1000 * kind + i) for kind, name in enumerate(TRUTHS) for i in range(TRIALS)), strict=True
@@ -70,11 +49,12 @@ def guard_coverage() -> Iterator[Guarded]:
     for at, ratio in enumerate(RATIOS):
         told = [trial for trial in trials if not trial.refused[at]]
         above, below = (float(np.mean([getattr(t, side)[at] for t in told])) for side in ("above", "below"))
-        yield Guarded(f"within the band at {ratio:g} times the tested force", 1.0 - above - below, LEAST_WITHIN)
-        yield Guarded(f"above the band at {ratio:g} times the tested force", above, MOST_ABOVE, least=False)
+        at_force = f"the band at {ratio:g} times the tested force"
+        yield Figure(f"within {at_force}", Goal(low=LEAST_WITHIN), 1.0 - above - below)
+        yield Figure(f"above {at_force}", Goal(high=MOST_ABOVE), above)
 
 
-def guard_diagnosis() -> Iterator[Guarded]:
+def guard_diagnosis() -> Iterator[Figure]:
     """Shares of blind cases of which the answer is good, and confidently wrong."""
     from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
@@ -83,9 +63,9 @@ def guard_diagnosis() -> Iterator[Guarded]:
         sealed = make_cases(out / "cases", out / "labels.json", CASES, BLIND_SEED, jobs=JOBS)
         diagnose_folder(out / "cases", out / "answers", jobs=JOBS, seed=0)
         verdicts = read_sealed(out / "labels.json", out / "answers", sealed)
-    yield Guarded("blind cases with a good answer", float(np.mean([v.good for v in verdicts])), LEAST_GOOD)
-    wrong = float(np.mean([v.confidently_wrong for v in verdicts]))
-    yield Guarded("blind cases confidently wrong", wrong, MOST_WRONG, least=False)
+    yield measure_share("blind cases with a good answer", verdicts, lambda v: v.good, Goal(low=LEAST_GOOD))
+    wrong = Goal(high=MOST_WRONG)
+    yield measure_share("blind cases confidently wrong", verdicts, lambda v: v.confidently_wrong, wrong)
 
 
 #: Floors and ceilings; see the head of the module.
@@ -93,7 +73,6 @@ LEAST_WITHIN = 0.86
 MOST_ABOVE = 0.12
 LEAST_GOOD = 0.65
 MOST_WRONG = 0.05
-
 
 #: Cases and their seed, which is neither that of the blind cases nor that of the tests.
 DOUBT_CASES = 130
@@ -142,10 +121,11 @@ def main() -> int:
     if sys.argv[1:] == ["doubts"]:
         print_doubts()
         return 0
-    guarded: Sequence[Guarded] = [*guard_coverage(), *guard_diagnosis()]
+    guarded = [*guard_coverage(), *guard_diagnosis()]
     for share in guarded:
-        print(share.sentence)
-    return 0 if all(share.holds for share in guarded) else 1
+        limit = f"at most {share.goal.high:.3f}" if share.goal.low is None else f"at least {share.goal.low:.3f}"
+        print(f"{'held' if share.met else 'LOST'}  {share.name}: {share.measured:.3f} ({limit})")
+    return 0 if all(share.met for share in guarded) else 1
 
 
 if __name__ == "__main__":

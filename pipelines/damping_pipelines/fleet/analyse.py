@@ -28,7 +28,7 @@ from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report import forms, number, page
-from damping.report.gap import describe_diagnosis, render_gap_page
+from damping.report.gap import describe_diagnosis, render_gap_page, tabulate_hypotheses
 from damping.report.tables import tabulate_by_model
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
@@ -200,9 +200,8 @@ def record_page(record: FleetRecord) -> str:
     if loads:
         parts |= _build_loads(record, loads)
     if diagnosis:
-        rows = [(" + ".join(e.effects) or "no effect", e.probability) for e in diagnosis.explanations]
-        explanations = pd.DataFrame(rows, columns=["explanation", "p"])
-        parts["explanations"] = page.Table(explanations, "", {"p": report.format_share}, {"p": "probability"})
+        listed = tabulate_hypotheses(diagnosis).query("listed")[["explanation", "probability"]]
+        parts["explanations"] = page.Table(listed, "", {"probability": report.format_share})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
     sections = page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, WIDTH, draw_plain_rows, law_style, styled, to_svg
+from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, law_style, styled, to_svg
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
 
@@ -27,15 +27,14 @@ def leading_laws(counts: pd.Series) -> Figure:
     shown = counts.head(MOST_LAWS)
     if len(counts) > MOST_LAWS:
         shown = pd.concat([shown, pd.Series({"others": counts.iloc[MOST_LAWS:].sum()})])
-    figure = Figure(figsize=(WIDTH, 0.8 + 0.24 * len(shown)))
-    axes = figure.add_subplot()
+    figure, axes = build_panel(0.8 + 0.24 * len(shown), "records led (hatched: with a viscous part)")
     laws = [str(law) for law in shown.index]
     draw_plain_rows(axes, laws)
     colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, value in enumerate(shown):
         axes.annotate(f"{value:d}", (float(value), row), (4, 0), textcoords="offset points", va="center", fontsize=7.5)
-    axes.set(xlim=(0.0, 1.12 * float(shown.max())), xlabel="records led (hatched: with a viscous part)")
+    axes.set_xlim(0.0, 1.12 * float(shown.max()))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
 
@@ -46,8 +45,7 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
     ordered = table.sort_values("percent", ascending=False, ignore_index=True)
     chosen = np.unique(np.linspace(0, len(ordered) - 1, MOST_POINTS).round().astype(int))
     place, rows = 100.0 * (chosen + 0.5) / len(ordered), ordered.iloc[chosen]
-    figure = Figure(figsize=(WIDTH, 3.1))
-    axes = figure.add_subplot()
+    figure, axes = build_panel(3.1, "records, largest overprediction first (%)", "linear over median (%)")
     if len(ordered) > MOST_POINTS // 5:
         axes.fill_between(place, rows["low"], rows["high"], color=PREDICTIVE, linewidth=0)
         axes.plot(place, rows["percent"], color=AVERAGE)
@@ -56,7 +54,7 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
         axes.plot(place, rows["percent"], "o", color=AVERAGE, markersize=3.5)
     axes.axhline(0.0, color=LINEAR, linewidth=1.0)
     axes.axvline(50.0, color=MUTED, linewidth=0.6, linestyle=(0, (2, 2)))
-    axes.set(xlim=(0.0, 100.0), xlabel="records, largest overprediction first (%)", ylabel="linear over median (%)")
+    axes.set_xlim(0.0, 100.0)
     return figure
 
 

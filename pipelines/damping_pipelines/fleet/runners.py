@@ -40,7 +40,6 @@ OTHER_CODE = "a worker computes with other code"
 BY_CHANCE = (DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME)
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
-
 Work = Callable[[FleetTask], FleetResult]
 
 

@@ -1,6 +1,6 @@
 """Chapter II in the report: loops of every force (Fig. 2.4), slip and its equivalent (Fig. 2.5), lumped masses."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.linalg import eigh
 
-from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, law_style, styled
+from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, build_panels, law_style, styled
 from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults, Studies
+from damping_reed1970.studies import ReportResults
 
 #: Of the 1441 points of a small loop, only every nth is drawn: all corners at multiples of 30 degrees stay.
 EVERY = 12
@@ -47,8 +47,7 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 @styled
 def draw_slip_equivalent(equivalent: SlipEquivalent) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
-    figure = Figure(figsize=(WIDTH, 5.8))
-    left, right = figure.subplots(2, 1)
+    figure, (left, right) = build_panels(5.8, 2)
     slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
     slip, printed, corrected = equivalent.slip, equivalent.printed, equivalent.corrected
     left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
@@ -151,17 +150,12 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, LABELS["lumped_masses"]),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = collect_figures(studies)
-    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
-
-
-def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
-    """How each figure of the chapter is drawn, by name."""
-    return {
+    figures = {
         "hysteresis-loops": lambda: draw_hysteresis_loops(studies.loops.loops),
         "slip-equivalent": lambda: draw_slip_equivalent(studies.slip),
         "slip-energy": lambda: draw_slip_energy(studies.slip.energies),
     }
+    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
 
 
 def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray, Floats
-from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, WIDTH, build_panel, styled
+from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, build_panel, build_panels, styled
 from damping.plots.fits import corner
 from damping.signals import plane_motion
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
@@ -37,9 +37,10 @@ def draw_printed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.S
     axes.plot(omega, y, "o", color="none", markeredgecolor=MEASURED, markersize=5.5, zorder=4, label=label)
 
 
-def draw_computed(axes: Axes, omega: FloatArray | pd.Series, y: FloatArray | pd.Series, label: str) -> None:
-    """Computed points: dots that fit into the circles."""
-    axes.plot(omega, y, ".", color=LINEAR, markersize=4.5, zorder=5, label=label)
+def draw_compared(axes: Axes, measured: pd.DataFrame, name: str, printed: str, computed: str) -> None:
+    """Printed points of a quantity, and computed ones: dots that fit into their circles."""
+    draw_printed(axes, measured["omega"], measured[f"{name}_printed"], printed)
+    axes.plot(measured["omega"], measured[name], ".", color=LINEAR, markersize=4.5, zorder=5, label=computed)
 
 
 def draw_from_zero(axes: Axes) -> None:
@@ -85,8 +86,7 @@ def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     figure, axes = build_panel(3.3, OMEGA, "phase angle (rad)")
     draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
-    draw_printed(axes, measured["omega"], measured["phi_2_printed"], "second mode, printed")
-    draw_computed(axes, measured["omega"], measured["phi_2"], "second mode, computed")
+    draw_compared(axes, measured, "phi_2", "second mode, printed", "second mode, computed")
     axes.set_yticks([0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi, np.pi], ["0", "π/4", "π/2", "3π/4", "π"])
     axes.set_ylim(0.0, np.pi)
     axes.legend(loc="upper left")
@@ -98,8 +98,7 @@ def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6) with the planar fit."""
     figure, axes = build_panel(3.3, OMEGA, "modal amplitude (in)")
     draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % band")
-    draw_printed(axes, measured["omega"], measured["A_2_printed"], "printed (Table 3.III)")
-    draw_computed(axes, measured["omega"], measured["A_2"], "computed (Eqs. 3.1.20-3.1.23)")
+    draw_compared(axes, measured, "A_2", "printed (Table 3.III)", "computed (Eqs. 3.1.20-3.1.23)")
     draw_from_zero(axes)
     return figure
 
@@ -109,8 +108,7 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
     """Draw energy input per cycle against frequency (Fig. 3.9) with what one damping factor for all points loses."""
     figure, axes = build_panel(3.3, OMEGA, "energy per cycle (in-lb)")
     _draw_one_damping(axes, curves, "energy")
-    draw_printed(axes, measured["omega"], measured["energy_printed"], "printed (Table 3.IV)")
-    draw_computed(axes, measured["omega"], measured["energy"], "computed, π X F sin φ (Eq. 3.2.9)")
+    draw_compared(axes, measured, "energy", "printed (Table 3.IV)", "computed, π X F sin φ (Eq. 3.2.9)")
     axes.plot(corrected["omega"], corrected["energy"], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
     draw_from_zero(axes)
     return figure
@@ -119,12 +117,10 @@ def draw_input_energy(measured: pd.DataFrame, corrected: pd.DataFrame, curves: p
 @styled
 def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, curves: pd.DataFrame) -> Figure:
     """Draw principal pitch and yaw amplitudes against frequency (Fig. 3.10), one panel for each plane."""
-    figure = Figure(figsize=(WIDTH, 5.6))
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    figure, panels = build_panels(5.6, 2, sharex=True, sharey=True)
     for axes, plane in zip(panels, ("pitch", "yaw"), strict=True):
         _draw_one_damping(axes, curves, plane)
-        draw_printed(axes, measured["omega"], measured[f"{plane}_printed"], "printed (Table 3.IV)")
-        draw_computed(axes, measured["omega"], measured[plane], "computed at the nearest root of Eq. 3.2.15")
+        draw_compared(axes, measured, plane, "printed (Table 3.IV)", "computed at the nearest root of Eq. 3.2.15")
         axes.plot(corrected["omega"], corrected[plane], "+", color=ALERT, markersize=8, label="rows 6+, 9+")
         axes.set_title(f"Principal {plane} plane")
         axes.set(ylabel="modal amplitude (in)", ylim=(0.0, None))
@@ -136,8 +132,7 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
 @styled
 def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
     """Draw what each step of the conditioning removed: motion in phase with the force."""
-    figure = Figure(figsize=(WIDTH, 7.6))
-    left, right, amplitude, phase = figure.subplots(4, 1, sharex=True)
+    figure, (left, right, amplitude, phase) = build_panels(7.6, 4, sharex=True)
     first = effect[effect["step"] == effect["step"].iloc[0]]
     for step, rows in effect.groupby("step", sort=False):
         colour, line = _STEPS.get(str(step), (INK, "-"))
@@ -185,8 +180,7 @@ def _draw_one_damping(axes: Axes, curves: pd.DataFrame, name: str) -> None:
 def draw_planar_overlay(measured: pd.DataFrame, mode: PlanarBand, curves: pd.DataFrame) -> Figure:
     """Draw measured amplitude and phase with the planar oscillator: all free, two held, and with a lag and motion in
     phase with the force fitted too."""
-    figure = Figure(figsize=(WIDTH, 4.9))
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
+    figure, (upper, lower) = build_panels(4.9, 2, sharex=True, height_ratios=(1.6, 1.0))
     for axes, name, points, curve in (
         (upper, "amplitude", "A_2_printed", mode.amplitude),
         (lower, "phase", "phi_2_printed", mode.phase),

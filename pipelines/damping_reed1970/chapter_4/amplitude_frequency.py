@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray, Floats
 from damping.forces import damping_term
 from damping.forces.contract import Force
-from damping.plots import ALERT, INK, MEASURED, MUTED, WIDTH, build_panel, law_style, styled
+from damping.plots import ALERT, INK, MEASURED, MUTED, build_panel, build_panels, law_style, styled
 from damping.predict.steady import phase_lag
 from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_4 import PRINTED, build_case
@@ -205,8 +205,7 @@ def draw_response_explained(result: AmplitudeFrequency) -> Figure:
 @styled
 def draw_response_curves(result: AmplitudeFrequency) -> Figure:
     """Draw amplitude against frequency ratio squared, cases I to IV and case V (Figs. 4.4, 4.5)."""
-    figure = Figure(figsize=(WIDTH, 6.0))
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    figure, panels = build_panels(6.0, 2, sharex=True, sharey=True)
     resonance: dict[str, Any] = {"color": MEASURED, "markeredgecolor": "white", "label": "measured resonance"}
     for axes, fifth, title in zip(panels, (False, True), ("Cases I to IV", "Case V"), strict=True):
         _draw_undamped(axes, result)
@@ -236,8 +235,7 @@ def draw_phase_curves(result: AmplitudeFrequency) -> Figure:
 @styled
 def draw_differences(result: AmplitudeFrequency) -> Figure:
     """Draw delta and epsilon against amplitude, with the printed delta of case I (Figs. 4.7, 4.8)."""
-    figure = Figure(figsize=(WIDTH, 5.4))
-    left, right = figure.subplots(2, 1, sharex=True)
+    figure, (left, right) = build_panels(5.4, 2, sharex=True)
     for curve in result.curves:
         _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
         _draw_line(right, curve.name, curve.amplitude, curve.epsilon)

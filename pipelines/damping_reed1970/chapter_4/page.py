@@ -8,14 +8,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, WIDTH, law_style, plain_log, styled
+from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, build_panels, law_style, plain_log, styled
 from damping.report.page import Table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.lines import SweepLines
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults, Studies
+from damping_reed1970.studies import ReportResults
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
@@ -31,7 +31,19 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
     values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
-    figures = collect_figures(studies)
+    curves = studies.curves
+    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
+    figures: dict[str, Callable[[], Figure]] = {
+        "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
+        "response-explained": lambda: response.draw_response_explained(explained),
+        "response-curves": lambda: response.draw_response_curves(curves),
+        "phase-curves": lambda: response.draw_phase_curves(curves),
+        "response-differences": lambda: response.draw_differences(curves),
+        "undamped-error": lambda: response.draw_undamped_error(curves),
+        "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
+    }
+    for (mode, held), level in studies.levels.items():
+        figures[f"level-variation-mode-{mode}-{held}"] = partial(draw_level_variation, level.variations, held)
     return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
 
 
@@ -61,25 +73,6 @@ def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(case=frame["case"].str.replace("alpha", "α").str.replace("I + ", "I and "))
 
 
-def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
-    """How each figure of the chapter is drawn, by name."""
-    curves = studies.curves
-    explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
-    return {
-        "linear-coefficient": lambda: draw_linear_coefficients(studies.lines),
-        "response-explained": lambda: response.draw_response_explained(explained),
-        "response-curves": lambda: response.draw_response_curves(curves),
-        "phase-curves": lambda: response.draw_phase_curves(curves),
-        "response-differences": lambda: response.draw_differences(curves),
-        "undamped-error": lambda: response.draw_undamped_error(curves),
-        "force-amplitude": lambda: draw_force_amplitude(studies.force_lines),
-        **{
-            f"level-variation-mode-{mode}-{held}": partial(draw_level_variation, level.variations, held)
-            for (mode, held), level in studies.levels.items()
-        },
-    }
-
-
 _MODES = {1: "First mode", 2: "Second mode"}
 #: Law in whose colour a line is drawn, and its label.
 _COEFFICIENT_LINES = {
@@ -91,8 +84,8 @@ _COEFFICIENT_LINES = {
 @styled
 def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
-    figure = Figure(figsize=(WIDTH, 2.9 * len(modes)))
-    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+    figure, panels = build_panels(2.9 * len(modes), len(modes))
+    for axes, data in zip(panels, modes, strict=True):
         for cases, (law, label) in _COEFFICIENT_LINES.items():
             line, colour = data.lines[data.lines["cases"] == cases], law_style(law).colour
             axes.fill_between(line["amplitude_in"], line["low"], line["high"], color=colour, alpha=0.13, linewidth=0)
@@ -120,8 +113,8 @@ def _draw_sweeps(axes: Axes, points: pd.DataFrame, x: str, y: str) -> None:
 @styled
 def draw_force_amplitude(modes: Sequence[SweepLines]) -> Figure:
     """Draw resonant force against amplitude on logarithmic axes (Fig. 4.10), with the extrapolation of section 4.3."""
-    figure = Figure(figsize=(WIDTH, 3.1 * len(modes)))
-    for axes, data in zip(figure.subplots(len(modes)), modes, strict=True):
+    figure, panels = build_panels(3.1 * len(modes), len(modes))
+    for axes, data in zip(panels, modes, strict=True):
         lines, force = data.lines, data.lines["force_lb"]
         axes.set(xscale="log", yscale="log")
         band, (refitted, as_printed) = "90 % t interval of the line", data.exponents

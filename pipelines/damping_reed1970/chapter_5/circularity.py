@@ -21,7 +21,7 @@ from matplotlib.patches import Patch
 
 from damping.arrays import FloatArray
 from damping.forces import make
-from damping.plots import WIDTH, draw_plain_rows, law_style, styled
+from damping.plots import build_panels, draw_plain_rows, law_style, styled
 from damping.predict.steady import steady_state
 from damping.signals import damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
@@ -239,10 +239,10 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
     known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]
     cases = list(known[["truth", "noise_percent"]].drop_duplicates().itertuples(index=False, name=None))
-    figure = Figure(figsize=(WIDTH, 0.9 + (0.6 + 0.2 * len(cases)) * len(routes)))
-    panels = np.atleast_1d(figure.subplots(len(routes), sharex=True))
+    height = 0.9 + (0.6 + 0.2 * len(cases)) * len(routes)
+    figure, panels = build_panels(height, len(routes), sharex=True, squeeze=False)
     labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
-    for axes, route in zip(panels, routes, strict=True):
+    for axes, route in zip(panels.flat, routes, strict=True):
         draw_plain_rows(axes, ["measured", *labels])
         rows = kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)]
         _draw_bars(axes, 0, rows)
@@ -251,7 +251,7 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
             _draw_bars(axes, place, known[chosen])
         axes.set(xlim=(0.0, 1.0), xticks=[0.0, 0.5, 1.0])
         axes.set_title(route, fontsize=7.5, x=-0.5)
-    panels[-1].set_xlabel("share of runs")
+    panels.flat[-1].set_xlabel("share of runs")
     handles = [Patch(color=colour, label=kind) for kind, colour in _CLASSES.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5)
     return figure

@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import BoolArray, FloatArray, IntArray
-from damping.plots import AVERAGE, LINEAR, WIDTH, plain_log, styled
+from damping.plots import AVERAGE, LINEAR, build_panels, plain_log, styled
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
@@ -209,8 +209,7 @@ def draw_false_terms(selection: pd.DataFrame) -> Figure:
 
     ``selection`` is that of :class:`FalseTerms`.
     """
-    figure = Figure(figsize=(WIDTH, 5.6))
-    panels = figure.subplots(2, len(POSITIONS), sharex=True, sharey="row")
+    figure, panels = build_panels(5.6, 2, len(POSITIONS), sharex=True, sharey="row")
     for (share, error), terms in zip(panels.T, POSITIONS, strict=True):
         for method, (colour, marker, line) in METHODS.items():
             rows = selection[(selection["terms"] == terms) & (selection["method"] == method)]

@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import ALERT, LINEAR, MUTED, WIDTH, plain_log, styled
+from damping.plots import ALERT, LINEAR, MUTED, build_panels, plain_log, styled
 from damping.regression.design import Design
 from damping.regression.fit import Fit, fit, one_term_fits
 from damping.regression.program import tabulate_terms
@@ -150,8 +150,7 @@ DRAWN = ("5.III recovered", "5.IV recovered")
 @styled
 def draw_terms_against_error(study: Mapping[str, pd.DataFrame]) -> Figure:
     """Draw least RMS error against number of terms, free and with coefficients > 0, and the way of elimination."""
-    figure = Figure(figsize=(WIDTH, 2.7 * len(DRAWN)))
-    panels = figure.subplots(len(DRAWN), sharex=True, sharey=True)
+    figure, panels = build_panels(2.7 * len(DRAWN), len(DRAWN), sharex=True, sharey=True)
     for axes, name in zip(panels, DRAWN, strict=True):
         sizes = study["nine_terms_by_size"].query("inputs == @name")
         steps = study["nine_terms_elimination"].query("inputs == @name and coefficients == 'free'")
@@ -220,8 +219,7 @@ def energy_surface(cells: int = 80) -> EnergySurface:
 @styled
 def draw_energy_surfaces(result: EnergySurface) -> Figure:
     """Draw energy over frequency and amplitude: a law with coefficients > 0 beside all nine terms (Fig. 5.1)."""
-    figure = Figure(figsize=(WIDTH, 5.6))
-    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    figure, panels = build_panels(5.6, 2, sharex=True, sharey=True)
     top = float(result.points["energy_in_lb"].max())
     law = " + ".join(result.law).replace("*", "").replace("omega", "ω")  # A²ω
     names = law.replace("^2", "²").replace("^3", "³").replace("^4", "⁴"), "nine terms"

@@ -60,8 +60,7 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
     Args:
         frequencies: Hz, where they are known; else the peaks of the spectrum of the smallest decay.
 
-    Raises:
-        InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
+    InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
     names = runs[0].names
     kinds = {channel.quantity for run in runs for channel in run.channels}

@@ -72,8 +72,7 @@ class DrivenMode:
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
     """Every level with its modes, found on the lowest and followed upwards.
 
-    Raises:
-        InputError: sensors whose motion is not understood. AnalysisError: no mode.
+    InputError: sensors whose motion is not understood. AnalysisError: no mode.
     """
     levels: list[Level] = []
     starts: Sequence[float] = frequencies
@@ -243,8 +242,7 @@ def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) 
 
     Also the name of the law with the largest weight, and what was done about the sweep rate.
 
-    Raises:
-        AnalysisError: the levels do not allow a prediction.
+    AnalysisError: the levels do not allow a prediction.
     """
     asked = np.array(forces, dtype=float)
     measured = prepare(record, mode)

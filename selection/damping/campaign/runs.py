@@ -92,8 +92,7 @@ class Corrections:
 def read_corrections(path: str | Path) -> Corrections:
     """The corrections in a TOML file.
 
-    Raises:
-        InputError: a file that is none, an unknown key, or a value that is not what it should be, with its line.
+    InputError: a file that is none, an unknown key, or a value that is not what it should be, with its line.
     """
     top = read_toml(path)
     top.only("drive", "runs", "channels")

@@ -44,9 +44,8 @@ def read_runs(
 ) -> tuple[list[CampaignRun], Summary]:
     """The runs of some files, lowest level first, as corrected, with their common sensors, and what was understood.
 
-    Raises:
-        InputError: a file that cannot be read, or in which no runs are found, with what is expected; a correction of
-            what is not there; no sensor that every run has.
+    InputError: a file that cannot be read, or in which no runs are found, with what is expected; a correction of what
+    is not there; no sensor that every run has.
     """
     summary, stated = Summary(), corrections or Corrections()
     runs: list[CampaignRun] = []

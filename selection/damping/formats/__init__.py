@@ -31,9 +31,8 @@ _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
     """The series of a file, and a summary of what its reader took them for.
 
-    Raises:
-        InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not
-            understood, or something that neither the file nor the user says.
+    InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not
+    understood, or something that neither the file nor the user says.
     """
     check(stated)
     summary = Summary()

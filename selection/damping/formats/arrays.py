@@ -49,9 +49,8 @@ def read_arrays(
         rows: first and behind the last sample that are read, of every channel, and
             of every array of an HDF5 file along its longest axis; all where None.
 
-    Raises:
-        AnalysisError: the package that reads the format is not installed.
-        InputError: the file cannot be read, is too large, is not of its kind, or holds objects in place of numbers.
+    AnalysisError: the package that reads the format is not installed. InputError: the file cannot be read, is too
+    large, is not of its kind, or holds objects in place of numbers.
     """
     read_start(path, 1)  # it is there, and a file
     size = os.stat(path).st_size

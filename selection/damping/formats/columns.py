@@ -136,9 +136,8 @@ def read_columns(
         delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
         skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
-    Raises:
-        InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number
-            belongs (an empty cell and NaN are no measurement there), or no rows.
+    InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number belongs
+    (an empty cell and NaN are no measurement there), or no rows.
     """
     layout = _layout(data, delimiter, skip, decimal)
     whole = not (layout.comments or layout.numbered)  # a header of quoted cells may span lines

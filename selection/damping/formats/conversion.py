@@ -68,8 +68,7 @@ class Statements:
 def conversion(known: Statements) -> Conversion:
     """Response type and factors of a series.
 
-    Raises:
-        InputError: type or unit neither stated nor found, not understood, or at odds with each other.
+    InputError: type or unit neither stated nor found, not understood, or at odds with each other.
     """
     facts, stated, summary = known.facts, known.stated, known.summary
     texts = {what: known.unit_of(what) for what in ("response", "force") if known.unit_of(what)}
@@ -170,8 +169,7 @@ def ask(known: Statements, *, force: bool | None) -> None:
 def scaling(known: Statements, *, of_force: bool = False) -> float:
     """Amplitudes of the sine in one unit of what was recorded; a force of real numbers has a scaling of its own.
 
-    Raises:
-        InputError: neither stated nor found.
+    InputError: neither stated nor found.
     """
     facts, stated, name = known.facts, known.stated, known.scaling
     own = (stated.force_scaling or facts.force_scaling) if of_force else None
@@ -192,8 +190,7 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
 def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> float:
     """Factor of ``energy`` or ``mass`` to the system.
 
-    Raises:
-        InputError: a unit neither stated nor found, or of another kind.
+    InputError: a unit neither stated nor found, or of another kind.
     """
     if known.stated.consistent:
         return 1.0
@@ -220,9 +217,8 @@ class TimeHistory:
 def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -> list[TimeHistory]:
     """The motions of some series.
 
-    Raises:
-        InputError: a series that is no time history of a motion, values that are no numbers, or a type or unit that
-            neither the file nor the user says.
+    InputError: a series that is no time history of a motion, values that are no numbers, or a type or unit that neither
+    the file nor the user says.
     """
     if stated.labels and len(stated.labels) != len(series):
         raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one for each time history")

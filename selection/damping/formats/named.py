@@ -55,8 +55,7 @@ def to_series(
         name: label of the only sweep. summary: grows by what was cut.
         peak: the role ``amplitude`` has its meaning, an amplitude of the sine (not so for readings of an amplifier).
 
-    Raises:
-        InputError: roles that are missing or say the same twice, or shapes that do not belong together.
+    InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
     arrays = _in_radians(arrays, facts)
     role, x = _abscissa(arrays, facts.units)
@@ -131,8 +130,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
 def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
-    Raises:
-        InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
+    InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
     """
     turned = dict(arrays)
     for role in _PHASES:

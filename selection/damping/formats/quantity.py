@@ -67,9 +67,7 @@ SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
 def unit(text: str, *, what: str = "unit") -> Unit:
     """The unit that ``text`` names.
 
-    Raises:
-        InputError: an unknown name (logarithmic and electrical units among them), or no unit at all; ``what`` says
-            whose.
+    InputError: an unknown name (logarithmic and electrical units among them), or no unit at all; ``what`` says whose.
     """
     try:
         return Unit(text.strip(), *_parsed(text))
@@ -148,8 +146,7 @@ class Factors:
 def factors(units: Units, to: str, *, source: str) -> Factors:
     """Factors from the named units to a system of ``SYSTEMS``.
 
-    Raises:
-        InputError: units that are not named or not understood, a time that is not in s, or no such system.
+    InputError: units that are not named or not understood, a time that is not in s, or no such system.
     """
     if to not in SYSTEMS:
         raise InputError(f"--units {to!r} is unknown", expected=" or ".join(SYSTEMS))
@@ -185,8 +182,7 @@ def convert_loads(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
     """The mode in the new system, the parameters of its damping forces and effects with it.
 
-    Raises:
-        InputError: a force or an effect that is not known.
+    InputError: a force or an effect that is not known.
     """
     force, length = SYSTEMS[to]
     damping = {name: rescale(shapes_of(name), table, name, by.force, by.length) for name, table in mode.damping.items()}

@@ -34,8 +34,7 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     displacement is X = R/(i omega)^n, times the force where R is a ratio. Amplitude |X|, phase arg F - arg X, within
     -pi/2..3 pi/2. Rows that are no steady state (0 Hz, no force, no response, no number) are left out and counted.
 
-    Raises:
-        InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
+    InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
     """
     with naming(file):
         table = _tabulate(series, stated, summary)

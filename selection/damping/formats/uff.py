@@ -36,8 +36,7 @@ def read_uff(
         datasets: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces.
         labels: not empty where the user labels the sweeps, so that ID lines need not tell them apart.
 
-    Raises:
-        InputError: no data set 58, a broken one, none that is a response, or responses at several points unchosen.
+    InputError: no data set 58, a broken one, none that is a response, or responses at several points unchosen.
     """
     data = _as_lines(data)
     sets, others = find_sets(data)
@@ -74,8 +73,7 @@ class Function:
 def read_functions(data: bytes, summary: Summary) -> list[Function]:
     """Every function of time or frequency of a universal file, whatever the points and quantities.
 
-    Raises:
-        InputError: no data set 58, or a broken one.
+    InputError: no data set 58, or a broken one.
     """
     data = _as_lines(data)
     taken = []

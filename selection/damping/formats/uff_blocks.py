@@ -94,9 +94,7 @@ class DataSet:
 def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
     """The data sets 58 of a universal file in order, one at least, and the numbers of all other data sets.
 
-    Raises:
-        InputError: no data set 58, one whose header is cut off or wrong (the line is named), or more than
-            ``MOST_SETS``.
+    InputError: no data set 58, one whose header is cut off or wrong (the line is named), or more than ``MOST_SETS``.
     """
     sets: list[DataSet] = []
     others: list[int] = []
@@ -242,8 +240,7 @@ def _find_binary_form(
     followed by the end of the set. ``fields`` follow ``58b``: byte order and floating-point format are used, the number
     of bytes is not: some programs write half of it.
 
-    Raises:
-        InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
+    InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
     """
     byte_order, number_format = (*map(int, fields), 0, 0)[:2]
     if number_format not in (0, 2):

@@ -28,8 +28,7 @@ _PADDING = 5  # zeros that may fill the last line beyond the points
 def values(data: bytes, entry: DataSet) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
-    Raises:
-        InputError: fewer or more values than points, or something that is no number.
+    InputError: fewer or more values than points, or something that is no number.
     """
     if entry.form is not None:
         table = np.frombuffer(data, dtype=entry.form, count=entry.points, offset=entry.start)
@@ -142,8 +141,7 @@ def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple
         length, force: labels of the units, up to 18 characters; '' where none is named.
         binary: values as bytes.
 
-    Raises:
-        AnalysisError: a sweep of several rows without phases.
+    AnalysisError: a sweep of several rows without phases.
     """
     written = (*REQUIRED_COLUMNS, "phase")
     notes = [f"column {name} is not in the universal file" for name in record.table.columns if name not in written]

@@ -144,6 +144,12 @@ def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes 
     return cast(Figure, panel.figure), panel
 
 
+def build_panels(height: float, rows: int, columns: int = 1, width: float = WIDTH, **shared: Any) -> tuple[Figure, Any]:
+    """A figure of ``height`` by ``width`` inches with panels; ``shared`` as ``Figure.subplots`` has it."""
+    figure = Figure(figsize=(width, height))
+    return figure, figure.subplots(rows, columns, **shared)
+
+
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
 

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping import plots as look
-from damping.plots import build_panel, describe_short, describe_with_unit, distinguish, law_style, styled
+from damping.plots import build_panel, build_panels, describe_short, describe_with_unit, distinguish, law_style, styled
 
 #: The median within the test.
 _MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}
@@ -153,8 +153,7 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
         table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         unit: of the level.
     """
-    figure = Figure(figsize=(look.WIDTH, 4.4))
-    left, right = figure.subplots(2, 1, sharex=True)
+    figure, (left, right) = build_panels(4.4, 2, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
     left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % band")

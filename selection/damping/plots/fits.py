@@ -211,11 +211,11 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
     sweeps = list(table["sweep"].unique())
     columns = min(_COLUMNS, len(sweeps))
     rows = -(-len(sweeps) // columns)
-    figure = Figure(figsize=(look.WIDTH, 0.5 + rows * (0.5 + 0.19 * len(laws))))
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes in panels[len(sweeps) :]:
+    height = 0.5 + rows * (0.5 + 0.19 * len(laws))
+    figure, panels = look.build_panels(height, rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in panels.flat[len(sweeps) :]:
         axes.remove()
-    for axes, sweep, label in zip(panels, sweeps, look.distinguish(sweeps, 8), strict=False):
+    for axes, sweep, label in zip(panels.flat, sweeps, look.distinguish(sweeps, 8), strict=False):
         of_sweep = table[table["sweep"] == sweep]
         draw_plain_rows(axes, [describe_short(law, _MOST_LETTERS) for law in laws])
         axes.axvline(100.0, color=look.MEASURED, linewidth=1.2)

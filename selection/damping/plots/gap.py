@@ -11,7 +11,7 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from damping import plots as look
-from damping.plots import build_panel, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
+from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
 
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
@@ -26,8 +26,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     """
     quantities = list(rows["quantity"].unique())
     sweeps = list(rows["sweep"].unique())
-    figure = Figure(figsize=(look.WIDTH, 1.5 + 0.24 * len(sweeps)))
-    axes = figure.subplots(1, len(quantities), sharey=True, squeeze=False)[0]
+    figure, (axes,) = build_panels(1.5 + 0.24 * len(sweeps), 1, len(quantities), sharey=True, squeeze=False)
     reach = max(3.0, float(np.nanquantile(rows["value"].abs(), 0.99)))
     norm = SymLogNorm(linthresh=2.0, vmin=-reach, vmax=reach)
     drawn = None
@@ -124,8 +123,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
             ``frequency_low`` and so on.
         length: unit of the amplitude.
     """
-    figure = Figure(figsize=(look.WIDTH, 5.0))
-    axes = figure.subplots(2, 1)
+    figure, axes = build_panels(5.0, 2)
     for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
         for model, name in (("refitted", "simulation, refitted"), ("explained", "with the explanation")):
             rows = curves[curves["model"] == model]

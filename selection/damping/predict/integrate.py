@@ -92,8 +92,7 @@ class State:
 def advance(oscillator: Oscillator, state: State, periods: int) -> State:
     """The state ``periods`` drive periods later.
 
-    Raises:
-        AnalysisError: the motion does not advance (turning points crowd together), or grows without bound.
+    AnalysisError: the motion does not advance (turning points crowd together), or grows without bound.
     """
     end = state.t + periods * oscillator.period
     for _ in range(_MOST_PIECES * periods):
@@ -203,8 +202,7 @@ def steady_state_in_time(
         force: force with scalar parameters. F: force amplitude. omega: drive, rad/s. M, omega_n: mode.
         start: state of an earlier result, such as that of the neighbouring frequency in a sweep.
 
-    Raises:
-        AnalysisError: no steady state is reached, or a part of the force has no law in time.
+    AnalysisError: no steady state is reached, or a part of the force has no law in time.
     """
     oscillator = Oscillator(force, float(F), float(omega), float(M), float(omega_n))
     at_rest = State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(force.joints), sums=np.zeros(4))

@@ -111,8 +111,7 @@ def correct_rate(record: Record, mass: float) -> Record:
     ``sweep_rate`` (Hz/s) is taken from the record; the result has rates of 0. Force and phase change, frequency and
     amplitude stay.
 
-    Raises:
-        AnalysisError: no phases, no rates, or sweeps of too few rows.
+    AnalysisError: no phases, no rates, or sweeps of too few rows.
     """
     if not record.has_phase or "sweep_rate" not in record.table.columns:
         raise AnalysisError("a sweep rate is corrected from phases and a column sweep_rate (Hz/s)")
@@ -150,8 +149,7 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
     Args:
         frequency: of the mode, Hz, to start from. upwards: the sense of the sweeps.
 
-    Raises:
-        AnalysisError: no phases, or fewer than ``_FEWEST`` rows in a sweep.
+    AnalysisError: no phases, or fewer than ``_FEWEST`` rows in a sweep.
     """
     if not record.has_phase:
         raise AnalysisError("a sweep rate is estimated from phases")

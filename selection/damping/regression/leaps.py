@@ -22,7 +22,7 @@ least value: with a = Q'(W - 1) e, by sum_i w_i e_i^2 - |a|^2 and the costs of d
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -83,12 +83,6 @@ class _Nodes:
         rows, columns = np.nonzero(self.is_open)
         stay[rows, self.terms[rows, columns]] = False
         return stay
-
-    def reorder(self, order: IntArray) -> _Nodes:
-        """The open terms in another order (b, m)."""
-        terms = np.take_along_axis(self.terms, order, axis=1)
-        duals = np.take_along_axis(self.duals, order[:, :, None], axis=1)
-        return _Nodes(self.inside, terms, self.counts, duals, self.rest, self.leverages)
 
 
 @dataclass
@@ -264,4 +258,6 @@ def _open(
     worth = droppable & (room >= 0.0) & (nodes.inside.sum(axis=1) > 1)[:, None]
     parents, drops = np.nonzero(worth)
     promise = np.argsort(room[parents, drops], kind="stable")
-    return _Opened(nodes.reorder(order), parents[promise], drops[promise])
+    terms = np.take_along_axis(nodes.terms, order, axis=1)
+    duals = np.take_along_axis(nodes.duals, order[:, :, None], axis=1)
+    return _Opened(replace(nodes, terms=terms, duals=duals), parents[promise], drops[promise])

@@ -8,10 +8,9 @@ import numpy as np
 import pandas as pd
 
 from damping import report as words
-from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Law
-from damping.ranking import INTERVAL, Candidate
+from damping.ranking import INTERVAL
 from damping.ranking.sharing import tabulate_rows
 from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
@@ -191,21 +190,15 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
     observed = tabulate_observations(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
     parts = []
     for candidate in result.ranking.candidates:
-        if candidate.rank is None:
+        if candidate.rank is None or candidate.fit is None:  # it could not be fitted
             continue
-        fitted = np.pi * result.data.A * damping_force(candidate, result.data.A, result.data.omega)
+        fitted = np.pi * result.data.A * candidate.fit.force.quadrature(result.data.A, result.data.omega)
         deviation = observed["energy"] - fitted
         percent = 100.0 * deviation / observed["energy"].where(observed["energy"] != 0.0)
         columns = observed.assign(fitted=fitted, deviation=deviation, percent=percent)
         columns.insert(0, "law", candidate.name)
         parts.append(columns)
     return pd.concat(parts, ignore_index=True)
-
-
-def damping_force(candidate: Candidate, A: FloatArray, omega: FloatArray | float) -> FloatArray:
-    """Damping force C(A, omega) of a candidate that could be fitted, as its errors are computed; shape of ``A``."""
-    assert candidate.fit is not None  # a candidate with a rank was fitted
-    return np.asarray(np.broadcast_to(candidate.fit.force.quadrature(A, omega), np.shape(A)), dtype=float)
 
 
 def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:

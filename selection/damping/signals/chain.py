@@ -46,9 +46,8 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
     Args:
         raw: the raw table; the columns that the description names hold numbers in range.
 
-    Raises:
-        AnalysisError: another mode inside the swept frequencies, R^2/I that comes out negative, or no row with a
-            damping factor.
+    AnalysisError: another mode inside the swept frequencies, R^2/I that comes out negative, or no row with a damping
+    factor.
     """
     d = description
     actions = [
@@ -148,8 +147,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
 def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Other modes taken off as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
 
-    Raises:
-        AnalysisError: one of them lies inside the swept frequencies, where its damping cannot be neglected.
+    AnalysisError: one of them lies inside the swept frequencies, where its damping cannot be neglected.
     """
     mode, others, F = _node_modes(table, description)
     omega = _column(table, "omega")
@@ -181,8 +179,7 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     Removes the motion in the yaw plane, and rows at which no xi balances the energy. Amplitude and energy that remain
     are those of the linear oscillator with that xi: regressing one on the other says nothing that xi does not.
 
-    Raises:
-        AnalysisError: no row is left.
+    AnalysisError: no row is left.
     """
     principal = description.principal
     assert principal is not None  # the chain comes here only with one

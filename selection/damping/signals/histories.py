@@ -169,8 +169,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         blocks: samples (channels, n) of any n, one after the other. drive: place of the drive's channel, the others are
             responses in their order. step: between samples, s.
 
-    Raises:
-        InputError: samples that are no numbers. AnalysisError: no window of the drive is a sine that can be tracked.
+    InputError: samples that are no numbers. AnalysisError: no window of the drive is a sine that can be tracked.
     """
     kept = np.empty((0, 0))
     rows: list[_Row] = []

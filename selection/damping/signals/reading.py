@@ -35,8 +35,7 @@ def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[Condit
     ``force_sd``, ``amplitude_sd`` and ``phase_sd`` are there where the uncertainty of that reading is stated, and 0
     (none) in rows in which it is stated as 0; ``energy_sd`` and ``xi_sd`` go with ``amplitude_sd``.
 
-    Raises:
-        AnalysisError: a damping factor that is lost as soon as a reading is moved.
+    AnalysisError: a damping factor that is lost as soon as a reading is moved.
     """
     steps = condition(raw, description)
     stated = description.uncertainties
@@ -90,8 +89,7 @@ _WRITTEN = {
 def read_description(description: object) -> Description:
     """A description as it is, from the path of a CONDITION.toml or in its keys, checked.
 
-    Raises:
-        InputError: the line and key of the first thing that is wrong.
+    InputError: the line and key of the first thing that is wrong.
     """
     if isinstance(description, Description):
         return description
@@ -110,9 +108,8 @@ def read_description(description: object) -> Description:
 def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_SIZE) -> pd.DataFrame:
     """The raw table with every cell that is used in range.
 
-    Raises:
-        InputError: what ``read_table`` refuses; a frequency, a force, or an amplitude of the node or of a yaw ratio
-            that is not positive; another amplitude below 0; a phase beyond one turn.
+    InputError: what ``read_table`` refuses; a frequency, a force, or an amplitude of the node or of a yaw ratio that is
+    not positive; another amplitude below 0; a phase beyond one turn.
     """
     d = description
     labels = [d.raw.sweep] if d.raw.sweep else []
@@ -129,8 +126,7 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
 def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     """A raw table that is no file, checked as one; rows numbered anew.
 
-    Raises:
-        InputError: a column that is missing or holds no finite numbers, or a number out of range.
+    InputError: a column that is missing or holds no finite numbers, or a number out of range.
     """
     d = description
     require_numbers(table, d.columns)

@@ -92,9 +92,8 @@ def ring_down(
         levels: most levels of amplitude.
         start, end: part of the record to use, s; by default from the largest amplitude on.
 
-    Raises:
-        InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
-        AnalysisError: no decay above the noise that is long enough.
+    InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
+    AnalysisError: no decay above the noise that is long enough.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
