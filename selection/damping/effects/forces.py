@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from damping.arrays import Floats
+from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.forces.contract import Force, Sum, ones
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
@@ -75,7 +75,7 @@ class ManyJoints(Sum):
         C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in self._as_one(A, omega).averages(A, omega))
         return C, slope, S, in_phase_slope
 
-    def third(self, A: Floats, omega: Floats) -> Floats:
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The sum of their third harmonics."""
         return np.asarray(np.sum(self._as_one(A, omega).third(A, omega), axis=0))
 

@@ -64,14 +64,14 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     A = np.exp(v)
     terms = tuned(terms, drive)
     receptance = _receptance(terms, drive, (A, A))
-    if not terms.linear and (terms.plane is not None or terms.compliance):
+    if (terms.plane is not None or terms.compliance) and not terms.linear:
         for _ in range(_REFINEMENTS):
             receptance = _receptance(terms, drive, _shares(terms, receptance, A))
     F = drive.F * np.exp(add_parts(terms.received, drive))
     H = receptance.H
-    P = 0.5 * np.log(H.real**2 + H.imag**2) + np.log(F) + 1j * np.arctan2(H.imag, H.real)
+    P = _join(0.5 * np.log(H.real**2 + H.imag**2) + np.log(F), np.arctan2(H.imag, H.real))
     by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
-    if np.any(drive.resonant):
+    if drive.resonant is not False and np.any(drive.resonant):
         P, by_u, by_frequency = (
             np.where(drive.resonant, at, beside)
             for at, beside in zip(_at_resonance(receptance, F), (P, by_u, by_frequency), strict=True)
@@ -79,7 +79,14 @@ def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
     real, slope = _pass([reading.read for reading in terms.readings], P.real)
     if terms.readings:
         by_u, by_frequency = (slope * part.real + 1j * part.imag for part in (by_u * per_u, by_frequency))
-    return Prediction(real + gain + 1j * (P.imag - lag), by_u, by_frequency)
+    return Prediction(_join(real + gain, P.imag - lag), by_u, by_frequency)
+
+
+def _join(real: Floats, imaginary: Floats) -> ComplexArray:
+    """real + i imaginary, without what multiplying complex numbers takes."""
+    joined = np.empty(np.broadcast_shapes(np.shape(real), np.shape(imaginary)), dtype=np.complex128)
+    joined.real, joined.imag = real, imaginary
+    return joined
 
 
 def tuned(terms: Terms, drive: Drive) -> Terms:
@@ -129,8 +136,8 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A
     damped = np.exp(add_parts(terms.damped, drive)) / A
-    Z = real + 1j * (imaginary * damped) + add_parts(terms.beside, drive)
-    return np.asarray(Z), np.asarray(slope_real + 1j * (slope_imaginary * damped))
+    Z = _join(real, imaginary * damped)
+    return Z + add_parts(terms.beside, drive) if terms.beside else Z, _join(slope_real, slope_imaginary * damped)
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:

@@ -19,13 +19,13 @@ from typing import ClassVar, NoReturn
 
 import numpy as np
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.errors import AnalysisError
 from damping.forces.shapes import Shape
 
 #: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
 _THETA = np.pi * (np.arange(24) + 0.5).reshape(-1, 1, 1) / 24
-_THIRD = 2j * np.exp(-3j * _THETA[:, 0, 0]) / 24
+_THIRD: ComplexArray = 2j * np.exp(-3j * _THETA[:, 0, 0]) / 24
 
 
 @dataclass(frozen=True)
@@ -142,17 +142,17 @@ class Force(ABC):
             force = force + joint.stiffness * np.clip(stretch, -joint.limit, joint.limit)
         return force
 
-    def third(self, A: Floats, omega: Floats) -> Floats:
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """Phasor of the third harmonic over the cycle, 2i times the mean of the force and exp(-3 i theta); (batch, n).
 
         A force whose energy is a product of powers has the same cycle at every size.
         """
         if self.energy_exponents is None:
-            return np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, A, omega)), 1)
+            return np.asarray(np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, A, omega)), 1))
         first = np.asarray(A)[..., :1], np.asarray(omega)[..., :1]
         size = self.quadrature(*first)
-        of_size = np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, *first)), 1) / np.where(size == 0.0, 1.0, size)
-        return of_size * self.quadrature(A, omega)
+        own = np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, *first)), 1)
+        return np.asarray(own / np.where(size == 0.0, 1.0, size) * self.quadrature(A, omega))
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:
@@ -267,10 +267,6 @@ class Sum(Force):
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' cycles."""
         return sum((force.cycle(theta, A, omega) for force in self.forces), start=zeros(theta, A, omega))
-
-    def third(self, A: Floats, omega: Floats) -> Floats:
-        """Sum of the parts' third harmonics."""
-        return _add([force.third(A, omega) for force in self.forces], A, omega)
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """Sums of the parts' S and dS/d ln A."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from damping.arrays import Floats
+from damping.arrays import ComplexArray, Floats
 from damping.forces.contract import CoefficientForce, Force, Joint, absolute, ones, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
@@ -66,13 +66,11 @@ class Slip(Force):
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
         S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
-        return *self._grow(held, A, omega), S, S - self.scale(A, omega) * sine
+        return *self.grow(A, omega), S, S - self.scale(A, omega) * sine
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A: see `averages`."""
-        return self._grow(self._held(A), A, omega)
-
-    def _grow(self, held: Floats, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        held = self._held(A)
         whole = self.scale(A, omega) * ones(omega)
         return whole * (1.0 - held), whole * held * (held < 1.0)
 
@@ -101,12 +99,12 @@ class Slip(Force):
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
         return -self.stiffness * q
 
-    def third(self, A: Floats, omega: Floats) -> Floats:
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-(i/(3 pi)) k A sin^2(psi) exp(-2 i psi), psi as in `averages`: the integral of the loop by parts."""
         held = self._held(A)
         squared = 4.0 * held * (1.0 - held)
         turned = (1.0 - 2.0 * held - 1j * np.sqrt(squared)) ** 2
-        return -1j / (3.0 * pi) * self.stiffness * (A * squared) * turned
+        return np.asarray(-1j / (3.0 * pi) * self.stiffness * (A * squared) * turned)
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -140,10 +138,6 @@ class CubicStiffness(Spring):
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k3 q^3."""
         return self.coefficient * q * q * q
-
-    def third(self, A: Floats, omega: Floats) -> Floats:
-        """-k3 A^3/4: sin^3 = (3 sin - sin(3 theta))/4."""
-        return -0.25 * self.coefficient * (A * A * A) * ones(omega)
 
 
 @dataclass(frozen=True)

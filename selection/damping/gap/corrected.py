@@ -160,7 +160,8 @@ def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     residuals = model.residuals(np.hstack([x, z]))
     sweep = model.problem.rows.sweep_of_values
     one_hot = (sweep[:, np.newaxis] == np.arange(model.sweeps)).astype(float)
-    gain, frequency = residuals.by_gain * model.scatter.amplitude, residuals.by_frequency * model.scatter.frequency
+    by_gain, by_frequency = residuals.by_sweep()
+    gain, frequency = by_gain * model.scatter.amplitude, by_frequency * model.scatter.frequency
     t = residuals.r - gain * z[:, : model.sweeps][:, sweep] - frequency * z[:, model.sweeps :][:, sweep]
     # per sweep: the 2 x 2 matrix 1 + C^T W C and the vector C^T W t
     gg, ff = 1.0 + (W * gain**2) @ one_hot, 1.0 + (W * frequency**2) @ one_hot

@@ -156,23 +156,25 @@ def _climb(
         r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = _white_jacobian(model, y)
-    damping = np.full(len(y), 1e-2)
+    damping, costs, scales = np.full((3, len(y)), [[1e-2], [np.nan], [np.nan]])
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
         if step == _PATIENCE:
             cost = _cost(r, y, np.ones(len(y)), weights)
             keep = np.argsort(cost)[:_SURVIVORS]
             keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
-            y, r, J, damping, active = (a[keep] for a in (y, r, J, damping, active))
+            y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
         at = np.flatnonzero(active)
         if at.size == 0:
             break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
         r_new, J_new = _white_jacobian(model, new)  # most steps are good: residuals alone would be one call more
-        cost = _cost(r[at], y[at], scale, weights)
-        gain = cost - _cost(r_new, new, scale, weights)
+        cost = costs[at] if np.array_equal(scales[at], scale) else _cost(r[at], y[at], scale, weights)
+        after = _cost(r_new, new, scale, weights)
+        gain = cost - after
         better = gain > 0.0
+        costs[at], scales[at] = np.where(better, after, cost), scale
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
         damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
         little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
@@ -193,7 +195,9 @@ def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _spread(r: FloatArray) -> FloatArray:
     """Scale of the residuals of each start, 1 unless it is far off: what counts as wild meanwhile."""
-    scale = 1.4826 * np.median(np.abs(r), axis=1)
+    half = r.shape[1] // 2  # a median, without what numpy's looks after
+    middle = np.partition(np.abs(r), (half - 1, half), axis=1)[:, half - 1 + r.shape[1] % 2 : half + 1]
+    scale = 1.4826 * middle.mean(axis=1)
     return np.where(scale > _FAR_OFF, scale, 1.0)
 
 

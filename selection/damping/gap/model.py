@@ -117,17 +117,23 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals r (batch, m) in units of noise, amplitudes first, and their derivatives by gain and frequency.
+    """Residuals r (batch, m) in units of noise, amplitudes first.
 
     ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``.
     """
 
     r: FloatArray
-    by_gain: FloatArray
-    by_frequency: FloatArray
     sensitivity: Sensitivity
     prediction: Prediction
     motion: FloatArray
+
+    def by_sweep(self, step: int = 1) -> tuple[FloatArray, FloatArray]:
+        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of every ``step``-th model."""
+        own = self.sensitivity
+        own = replace(own, per_sd=own.per_sd[::step], follow=own.follow[::step])
+        by_gain = np.zeros_like(self.r[::step])
+        by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * own.per_sd
+        return by_gain, own.columns(self.prediction.by_frequency[::step])
 
 
 @dataclass(frozen=True)
@@ -183,12 +189,13 @@ class Model:
         points[:, np.arange(1, size + 1), np.arange(size)] += STEP
         own = self.residuals(points.reshape(batch * (size + 1), -1))
         r = own.r.reshape(batch, size + 1, -1)
-        by_x = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
-        at = np.arange(batch) * (size + 1)
+        J = np.empty((batch, r.shape[2], y.shape[1]))
+        J[:, :, :size] = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
         one_hot = self.problem.rows.sweep_of_values[:, np.newaxis] == np.arange(self.sweeps)
-        by_gain = own.by_gain[at][:, :, np.newaxis] * one_hot * self.scatter.amplitude
-        by_frequency = own.by_frequency[at][:, :, np.newaxis] * one_hot * self.scatter.frequency
-        return r[:, 0], np.concatenate([by_x, by_gain, by_frequency], axis=2)
+        scatter = np.repeat([self.scatter.amplitude, self.scatter.frequency], self.sweeps)
+        by_sweep = np.stack(own.by_sweep(size + 1), axis=2)[..., np.newaxis]
+        J[:, :, size:] = (by_sweep * one_hot[:, np.newaxis, :]).reshape(batch, -1, 2 * self.sweeps) * scatter
+        return r[:, 0], J
 
 
 def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None) -> Residuals:
@@ -207,15 +214,13 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
     follow = prediction.by_u.imag * d / squared
     further = 2 * len(rows.channels)
     sensitivity = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
-    by_frequency = sensitivity.columns(prediction.by_frequency)
     parts = [(misfit + (rows.u - u0) * d) * per_sd]
     phase = -prediction.P.imag + follow * misfit
     if rows.has_phase:
         parts.append(wrapped(rows.phase - phase) / sd_phase)
     if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
-    by_gain = np.concatenate([-d * per_sd] + [np.zeros_like(d)] * (len(parts) - 1), axis=1)
-    return Residuals(np.concatenate(parts, axis=1), by_gain, by_frequency, sensitivity, prediction, motion)
+    return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion)
 
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:

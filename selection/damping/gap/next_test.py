@@ -205,7 +205,8 @@ def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Term
     scatter = rival.model.scatter
     left = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), scatter)
     J = (left.r[1:] - left.r[0]) / STEP
-    C = np.vstack([left.by_gain[0] * scatter.amplitude, left.by_frequency[0] * scatter.frequency])
+    by_gain, by_frequency = left.by_sweep()
+    C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
     V = np.eye(J.shape[1]) + C.T @ C + J.T @ rival.covariance[:k, :k] @ J
     return 0.5 * float(left.r[0] @ np.linalg.solve(V, left.r[0]))
 

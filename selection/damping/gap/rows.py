@@ -105,7 +105,7 @@ class Rows:
         parts += [getattr(self, f"sd_{channel}") for channel in self.channels for _ in range(2)]
         return np.concatenate(parts) < UNSEEN
 
-    @property
+    @cached_property
     def sweep_of_values(self) -> IntArray:
         """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
         return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
