@@ -228,8 +228,15 @@ class Search:
                 if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
                     wanted[key] = (hope, base, name, tried)
         most = _MOST_DOUBTING if doubted else _MOST_FITS
-        for hope, base, name, tried in sorted(wanted.values(), key=lambda item: -item[0])[:most]:
+        ordered = sorted(wanted.values(), key=lambda item: -item[0])
+        for hope, base, name, tried in ordered[:most]:
             if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
+                self.extend(base, name, tried)
+        leading = self.ranked()[0]
+        shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
+        for _, base, name, tried in ordered:  # what was added to its twin gained more than was hoped for
+            twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
+            if twin and name in leading.effects[-1:] and base.key | {name} not in self.hypotheses:
                 self.extend(base, name, tried)
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
