@@ -60,7 +60,6 @@ class Studies:
         """Tidy tables by name, of a chapter or all."""
         false = self.false
         by_chapter = {
-            2: {"hysteresis_loops": self.loops.areas, "slip_equivalent": self.slip.energies},
             4: {
                 "response_points": section_4_2_points(self.curves),
                 "response_widths": self.curves.widths,

@@ -155,7 +155,6 @@ def _outcomes(
 
 
 def _outcome(future: Future[Any]) -> FleetResult | BaseException:
-    """What a finished future holds."""
     try:
         error = future.exception()
         result: FleetResult | BaseException = future.result() if error is None else error
