@@ -49,7 +49,6 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
 
 @lru_cache
 def _load(name: str, version: Version, run: Run) -> pd.DataFrame:
-    """A table, read once."""
     table = load_text(f"tables/table_{name}")
     if version != "printed":
         table = _tabulate_corrected(table, name, version, run)

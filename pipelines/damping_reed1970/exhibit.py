@@ -27,7 +27,7 @@ from damping_reed1970.chapter_4.page import write_chapter_4
 from damping_reed1970.chapter_5 import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
-from damping_reed1970.common import CLOSE, ReportPart, chapter_of
+from damping_reed1970.common import CLOSE, LABELS, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
 
@@ -166,16 +166,6 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     }
 
 
-#: Columns of every printed number, and tables of the chapters, that the summary holds.
-REPRODUCTION = ["id", "printed", "computed", "computed_after_correction", "erratum"]
-SUMMARISED = (
-    *("planar_fits", "planar_posteriors", "planar_evidence", "implications", "branches", "branch_means"),
-    *("response_points", "level_variations", "chance_of_exponent", "nine_terms_summary"),
-    *("false_terms", "false_terms_inflation", "circular_claims"),
-    *("linear_coefficients", "power_laws", "section_4_3_example", "regressions"),
-)
-
-
 def summarise(results: ReportResults) -> dict[str, Any]:
     """The report as plain data: printed numbers, how well they agree, section 6.1, errata, tables of the chapters."""
     printed, levels = results.tables["reproduction"], results.studies.levels
@@ -186,10 +176,10 @@ def summarise(results: ReportResults) -> dict[str, Any]:
             str(number): {str(name): int(n) for name, n in own.value_counts().items()} for number, own in agreements
         },
         "picked": [{"mode": mode, "kept": kept, "case": level.picked} for (mode, kept), level in levels.items()],
-        **{name: _convert_rows(tables[name]) for name in SUMMARISED},
+        **{name: _convert_rows(tables[name]) for name in LABELS["summary"]["tables"]},
     }
     return {
-        "reproduction": _convert_rows(printed[REPRODUCTION]),
+        "reproduction": _convert_rows(printed[LABELS["summary"]["reproduction"]]),
         "section_6_1": _convert_rows(tables["section_6_1"]),
         "errata": _convert_rows(tables["errata"]),
         "chapters": chapters,

@@ -60,7 +60,6 @@ class Studies:
         """Tidy tables by name, of a chapter or all."""
         false = self.false
         by_chapter = {
-            2: {"hysteresis_loops": self.loops.areas, "slip_equivalent": self.slip.energies},
             4: {
                 "response_points": section_4_2_points(self.curves),
                 "response_widths": self.curves.widths,
@@ -90,8 +89,8 @@ class Studies:
         return pd.DataFrame(pd.concat(parts, ignore_index=True))
 
 
-def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) -> Studies:
-    """Compute everything; ``seed`` and ``replicates`` are of the simulations, false terms and circularity."""
+def compute_studies(seed: int = 0) -> Studies:
+    """Compute everything; ``seed`` is of the simulations, false terms and circularity."""
     levels = {}  # of both modes of Configuration II, with xi held as in the report and with the coefficient itself
     for mode in MODES:
         record = read_record(data_folder() / "saturn-v" / "records" / f"config-2-mode-{mode}.csv")
@@ -106,8 +105,8 @@ def compute_studies(seed: int = 0, replicates: tuple[int, int] = (1000, 500)) ->
         levels=levels,
         force_lines=tuple(force_amplitude_lines(mode) for mode in MODES),
         nine=nine_terms(),
-        false=false_terms(replicates=replicates[0], seed=seed),
-        circular=circularity(replicates=replicates[1], seed=seed),
+        false=false_terms(seed=seed),
+        circular=circularity(seed=seed),
         surface=energy_surface(),
     )
 

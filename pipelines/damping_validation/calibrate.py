@@ -44,8 +44,12 @@ Key = tuple[Any, ...]
 
 def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     """Run all trials, in parallel with progress, then write tables, figures and the page ``README.md``."""
+    calls, wanted = _list_calls(FULL), _list_calls(QUICK if quick else FULL)
+    # the seed of a trial depends on its key alone: fewer trials are a part of more
+    seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
+    trials = {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
     with sole_writer(out, ("README.md",)):
-        results = run(all_trials(QUICK if quick else FULL, seed), jobs or cpu_count() or 1)
+        results = run(trials, jobs or cpu_count() or 1)
         publish(out, render(results, seed, quick), seed=seed, versions=versions(), inputs={})
     print(f"{out / 'README.md'} written")
 
@@ -66,13 +70,6 @@ def render(results: dict[Key, Any], seed: int, quick: bool) -> dict[str, bytes]:
     files = {f"{name}.csv": record_to_csv(table).encode() for name, table in written.items()}
     files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in drawn.items()}
     return files | {"README.md": page.encode()}
-
-
-def all_trials(sizes: Mapping[str, int], seed: int) -> dict[Key, Callable[[], Any]]:
-    """Every trial, each with a seed of its own, which depends on its key alone: fewer trials are a part of more."""
-    calls, wanted = _list_calls(FULL), _list_calls(sizes)
-    seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
-    return {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
 
 
 def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:

@@ -119,10 +119,15 @@ def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
 
 
 def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
-    """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row."""
+    """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row.
+
+    Also the root of Eq. 3.2.15 nearest to that xi, where there is one.
+    """
     motion = signals.plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
     points = list(table["point"])
+    roots = by_point("tab3IV.xi", nearest_roots(find_roots(table), table["xi"]), points)
     return {
+        **{key: root for key, root in roots.items() if not np.isnan(root)},
         **by_point("tab3IV.A2p", motion.A_p, points),
         **by_point("tab3IV.A2y", motion.A_y, points),
         **by_point("tab3IV.E_pitch", motion.E_p, points),
@@ -143,12 +148,6 @@ def find_roots(table: pd.DataFrame, planes: signals.PrincipalPlanes = PLANES) ->
 def nearest_roots(points: Sequence[signals.DampingRoots], xi: Iterable[float]) -> FloatArray:
     """The root nearest to each xi; NaN where there is none."""
     return np.array([signals.nearest_root(point.roots, near) for point, near in zip(points, xi, strict=True)])
-
-
-def table_3_iv_xi(table: pd.DataFrame) -> dict[str, float]:
-    """The root of Eq. 3.2.15 nearest to the xi of each row, where there is one."""
-    roots = by_point("tab3IV.xi", nearest_roots(find_roots(table), table["xi"]), list(table["point"]))
-    return {key: root for key, root in roots.items() if not np.isnan(root)}
 
 
 def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
@@ -176,7 +175,6 @@ def _tables(table_i: pd.DataFrame, table_iii: pd.DataFrame, table_iv: pd.DataFra
         **table_3_i(table_i),
         **table_3_iii(table_iii),
         **table_3_iv(table_iv),
-        **table_3_iv_xi(table_iv),
         **equation_3_2_18(table_iv),
     }
 

@@ -17,6 +17,7 @@ from damping.signals import plane_motion
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
 from damping_reed1970.chapter_3.planar_fit import Fits, phasors
 from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
+from damping_reed1970.common import LABELS
 
 OMEGA = "frequency ω (rad/s)"
 PITCH = "#0072b2"
@@ -203,16 +204,10 @@ def draw_planar_overlay(measured: pd.DataFrame, mode: PlanarBand, curves: pd.Dat
 @styled
 def draw_planar_posterior(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> Figure:
     """Draw the posterior of omega_p, omega_y, xi, theta (degrees) and M with its prior; keys are those names."""
-    shown = {  # name: label, what is taken off, factor; so that three digits say enough
-        "omega_p": ("ω_p − 11 (rad/s)", 11.0, 1.0),
-        "omega_y": ("ω_y − 11 (rad/s)", 11.0, 1.0),
-        "xi": ("ξ (%)", 0.0, 100.0),
-        "theta": ("θ (°)", 0.0, 1.0),
-        "M": ("M (lb s²/in)", 0.0, 1.0),
-    }
 
     def scale(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        return {label: factor * (values[name] - off) for name, (label, off, factor) in shown.items()}
+        shown = LABELS["posterior_axes"].items()
+        return {label: factor * (values[name] - off) for name, (label, off, factor) in shown}
 
     return corner(scale(draws), scale(prior))
 

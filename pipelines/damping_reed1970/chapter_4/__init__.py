@@ -69,11 +69,6 @@ def build_case(case: str, coefficient: float = 1.0, alpha: float = 1.0) -> Force
     return case_five(coefficient, alpha) if case == "V" else make(CASES[case], coefficient=coefficient)
 
 
-def equation_4_2_7(case: str, M: Floats, F_e: Floats, omega_n: Floats, A_m: Floats) -> Floats:
-    """xi_i = C_i/(2 M omega_n) of a case with the resonant amplitude A_m under F_e (case V: xi_1, erratum E427)."""
-    return F_e / build_case(case).quadrature(A_m, omega_n) / (2.0 * M * omega_n)
-
-
 def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n: float) -> float:
     """Resonant amplitude A_m under F_e of a case with the coefficient xi_i."""
     force = build_case(case)
@@ -82,13 +77,17 @@ def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n:
 
 
 def table_4_v() -> dict[str, float]:
-    """Coefficients of each sweep (Eq. 4.2.7) and their largest variation, from the corrected Table 4.V."""
+    """Coefficients of each sweep and their largest variation, from the corrected Table 4.V.
+
+    xi_i = C_i/(2 M omega_n) of a case with the resonant amplitude A_m under F_e (Eq. 4.2.7; case V: xi_1, E427).
+    """
     table = load_table("4_V", "corrected").set_index("parameter")
     result = {}
     for case, parameter in zip(CASES, ("xi_1", "xi_2", "xi_3", "xi_4", "xi_5_alpha_1"), strict=True):
         for sweep in "ABC":
             M, F_e, f_n, A_m = table[f"sweep_{sweep}"].iloc[:4]
-            xi = equation_4_2_7(case, M, F_e, RAD_S_PER_HZ * f_n, A_m)
+            omega_n = RAD_S_PER_HZ * f_n
+            xi = F_e / build_case(case).quadrature(A_m, omega_n) / (2.0 * M * omega_n)
             result[f"tab4V.{parameter}[{sweep}]"] = float(xi)
         xi_a, xi_c = float(table["sweep_A"][parameter]), float(table["sweep_C"][parameter])
         result[f"tab4V.maxvar[{parameter}]"] = 100.0 * (xi_a - xi_c) / xi_c
@@ -126,14 +125,12 @@ def section_4_2() -> dict[str, float]:
 
 def equation_4_3_9(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
     """alpha = beta(p) F_e/(omega_n^p A_m^p)."""
-    alpha: Floats = beta(p) * F_e / (omega_n**p * A_m**p)
-    return alpha
+    return np.asarray(beta(p) * F_e / (omega_n**p * A_m**p))
 
 
 def equation_4_3_19(F_e: Floats, A_m: Floats, omega_n: float, p: float) -> Floats:
     """alpha = B(p) F_e/(omega_n^p A_m^(p+1)) (erratum E43-4: the report dropped pi/2 of B for mode 2)."""
-    alpha: Floats = B(p) * F_e / (omega_n**p * A_m ** (p + 1.0))
-    return alpha
+    return np.asarray(B(p) * F_e / (omega_n**p * A_m ** (p + 1.0)))
 
 
 def section_4_3(version: Version = "printed") -> dict[str, float]:

@@ -178,6 +178,7 @@ _BROAD = ("case I", "case III")
 _HALF_WIDTH = 0.008
 #: Amplitude over the resonant one at which delta and epsilon are marked.
 _MARKED = 0.55
+_PRINTED: Any = {"color": ALERT, "markersize": 5, "zorder": 4}
 
 
 @styled
@@ -240,7 +241,7 @@ def draw_differences(result: AmplitudeFrequency) -> Figure:
         _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
         _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
     left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
-    _draw_printed(left, CURVES["A"], 1e3 * CURVES["delta"], "printed, case I")
+    left.plot(CURVES["A"], 1e3 * CURVES["delta"], "s", **_PRINTED, label="printed, case I")
     left.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
     left.legend(loc="upper left", fontsize=7)
     right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0), title="Vertical difference")
@@ -254,7 +255,7 @@ def draw_undamped_error(result: AmplitudeFrequency) -> Figure:
     figure, axes = build_panel(3.2, "amplitude / resonant amplitude", "error of neglecting damping (per cent)")
     for curve in result.curves:
         _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
-    _draw_printed(axes, 0.5, CURVES["percent_at_half"], "printed, case I: 14 per cent at ½")
+    axes.plot(0.5, CURVES["percent_at_half"], "s", **_PRINTED, label="printed, case I: 14 per cent at ½")
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
     axes.legend(loc="upper left")
     return figure
@@ -263,10 +264,6 @@ def draw_undamped_error(result: AmplitudeFrequency) -> Figure:
 def _limit_frequency(axes: Axes) -> None:
     axes.set_xlim(1.0 - _HALF_WIDTH, 1.0 + _HALF_WIDTH)
     axes.set_xticks([1.0 - 0.75 * _HALF_WIDTH, 1.0, 1.0 + 0.75 * _HALF_WIDTH])
-
-
-def _draw_printed(axes: Axes, x: float, y: float, label: str) -> None:
-    axes.plot(x, y, "s", color=ALERT, markersize=5, label=label, zorder=4)
 
 
 def _draw_line(axes: Axes, name: str, x: FloatArray, y: FloatArray) -> None:

@@ -74,11 +74,6 @@ def _tabulate_named(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 _MODES = {1: "First mode", 2: "Second mode"}
-#: Law in whose colour a line is drawn, and its label.
-_COEFFICIENT_LINES = {
-    "I + IV": ("viscous + displacement-velocity", "C₀₁ + C₁₁ A (cases I + IV)"),
-    "I + V": ("viscous + quadratic-displacement", "C₀₁ + C₁₁ A² (cases I + V)"),
-}
 
 
 @styled
@@ -86,7 +81,7 @@ def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
     """Draw the linear coefficient against resonant amplitude (Figs. 4.1, 4.2), one panel for each mode."""
     figure, panels = build_panels(2.9 * len(modes), len(modes))
     for axes, data in zip(panels, modes, strict=True):
-        for cases, (law, label) in _COEFFICIENT_LINES.items():
+        for cases, (law, label) in LABELS["coefficient_lines"].items():
             line, colour = data.lines[data.lines["cases"] == cases], law_style(law).colour
             axes.fill_between(line["amplitude_in"], line["low"], line["high"], color=colour, alpha=0.13, linewidth=0)
             axes.plot(line["amplitude_in"], line["C_1_lb_s_per_in"], color=colour, label=label)

@@ -26,12 +26,10 @@ from damping.regression.program import tabulate_terms
 from damping.regression.selecting import fit_nonnegative, stepwise
 from damping.regression.subsets import Subsets, all_subsets, best_subsets
 from damping_reed1970 import Version
-from damping_reed1970.chapter_5 import E_1, E_3, EnergyFit, Points, energy_design
+from damping_reed1970.chapter_5 import E_1, E_3, PRINTED, EnergyFit, Points, energy_design
 
 #: Eq. 5.3.6, in its order.
-NINE_TERMS = (
-    "A^2*omega", "A^2", "A^3*omega^2", "A^3*omega", "A^4*omega", "A", "A^3", "A^4", "A^2*omega^2",
-)  # fmt: skip
+NINE_TERMS: tuple[str, ...] = tuple(PRINTED["nine_terms"])
 #: Models listed of each kind.
 BEST = 5
 _T_ALWAYS = 1e300  # T-ratio to stop at that drops terms down to the last one

@@ -44,7 +44,6 @@ def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:
 
 
 def _tabulate_measured(circular: Circularity) -> pd.DataFrame:
-    """The measured data by route."""
     laws = circular.laws[circular.laws["truth"] == "measured"].set_index("route")["law"]
     claims = circular.claims[circular.claims["truth"] == "measured"]
     return pd.DataFrame(

@@ -11,7 +11,7 @@ D and the allowed one L the peak within the notch is the limit; where it gives a
 at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from math import exp, hypot, log, log10, pi, sqrt
@@ -108,7 +108,7 @@ def _answer_driven(
             z, high, low = (float(per_amplitude / A) for A in bands[k])
             ratio = (z, low, high)
         drive, nearest = level * unit(run.drive_unit).factor, levels[k if measured else -1]
-        response = _list_responses(nearest, mode, float(frequency[k]), ratio, drive) if ratio else ()
+        response = tuple(_list_responses(nearest, mode, float(frequency[k]), ratio, drive)) if ratio else ()
         cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
         stated = float(levels[k].run.level or 0.0) if measured else level
         reached = None if stated == level else level
@@ -139,10 +139,9 @@ def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> Float
 
 def _list_responses(
     level: Level, mode: DrivenMode, frequency: float, ratio: tuple[float, float, float], drive: float
-) -> tuple[Response, ...]:
+) -> Iterator[Response]:
     """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
     peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
-    responses = []
     for s, sensor in enumerate(level.run.channels):
         if np.isfinite(mode.residues[s]):
             size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
@@ -150,8 +149,7 @@ def _list_responses(
             median, low, high = (float(part) for part in size)
             below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
             band = (median, median * exp(-below), median * exp(above))
-            responses.append(Response(sensor.name, sensor.quantity, sensor.unit, band))
-    return tuple(responses)
+            yield Response(sensor.name, sensor.quantity, sensor.unit, band)
 
 
 def _peaks(level: Level, mode: DrivenMode, frequency: float, ratio: float) -> FloatArray:

@@ -4,7 +4,7 @@ The motion of a mode is the sensors' motion projected on its shape by the pseudo
 left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import exp, pi
 
@@ -225,7 +225,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
             cautions.append("no damping ratio: the predictions do not reach this amplitude")
         if not tested:
             cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
-        places.append(At(level, tested, frequency, ratio, _list_shaped(run, mode, level), tuple(cautions)))
+        places.append(At(level, tested, frequency, ratio, tuple(_list_shaped(run, mode, level)), tuple(cautions)))
     nearest = [_crossing(grid, loads.average.median, level / to_reading) for level in beyond]
     forces = tuple(float(force) for force in nearest if np.isfinite(force))
     return ModeAnswer(law, tuple(places), mode.left_out, mode.record, mode.mode, forces)
@@ -239,14 +239,12 @@ def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
     return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
 
 
-def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> tuple[Response, ...]:
+def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:
     """Amplitude of every sensor kept, by the shape."""
-    responses = []
     for s, sensor in enumerate(run.channels):
         if np.isfinite(mode.shape[s]):
             factor = _find_factor(run.channels[mode.reference]) / _find_factor(sensor)
             size = abs(mode.shape[s]) * level * factor
             spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
             band = (size, size * exp(-spread), size * exp(spread))
-            responses.append(Response(sensor.name, sensor.quantity, sensor.unit, band))
-    return tuple(responses)
+            yield Response(sensor.name, sensor.quantity, sensor.unit, band)

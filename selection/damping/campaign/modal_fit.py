@@ -94,8 +94,7 @@ class ModalFit(Poles):
         """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""
         columns = self.columns(f)
         columns[:, 2 + mode] = 0.0
-        left: ComplexArray = H - self.local[mode] @ columns.T
-        return left
+        return np.asarray(H - self.local[mode] @ columns.T)
 
 
 def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0) -> ComplexArray:

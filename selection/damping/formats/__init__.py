@@ -8,10 +8,9 @@ file nor the user says is asked for in an error; nothing is guessed.
 """
 
 import codecs
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 
-from damping.arrays import FloatArray
 from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series
 from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
@@ -25,6 +24,8 @@ from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shor
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
+#: In-phase and quadrature readings, and the magnitude and angle that say the same.
+_TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 
 
@@ -47,16 +48,6 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         return _list_table_series(data, path, kind, stated, summary), summary
 
 
-def _drop_repeated(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """The columns without magnitude and angle where in-phase and quadrature readings say the same."""
-    twice = set()
-    if {"x", "y"} <= set(columns):
-        twice |= {"amplitude", "lead_deg"}
-    if {"force_x", "force_y"} <= set(columns):
-        twice |= {"force", "force_lead_deg"}
-    return {role: values for role, values in columns.items() if role not in twice}
-
-
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
@@ -64,7 +55,11 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         by = "no header, columns by number" if columns.layout.numbered else "columns by name"
         layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
         summary.add("table", layout, "found in the file")
-    numbers = columns.numbers if stated.columns or kind == "csv" else _drop_repeated(columns.numbers)
+    numbers = dict(columns.numbers)
+    if not stated.columns and kind != "csv":
+        for parts, twice in _TWICE.items():
+            if set(parts) <= set(numbers):
+                numbers = {role: values for role, values in numbers.items() if role not in twice}
     for role, header in columns.headers.items():
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"

@@ -153,7 +153,6 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
 
 
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
-    """Which of some roles is there."""
     there = [role for role in roles if role in arrays]
     if len(there) > 1 or (needed and not there):
         message = f"{'both ' + ' and '.join(there[:2]) if there else 'no'} {what}"

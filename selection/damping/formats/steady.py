@@ -191,8 +191,7 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
         return np.full(int(np.count_nonzero(keep)), level * to.force)
     known.summary.add("force", "measured at every row", "found in the file")
     assert row.force is not None  # checked above
-    values: FloatArray = row.force[keep] * to.force * scaling(known, of_force=True)
-    return values
+    return np.asarray(row.force[keep] * to.force * scaling(known, of_force=True))
 
 
 def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:

@@ -65,7 +65,6 @@ def _widths(entry: DataSet) -> tuple[int, ...]:
 
 
 def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
-    """The first ``needed`` numbers of the body."""
     cut_off = "" if entry.closed else " (the file is cut off)"
     as_the_header_says = f"{needed} values, as the header says"
     if needed > (entry.end - entry.start) // 2 + 1:  # a number and a blank each

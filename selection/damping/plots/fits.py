@@ -131,7 +131,7 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
     figure.subplots_adjust(left=0.16, right=0.96, bottom=0.12, top=0.92, wspace=0.12, hspace=0.2 + 0.06 * size)
     axes = figure.subplots(size, size, squeeze=False)
-    limits = {label: _limits(draws[label]) for label in labels}
+    limits = {label: np.percentile(draws[label], [0.25, 99.5]) for label in labels}
     for i, row in enumerate(labels):
         for j, column in enumerate(labels):
             if j > i:
@@ -142,20 +142,15 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
             else:
                 _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
             _draw_edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "")
-            axes[i, j].set_xlim(limits[column])
+            axes[i, j].set_xlim(*limits[column])
     figure.align_labels()
     axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
     return figure
 
 
-def _limits(values: FloatArray) -> tuple[float, float]:
-    low, high = np.percentile(values, [0.25, 99.5])
-    return float(low), float(high)
-
-
-def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: tuple[float, float]) -> None:
+def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: FloatArray) -> None:
     """Histogram with the prior density over it; both integrate to 1 over all values, also those out of sight."""
-    edges = np.linspace(*limits, _BINS + 1)
+    edges = np.linspace(limits[0], limits[1], _BINS + 1)
     heights = _density(values, edges)
     axes.stairs(heights, edges, fill=True, color=look.CREDIBLE, label="posterior")
     axes.stairs(_density(prior, edges), edges, color=look.LINEAR, linewidth=1.3, baseline=None, label="prior")
@@ -170,7 +165,7 @@ def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
     return np.asarray(np.histogram(values, edges)[0] / (len(values) * np.diff(edges)))
 
 
-def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[tuple[float, float], tuple[float, float]]) -> None:
+def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[FloatArray, FloatArray]) -> None:
     """Filled contours that hold the shares ``CONTENTS`` of the draws, from a smoothed histogram."""
     counts, x_edges, y_edges = np.histogram2d(x, y, bins=_BINS, range=limits)
     smooth = gaussian_filter(counts, 1.3, mode="nearest")
@@ -181,7 +176,7 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[tuple[float, f
     if levels[0] < levels[1] < ordered[0]:
         axes.contourf(*centres, smooth.T, [*levels, ordered[0]], colors=[look.PREDICTIVE, look.CREDIBLE])
         axes.contour(*centres, smooth.T, levels, colors=[look.AVERAGE], linewidths=0.7)
-    axes.set_ylim(limits[1])
+    axes.set_ylim(*limits[1])
 
 
 def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:

@@ -81,7 +81,9 @@ def envelope(
     w = RAD_S_PER_HZ * start * np.exp(x)
     dt = duration / steps
     a = np.empty(steps + 1, dtype=complex)
-    here = _steady(w[0], force / mass, w_n, ratio, growth)
+    here = 0j
+    for _ in range(50):  # the steady amplitude, by fixed-point iteration far from resonance
+        here = force / mass / (w_n**2 - w[0] ** 2 + 2j * ratio * (1.0 + growth * abs(here)) * w_n * w[0])
     a[0] = here
     middle = 0.5 * (w[1:] + w[:-1])
     for k, now in enumerate(middle):
@@ -95,14 +97,6 @@ def envelope(
     order = np.argsort(x)
     real, imag = (np.interp(at, x[order], part[order]) for part in (a.real, a.imag))
     return np.asarray(real + 1j * imag)
-
-
-def _steady(w: float, force: float, w_n: float, ratio: float, growth: float) -> complex:
-    """Steady complex amplitude, by fixed-point iteration far from resonance."""
-    a = 0j
-    for _ in range(50):
-        a = force / (w_n**2 - w**2 + 2j * ratio * (1.0 + growth * abs(a)) * w_n * w)
-    return a
 
 
 def correct_rate(record: Record, mass: float) -> Record:

@@ -65,8 +65,7 @@ class NodeCorrection:
     @property
     def total(self) -> FloatArray:
         """C_t of Eq. 3.1.20, to be added to the modal amplitude in phase with the force."""
-        result: FloatArray = np.sum(self.adjacent, axis=0) + self.rigid_body
-        return result
+        return np.asarray(np.sum(self.adjacent, axis=0) + self.rigid_body)
 
 
 def node_correction(
@@ -78,12 +77,8 @@ def node_correction(
     both with sign: X^R is negative above omega_R.
 
     Args:
-        mode: the mode of interest.
-        others: the modes to remove.
-        F: force amplitude at the node.
-        omega: forcing frequency, rad/s.
-        r2_over_i: R^2/I of rigid-body rotation, 1/mass; 0 where the body is held.
-        omega_r: frequency of rigid-body rotation, rad/s.
+        F: force amplitude at the node. omega: forcing frequency, rad/s. r2_over_i, omega_r: R^2/I (1/mass) and
+            frequency (rad/s) of rigid-body rotation; R^2/I = 0 where the body is held.
     """
     undamped = (other.phi * F / (other.mass * (other.omega**2 - omega**2)) for other in others)
     adjacent = tuple(np.asarray(-other.phi * Q / mode.phi) for other, Q in zip(others, undamped, strict=True))
