@@ -213,11 +213,11 @@ def _step(
     r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
 ) -> FloatArray:
     counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
-    weighted = np.swapaxes(J * counts[..., np.newaxis], 1, 2)
-    H = weighted @ J
+    weighted = J * counts[..., np.newaxis]
+    H = np.swapaxes(weighted, 1, 2) @ J
     diagonal = np.arange(H.shape[1])
     H[:, diagonal, diagonal] += 1.0
-    gradient = (weighted @ r[:, :, np.newaxis])[:, :, 0] + y
+    gradient = np.einsum("bmk,bm->bk", weighted, r) + y
     H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
     step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
     return np.clip(step, -1.5, 1.5)

@@ -183,7 +183,7 @@ class Search:
         probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
-        for hypothesis in sorted(worth.values(), key=lambda own: -own.log_posterior):  # what is behind ends early
+        for hypothesis in sorted(worth.values(), key=lambda hypothesis: len(hypothesis.effects)):
             fits = []
             for fit in hypothesis.near:
                 at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
