@@ -15,7 +15,6 @@ from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
 from damping_pipelines.fleet import dataset, runners
-from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
@@ -76,7 +75,7 @@ def fleet(
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
             if not first or (scheduler is None and workers == 0):
-                book.keep(map(analyse, tasks), done)
+                book.keep(runners.serial(tasks), done)
             else:
                 with runners.connected(scheduler, workers, address) as client:
                     _greet(client, done, shown=scheduler is not None or address is not None)

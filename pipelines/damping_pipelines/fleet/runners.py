@@ -43,6 +43,11 @@ _GONE = "the scheduler went away; what is done is kept, run again to go on"
 Work = Callable[[FleetTask], FleetResult]
 
 
+def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
+    """One after the other, in this process."""
+    return map(analyse, tasks)
+
+
 @contextmanager
 def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.

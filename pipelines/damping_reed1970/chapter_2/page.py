@@ -1,6 +1,6 @@
 """Chapter II in the report: loops of every force (Fig. 2.4), slip and its equivalent (Fig. 2.5), lumped masses."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, build_panels, law_style, styled
 from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults
+from damping_reed1970.studies import ReportResults, Studies
 
 #: Of the 1441 points of a small loop, only every nth is drawn: all corners at multiples of 30 degrees stay.
 EVERY = 12
@@ -150,12 +150,17 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, LABELS["lumped_masses"]),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = {
+    figures = collect_figures(studies)
+    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
+
+
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    return {
         "hysteresis-loops": lambda: draw_hysteresis_loops(studies.loops.loops),
         "slip-equivalent": lambda: draw_slip_equivalent(studies.slip),
         "slip-energy": lambda: draw_slip_energy(studies.slip.energies),
     }
-    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
 
 
 def tabulate_energies_at(energies: pd.DataFrame) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.lines import SweepLines
 from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults
+from damping_reed1970.studies import ReportResults, Studies
 
 
 def write_chapter_4(results: ReportResults) -> ReportPart:
@@ -31,6 +31,12 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
     values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
+    figures = collect_figures(studies)
+    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
+
+
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
     curves = studies.curves
     explained = response.amplitude_frequency(M=1.0, omega_n=1.0, F=0.05, A_m=1.0)  # heavy damping shows most
     figures: dict[str, Callable[[], Figure]] = {
@@ -44,7 +50,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     }
     for (mode, held), level in studies.levels.items():
         figures[f"level-variation-mode-{mode}-{held}"] = partial(draw_level_variation, level.variations, held)
-    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
+    return figures
 
 
 def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:

@@ -1,13 +1,16 @@
 """Chapter V in the report: energy as a polynomial (5.1), regressions, and the terms that the data carry (5.3)."""
 
+from collections.abc import Callable
+
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.report.page import Table
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, draw_false_terms
 from damping_reed1970.chapter_5.nine_terms import draw_energy_surfaces, draw_terms_against_error
 from damping_reed1970.common import ReportPart, chapter_table, write_chapter
-from damping_reed1970.studies import ReportResults
+from damping_reed1970.studies import ReportResults, Studies
 
 
 def write_chapter_5(results: ReportResults) -> ReportPart:
@@ -21,13 +24,18 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         "measured": chapter_table(5, "circular_claims", measured),
     }
     values = {"studies": studies, "methods": list(METHODS), "farther": FARTHER, "routes": ROUTES, "measured": measured}
-    figures = {
+    figures = collect_figures(studies)
+    return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
+
+
+def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
+    """How each figure of the chapter is drawn, by name."""
+    return {
         "configuration-1-energy": lambda: draw_energy_surfaces(studies.surface),
         "nine-terms": lambda: draw_terms_against_error(studies.nine),
         "false-terms": lambda: draw_false_terms(studies.false.selection),
         "circularity": lambda: draw_circularity(studies.circular.laws, ROUTES),
     }
-    return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
 
 
 def tabulate_regression_rows(regressions: pd.DataFrame) -> pd.DataFrame:

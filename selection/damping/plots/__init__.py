@@ -11,7 +11,7 @@ import json
 import re
 import warnings
 from collections.abc import Callable, Iterable
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
@@ -247,12 +247,9 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     return _describe_standing_alone(svg, prefix, *map(_replace_invalid, (title, description, describe_scales(figure))))
 
 
-def _replace_invalid(text: str) -> str:
-    """The text without the characters that XML does not allow."""
-    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
-
-
 _NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+#: A text without the characters that XML does not allow.
+_replace_invalid = partial(_NOT_XML.sub, "\N{REPLACEMENT CHARACTER}")
 _SVG = "http://www.w3.org/2000/svg"
 _XLINK = "http://www.w3.org/1999/xlink"
 
