@@ -63,8 +63,8 @@ def export(
         return
     record = read_record(source, max_size=max_size)
     described = read_mode(mode) if mode else None
-    report_findings(record, described, despite)
     names = _names(described, given)
+    report_findings(record, described, despite)
     notes: list[str] = []
     if units is not None:
         by = factors(names, units, source=str(mode or source))

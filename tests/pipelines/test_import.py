@@ -300,7 +300,7 @@ def test_a_ranking_is_not_converted(ranking: Path, tmp_path: Path) -> None:
 
 def test_units_said_twice_agree(tmp_path: Path) -> None:
     record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
-    record.write_text("sweep,force,frequency,amplitude\na,10,2,0.5\n")
+    record.write_text("sweep,force,frequency,amplitude\na,10,10,0.5\n")  # near the frequency of the mode
     mode.write_text(MODE)
     message = r"m\.toml: the mode has force in N and --from us says lbf; expected one of them"
     with pytest.raises(InputError, match=message):
