@@ -50,14 +50,8 @@ def gap(
         expected = "MODEL.toml RECORD.csv, also after --with"
         raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
     if not records:
-        if not model.is_dir():
-            raise InputError("no record beside it", file=model, expected="MODEL.toml RECORD.csv, or a folder of cases")
-        if any(option is not None for option in (simulator, plot, report, model_out)):
-            options = "--simulator, --plot, --report and --model-out"
-            raise InputError(f"{options} are for one record", expected="MODEL.toml RECORD.csv")
-        if json_out is None or json_out == "-":
-            raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
-        if diagnose_folder(model, Path(json_out), jobs=jobs, seed=seed, despite=despite):
+        answers = _check_folder(model, json_out, (simulator, plot, report, model_out))
+        if diagnose_folder(model, answers, jobs=jobs, seed=seed, despite=despite):
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
     record, *further = records
@@ -91,6 +85,18 @@ def gap(
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
+
+
+def _check_folder(model: Path, json_out: str | None, of_one_record: Sequence[object]) -> Path:
+    """The folder for answers to a folder of cases. InputError: no folder, or options that are for one record."""
+    if not model.is_dir():
+        raise InputError("no record beside it", file=model, expected="MODEL.toml RECORD.csv, or a folder of cases")
+    if any(option is not None for option in of_one_record):
+        options = "--simulator, --plot, --report and --model-out"
+        raise InputError(f"{options} are for one record", expected="MODEL.toml RECORD.csv")
+    if json_out is None or json_out == "-":
+        raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
+    return Path(json_out)
 
 
 def import_simulator(name: str) -> Simulate:

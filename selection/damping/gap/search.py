@@ -101,7 +101,7 @@ class Search:
 
     Attributes:
         problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
-        hypotheses: those fitted so far. units: the strength of each form that opens a gap of one unit of noise.
+        hypotheses: those fitted so far. units: of each form, the strength that opens a gap as large as the noise.
         choices: how many effects a further one is chosen from; those that the record can show where 0.
     """
 
@@ -234,7 +234,7 @@ class Search:
                 self.extend(base, name, tried)
         leading = self.ranked()[0]
         shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
-        for _, base, name, tried in ordered:  # what was added to its twin gained more than was hoped for
+        for _, base, name, tried in ordered:  # what made it lead is added to bases about as good as its own
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
             if twin and name in leading.effects[-1:] and base.key | {name} not in self.hypotheses:
                 self.extend(base, name, tried)

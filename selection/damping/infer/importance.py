@@ -60,9 +60,9 @@ def importance(
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
-    Rounds of draws are pooled, each weighed against the mixture of all proposals so far (Cornuet, Marin, Mira and
-    Robert 2012, adaptive multiple importance sampling): none is lost, and none can have a large weight where any
-    proposal was likely to draw it. While few draws carry the weight, the next proposal is fitted to weights tempered,
+    Draws of all rounds are kept and weighed against the mixture of all proposals so far (adaptive multiple importance
+    sampling: Cornuet, Marin, Mira and Robert 2012), so that none has a large weight that any proposal was likely to
+    draw. While few draws carry the weight, the next proposal is fitted to weights tempered,
     w^beta, which lead from the proposals to the density step by step.
 
     Args:

@@ -38,7 +38,7 @@ _BETTER = 0.6
 _FEWEST = 5  # rows of a sweep
 _MOST_ROWS = 3000  # in which an unknown rate is looked for: seconds
 _LARGEST_STEPS = 20_000
-_DECAYS = 4.0  # time constants for which the sweep has run before; at most so much of ln f
+_DECAYS = 4.0  # time constants of sweep before the first row, where they take no more of ln f than _LARGEST_LEAD
 _LARGEST_LEAD = 0.3
 
 

@@ -94,7 +94,7 @@ def _compare_energies(view: View, share: FloatArray) -> tuple[FloatArray, FloatA
 
 
 ENERGY = 1.25  #: energy beyond pi F A, or off that of its phase, by this factor is no noise
-NOISE_OF_ENERGY = 6.0  #: ... if that is no less than so many standard deviations of the noise
+NOISE_OF_ENERGY = 6.0  #: standard deviations of the noise that an energy must be off by besides
 #: The same of all rows at once: gains of force, motion and a channel of the energy, each 5 % off in one direction.
 ENERGY_OF_ALL = 1.15
 NEAR_RESONANCE = 0.7  #: sine of a phase from which noise of the phase hardly moves the energy
@@ -124,7 +124,7 @@ def check_units(view: View) -> Finding | None:
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
     near = ratio > 0.0 and name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR)
-    # no structure but only a unit explains a factor by which force over amplitude is so large
+    # a factor this large on force over amplitude is of a unit, not of a structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
