@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
@@ -219,7 +219,10 @@ def _record_result(
     if predicted and len(asked):
         largest = max(asked.max(), record.data.tested_force.max())
         bands = predicted.predict_at(np.linspace(0.8 * record.data.tested_force.min(), 1.05 * largest, GRID))
-    design = predicted.loads if predicted and len(asked) else None
+    design, design_curve = None, None
+    if predicted and len(asked):
+        design_curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
+        design = replace(predicted.loads, cautions=design_curve.cautions)
     return RecordResult(
         name=record.settings.name,
         title=record.settings.title or record.mode.name,
@@ -233,7 +236,7 @@ def _record_result(
         power_laws=_list_power_laws(record.data),
         findings=record.audit.findings,
         curve=curve,
-        design_curve=trace_loads(design, backbone, plan.data) if design and plan else None,
+        design_curve=design_curve,
         backbone=backbone,
         next_level=predicted.choose_next_level() if predicted and design else None,
         note=record.settings.note,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -169,12 +170,12 @@ class LoadsResult(Result):
     @property
     def loads(self) -> Loads:
         """The predictions: amplitudes at forces, or forces for amplitudes."""
-        return self.extrapolation.loads
+        return replace(self.extrapolation.loads, cautions=self.curve.cautions)
 
-    @property
+    @cached_property
     def curve(self) -> Curve:
         """Frequency and damping ratio of each prediction."""
-        return trace_loads(self.loads, self.backbone, self.extrapolation.plan.data)
+        return trace_loads(self.extrapolation.loads, self.backbone, self.extrapolation.plan.data)
 
     @property
     def table(self) -> pd.DataFrame:

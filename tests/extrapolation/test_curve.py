@@ -69,6 +69,16 @@ def test_a_spring_that_hardens_lowers_the_ratio_by_its_frequency(peaks):
     np.testing.assert_allclose(traced.damping_ratio.median, 0.12 / (2.0 * M * omega), rtol=4e-3)
 
 
+def test_a_resonance_that_moves_far_is_said(peaks):
+    """Laws are solved at the frequency of the largest tested force: a resonance 2 % away is another frequency."""
+    force = np.array([1.0, 2.0, 4.0])
+    for stiffness, moves in ((1e-3, False), (0.5, True)):
+        amplitude, omega = phase_resonance(Sum((Viscous(0.12), CubicStiffness(stiffness))), force, M, OMEGA_N)
+        data, further = peaks(amplitude, force, omega), amplitude[-1:] * 2.0
+        traced = trace_loads(known(force[-1:] * 2.0, further), backbone_of(amplitude, omega), data)
+        assert any("above that of the largest tested force" in said for said in traced.cautions[0]) is moves
+
+
 def test_mass_and_amplitude_widen_the_ratio(peaks):
     amplitude = np.array([1.0, 2.0, 4.0])
     data = peaks(amplitude, FORCE, OMEGA_N)

@@ -7,7 +7,14 @@ import pytest
 from scipy.special import ndtri
 
 from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.draws import Member, amplitude_draws, draw_spread, find_quantiles
+from damping.extrapolation.draws import (
+    Member,
+    Spread,
+    amplitude_draws,
+    choose_next_level,
+    draw_spread,
+    find_quantiles,
+)
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN
@@ -205,3 +212,24 @@ def test_level_is_the_content(level, saturn):
     np.testing.assert_allclose(
         inside, level, atol=20.0 / len(draws)
     )  # quantiles of the same draws; resampled draws repeat
+
+
+def test_further_level_shrinks_the_band_as_a_normal_does_where_draws_have_no_resonance():
+    """ln A at the design is k times that at the level, N(0, s^2); a reading of noise n leaves k s n/hypot(s, n) of it.
+
+    Draws without a resonance at the level or at the design say nothing there.
+    """
+    k, s, n = 3.0, 0.1, 0.02
+    rng = np.random.default_rng(0)
+    at_level = s * rng.standard_normal(40_000)
+    law = np.column_stack([at_level, 0.1 * at_level, k * at_level])
+    law[:400, 0], law[200:800, 2] = np.nan, np.nan
+    noise = np.broadcast_to(n * rng.standard_normal(len(law))[:, None], law.shape)
+    spread = Spread(law, np.zeros_like(law), noise, np.isfinite(law))
+    member = Member("normal", 1.0, None, np.zeros((len(law), 1)))
+    chosen = choose_next_level([member], [spread], np.array([2.0, 1.0]), 4.0, 0.9)
+    left = np.hypot(k * s * n / np.hypot(s, n), n)
+    # readings at 24 quantiles, tails among some thousand draws that a reading leaves: 2 % of the band
+    np.testing.assert_allclose(np.log(chosen.expected), 2.0 * ndtri(0.95) * left, rtol=0.03)
+    np.testing.assert_allclose(np.log(chosen.width), 2.0 * ndtri(0.95) * np.hypot(k * s, n), rtol=0.02)
+    assert chosen.force == 2.0

@@ -12,7 +12,7 @@ from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import read_rows
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
-from damping.gap.weighing import describe_doubts
+from damping.gap.weighing import describe_doubts, describe_foreign
 from damping.records.record import Record
 
 #: One group: what was integrated is shared with other files.
@@ -89,3 +89,12 @@ def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):
     assert explained.doubts[3] > np.log(2.0)  # odds above 1
     assert explained.in_library < 0.5
     assert any("no name in the library" in caution for caution in explained.cautions)
+
+
+@pytest.mark.parametrize(("odds", "how"), [(-5.0, None), (-1.0, "nearly as well"), (1.0, "as well"), (4.0, "better")])
+def test_a_foreign_cause_that_is_not_excluded_is_said(odds, how):
+    """Below one in fifty beside the leading explanation it is; what fits as well or better is said to."""
+    leading = SimpleNamespace(log_posterior=0.0, effects=("quadratic-displacement",))
+    said = describe_foreign(leading, SimpleNamespace(log_posterior=odds, effects=("any-power",)))
+    assert bool(said) is (how is not None)
+    assert all(f"another power of velocity explains the record {how} (log odds {odds:.1f}" in line for line in said)

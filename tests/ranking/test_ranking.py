@@ -11,7 +11,7 @@ import statsmodels.api as sm
 
 from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE, make
+from damping.forces import CATALOGUE, Sum, VelocityPower, Viscous, make
 from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
 from damping.infer.best_fit import fit_law, fit_laws
@@ -192,6 +192,21 @@ def test_weights_do_not_depend_on_units(saturn, whole):
     a, b = here.find(Law(("viscous",))).coefficients[0], there.find(Law(("viscous",))).coefficients[0]
     np.testing.assert_allclose(b.value, a.value * pound / inch, rtol=1e-6)
     np.testing.assert_allclose(b.t_ratio, a.t_ratio, rtol=1e-6)
+
+
+def test_weights_do_not_depend_on_the_order_of_rows_or_on_rounding(swept):
+    """A slip beside two powers is a narrow ridge, whose draws part where a last digit does: weights equal to 1e-6."""
+    record = swept(Sum((Viscous(0.1), VelocityPower(0.02, 3.0))), np.array([0.2, 0.4, 0.8]), noise=0.01)
+    terms = ("viscous", "quadratic-displacement", "slip")
+    laws = [Law(terms), Law(terms[:2]), Law(("velocity-squared", "slip")), Law(("viscous",))]
+    shuffled = Record(record.table.sample(frac=1.0, random_state=1), "shuffled")
+    scale = {"force": 3.7e-9, "amplitude": 2.1e-6}
+    scaled = Record(record.table.assign(**{k: record.table[k] * v for k, v in scale.items()}), "scaled")
+    weights = [
+        [rank_laws(observe(one), laws=laws, hold_out=False).find(law).weight for law in laws]
+        for one in (record, shuffled, scaled)
+    ]
+    np.testing.assert_allclose(weights[1:], [weights[0]] * 2, atol=1e-6)
 
 
 def test_t_ratio_is_the_posteriors_own(whole):

@@ -9,10 +9,14 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.backbone import Backbone
+from damping.forces import CubicStiffness, Sum, Viscous
 from damping.forces.powers import EXPONENT
 from damping.infer.checks import inference_data
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
 from damping.records.mode import Units
+from damping.records.resonance import tabulate_resonances
 from damping.report import (
     count,
     format_between,
@@ -27,7 +31,7 @@ from damping.report import (
     format_signed,
     number,
 )
-from damping.report.figures import leading, record_figures
+from damping.report.figures import leading, record_figures, trace_sweep
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
 from damping.report.study import render
 from damping.report.tables import record_tables
@@ -144,6 +148,23 @@ def test_figures_are_those_the_results_can_fill(peaks: RecordResult, sweep: Reco
     common = {"damping_curve", "fitted", "ranking", "corner", "predictive_check"}
     assert set(record_figures(peaks, 0.9)) == common | {"design_loads"}
     assert set(record_figures(sweep, 0.9)) == common
+
+
+def test_fitted_curve_of_a_hardening_mode_goes_through_its_rows(swept) -> None:
+    """Rows made by the balance at a phase, of a cubic spring that bends the curve over: no curve of one stiffness."""
+    force = np.array([0.2, 0.4, 0.8])
+    record = swept(Sum((Viscous(0.05), CubicStiffness(1.0))), force, rows=61)
+    peaks = tabulate_resonances(record)
+    omega = RAD_S_PER_HZ * peaks["frequency"].to_numpy()
+    bone = Backbone(peaks["amplitude"].to_numpy(), omega, np.full(3, 0.5), 0.0)
+    for _, rows in record.table.groupby("sweep"):
+        f, A = trace_sweep(Viscous(0.05), bone, 0.5, rows.sort_values("frequency"))
+        # the backbone is learnt from three peaks: to 0.2 % of frequency; points of the curve lie 3 % of it apart
+        apart = np.hypot(
+            (rows["frequency"].to_numpy()[:, None] / f - 1.0) / 0.004,
+            (rows["amplitude"].to_numpy()[:, None] / A - 1.0) / 0.06,
+        )
+        assert apart.min(axis=1).max() < 1.0
 
 
 def test_lengths_are_said_as_people_say_them() -> None:

@@ -255,22 +255,22 @@ def choose_next_level(
         spreads: draws at the forces ``tried``, then ``design``.
     """
     pooled, shares = pool(spreads), share_out(members, spreads)
-    drawn = pooled.law + pooled.stray
+    resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
+    order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
+    at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.stray)[order]
     # the level's own noise is fresh: readings there are spread by it, and it says nothing of the noise at the design
-    sd = np.maximum(np.sqrt(shares @ pooled.noise**2), 1e-6)
-    at_design, tail = pooled.total[:, -1], 0.5 * (1.0 - level)
-    order = np.argsort(at_design)
+    sd = np.maximum(np.sqrt(shares @ pooled.noise[order] ** 2 / shares.sum()), 1e-6)
+    tail = 0.5 * (1.0 - level)
 
     def width(odds: FloatArray) -> float:
-        cumulative = np.cumsum((shares * odds)[order])
-        at = np.searchsorted(cumulative, cumulative[-1] * np.array([tail, 1.0 - tail]))
-        low, high = at_design[order][np.minimum(at, len(order) - 1)]
+        cumulative = np.cumsum(shares * odds)
+        low, high = np.interp(cumulative[-1] * np.array([tail, 1.0 - tail]), cumulative, at_design)
         return float(high - low)
 
     expected = [
         np.mean(
             [
-                width(np.exp(-0.5 * ((at - reading) / noise) ** 2))
+                width(np.nan_to_num(np.exp(-0.5 * ((at - reading) / noise) ** 2)))  # without one at the level: none
                 for reading in find_quantiles(at[:, None], shares, READINGS)
             ]
         )

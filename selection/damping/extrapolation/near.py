@@ -69,13 +69,13 @@ def without_offset(record: Record) -> Record:
 
 
 def at_resonance(data: Observations) -> Observations:
-    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows."""
+    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows; by rising force."""
     number = len(data.sweeps)
 
     def mean(values: FloatArray) -> FloatArray:
         return np.sqrt(np.bincount(data.sweep, values**2, number) / data.rows_per_sweep)
 
-    return replace(
+    resonances = replace(
         data,
         A=data.tested_amplitude,
         omega=data.tested_omega,
@@ -86,6 +86,7 @@ def at_resonance(data: Observations) -> Observations:
         sd_force=mean(data.sd_force),
         sd_phase=mean(data.sd_phase),
     )
+    return resonances.take_sweeps(np.lexsort((data.tested_amplitude, data.tested_force)))
 
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.

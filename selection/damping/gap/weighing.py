@@ -104,12 +104,12 @@ def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: flo
 
 
 def describe_foreign(leading: Hypothesis, foreign: Hypothesis | None) -> list[str]:
-    """The caution where a cause that has no name in the library is at least as probable as the leading explanation."""
-    if foreign is None or foreign.log_posterior < leading.log_posterior:
+    """The caution where a cause that has no name in the library is not excluded beside the leading explanation."""
+    if foreign is None or foreign.log_posterior < leading.log_posterior + np.log(LEAST_ODDS):
         return []
     cause = " with ".join(({**CATALOGUE, **FOREIGN})[name].sentence for name in foreign.effects)
     odds = foreign.log_posterior - leading.log_posterior
-    well = "better" if odds > _MOST_RIVAL else "as well"
+    well = "better" if odds > _MOST_RIVAL else "as well" if odds >= 0.0 else "nearly as well"
     beside = f"log odds {odds:.1f} against {' + '.join(leading.effects)}"
     return [f"{cause} explains the record {well} ({beside}), and has no name in the library"]
 

@@ -89,7 +89,7 @@ class Observations:
         return int(np.argmax(self.tested_force))
 
     def scaled(self) -> Observations:
-        """The same without dimension: over the ``reference``, to 12 digits, so that units cannot move a result."""
+        """The same without dimension: over the ``reference``, to 8 digits: rounding in other units moves no result."""
         amplitude, omega, force = self.reference
         return replace(
             self,
@@ -104,15 +104,18 @@ class Observations:
 
     def keep_sweeps(self, keep: BoolArray) -> Observations:
         """The rows of the sweeps marked in ``keep`` (shape (sweeps,)); order is kept."""
-        rows = keep[self.sweep]
-        number = np.cumsum(keep) - 1
+        return self.take_sweeps(np.flatnonzero(keep))
+
+    def take_sweeps(self, places: IntArray) -> Observations:
+        """The sweeps at ``places``, in that order; the rows of each in theirs."""
+        rows = np.concatenate([np.flatnonzero(self.sweep == place) for place in places])
         per_row = {name: getattr(self, name)[rows] for name in _PER_ROW}
-        per_sweep = {name: value[keep] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
-        labels = tuple(label for label, kept in zip(self.sweeps, keep, strict=True) if kept)
-        return replace(self, **per_row, **per_sweep, sweep=number[self.sweep[rows]], sweeps=labels)
+        per_sweep = {name: value[places] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
+        number = np.repeat(np.arange(len(places)), self.rows_per_sweep[places])
+        return replace(self, **per_row, **per_sweep, sweep=number, sweeps=tuple(self.sweeps[i] for i in places))
 
 
-def round_bits(values: FloatArray, bits: int = 40) -> FloatArray:
+def round_bits(values: FloatArray, bits: int = 26) -> FloatArray:
     """Values rounded to a number of binary digits."""
     mantissa, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))

@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 
 from damping import report as words
-from damping.arrays import RAD_S_PER_HZ
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.extrapolation.backbone import Backbone
+from damping.forces.contract import Force
 from damping.plots import Drawn
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking
-from damping.predict.steady import resonant_amplitude, steady_state
+from damping.predict.steady import resonant_amplitude
 from damping.report import forms, tables
 from damping.report.page import Block, FigureBlock
 from damping.report.results import LawPosterior, RecordResult, Svgs, posterior_draws, prior_draws
@@ -76,18 +78,15 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
     record, frame = result.record, result.record.table
     factor, length = words.choose_length(units.length, data.tested_amplitude.max())
     swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
-    if swept:
+    if swept and result.backbone:
         measured = frame.assign(sweep=frame["sweep"].astype(str), x=frame["frequency"], y=factor * frame["amplitude"])
         measured = measured[measured["sweep"].isin(swept)][["sweep", "x", "y"]]
         curves = []
         for sweep in swept:
             rows = frame[frame["sweep"].astype(str) == sweep].sort_values("frequency")
-            f = np.linspace(rows["frequency"].min(), rows["frequency"].max(), POINTS)
-            F = np.interp(f, rows["frequency"], rows["force"])
-            at = data.sweeps.index(sweep) if sweep in data.sweeps else data.top
             mass = float(record.masses(result.mode.mass)[rows.index[0]])
-            state = steady_state(force, F, RAD_S_PER_HZ * f, mass, float(data.tested_omega[at]))
-            curves.append(pd.DataFrame({"sweep": sweep, "x": f, "y": factor * state.amplitude}))
+            curve = trace_sweep(force, result.backbone, mass, rows)
+            curves.append(pd.DataFrame({"sweep": sweep, "x": curve[0], "y": factor * curve[1]}))
         figure = fitted_sweeps(measured, pd.concat(curves, ignore_index=True), best.name, length)
         what = f"Amplitude against frequency of {len(swept)} sweeps"
     else:
@@ -103,6 +102,30 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
         f"{result.title}: measured and fitted",
         f"{what}, measured and by {best.name}; mean absolute error of resonant amplitude {error} per cent.",
     )
+
+
+def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+    """Frequency (Hz) and amplitude of a law's response to the force of a sweep, whose ``rows`` rise in frequency.
+
+    M^2 (omega_n^2(A) - omega^2)^2 A^2 + C^2 = F^2 solved for omega, below and above the resonance; omega_n(A) is the
+    measured backbone, so that a curve that bends over is drawn whole.
+    """
+    top = rows.loc[rows["amplitude"].idxmax()]
+    largest = resonant_amplitude(law, np.array([top["force"]]), np.array([RAD_S_PER_HZ * top["frequency"]]))[0]
+    largest = largest if np.isfinite(largest) else top["amplitude"]
+    least = min(0.5 * rows["amplitude"].min() / largest, 0.5)
+    A = largest * np.sin(np.linspace(np.arcsin(least), 0.5 * np.pi, POINTS))  # dense at the resonance
+    omega_n = RAD_S_PER_HZ * backbone.frequency_at(A, 0.9).median
+    A, sides = np.concatenate([A, A[::-1]]), np.repeat([-1.0, 1.0], POINTS)
+    omega_n = np.concatenate([omega_n, omega_n[::-1]])
+    omega = omega_n
+    for _ in range(3):  # the force of the shaker changes little along the curve
+        F = np.interp(omega / RAD_S_PER_HZ, rows["frequency"], rows["force"])
+        beside = np.sqrt(np.maximum(F**2 - law.quadrature(A, omega_n) ** 2, 0.0)) / (mass * A)
+        omega = np.sqrt(np.maximum(omega_n**2 + sides * beside, 0.0))
+    f = omega / RAD_S_PER_HZ
+    kept = (f >= rows["frequency"].min()) & (f <= rows["frequency"].max())
+    return f[kept], A[kept]
 
 
 def _draw_ranking(result: RecordResult) -> Drawn:
