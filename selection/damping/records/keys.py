@@ -10,7 +10,7 @@ import math
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -20,6 +20,7 @@ from damping.errors import InputError, list_nearest, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
+    import pandas as pd
     import pandera.pandas as pa
     from pydantic import BaseModel
 
@@ -41,31 +42,36 @@ SMALLEST = 1e-50
 LARGEST = 1e50
 
 
+#: What the cells of a column pass, NaN passing nothing.
+Test = Callable[["pd.Series"], "pd.Series"]
+
+
+def _list_tests(column: Mapping[str, str]) -> list[tuple[Test, str]]:
+    """Each test of a column's range, with what is expected of a cell that does not pass."""
+    wanted = f"{column['meaning']} {column['range']}"
+    # what is no number > 0 has its own test
+    magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+    tests: dict[str, list[tuple[Test, str]]] = {
+        "> 0": [(lambda x: x > 0.0, wanted), magnitude],
+        ">= 0": [(lambda x: x >= 0.0, wanted), magnitude],
+        "radians": [(lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")],
+    }
+    return tests.get(column["range"], [])
+
+
+#: The tests of each column of a record. Standard uncertainties may be zero: none is stated for that row. Empty cells
+#: (NaN) are not tested: whether a cell may be empty is decided where the file is read.
+COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
+
+
 def record_schema() -> pa.DataFrameSchema:
-    """Ranges of a record's columns; each check's ``error`` says what was expected.
+    """The ranges of a record's columns, ``COLUMN_TESTS``; each check's ``error`` says what was expected."""
+    import pandera.pandas as pa  # noqa: PLC0415 - takes a tenth of a second and only what is wrong needs it
 
-    Standard uncertainties may be zero: none is stated for that row. Empty cells (NaN) pass: whether a cell may be empty
-    is decided where the file is read.
-    """
-    import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
-
-    magnitude = pa.Check(
-        lambda values: (values <= 0.0) | values.between(SMALLEST, LARGEST),  # what is no number > 0 has its own check
-        error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
-    )
-
-    radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
-    columns = {}
-    for column in _COLUMNS:
-        wanted = f"{column['meaning']} {column['range']}"
-        checks = {
-            "> 0": [pa.Check.gt(0.0, error=wanted), magnitude],
-            ">= 0": [pa.Check.ge(0.0, error=wanted), magnitude],
-            "radians": [radians],
-        }.get(column["range"])
-        if checks:
-            required = column["presence"] == "required"
-            columns[column["column"]] = pa.Column(checks=checks, nullable=True, required=required)
+    columns = {
+        name: pa.Column(checks=[pa.Check(test, error=wanted) for test, wanted in tests], nullable=True, required=False)
+        for name, tests in COLUMN_TESTS.items()
+    }
     return pa.DataFrameSchema(columns)
 
 
