@@ -28,8 +28,8 @@ from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
-#: Points times rows that are computed at once: their arrays stay in a processor's cache.
-BLOCK = 60_000
+#: Points times rows that are computed at once: half a dozen such arrays stay in 1 MB, the second cache of a processor.
+BLOCK = 15_000
 #: How far in ln A the drift of a decay is remembered: over a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Sweeps up to which a product with their matrix is the quickest way to sums over each.
