@@ -280,22 +280,17 @@ class Balanced:
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
         row, level = self.coordinates.scatter(x)
-        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + self._known) / SCATTER_MEDIAN
+        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + self._of_rows[2]) / SCATTER_MEDIAN
 
     @cached_property
-    def _known(self) -> float:
-        """Mean known variance of a row."""
-        return float(np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2))
-
-    @cached_property
-    def _weights(self) -> tuple[FloatArray, FloatArray]:
-        """w D and w of each row, (rows,)."""
-        weight = 1.0 / (self.data.D**2 + self.data.R**2)
-        return weight * self.data.D, weight
+    def _of_rows(self) -> tuple[FloatArray, FloatArray, float]:
+        """w D and w of each row, (rows,); mean known variance of a row."""
+        data, weight = self.data, 1.0 / (self.data.D**2 + self.data.R**2)
+        return weight * data.D, weight, float(np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2))
 
     def _balance(self, C: FloatArray) -> FloatArray:
         """t (points,) of a law with averages C (points, rows)."""
-        weighted, weight = self._weights
+        weighted, weight, _ = self._of_rows
         with np.errstate(all="ignore"):
             t = np.log((C @ weighted) / ((C * C) @ weight)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0

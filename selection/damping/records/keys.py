@@ -21,7 +21,6 @@ from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, r
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pandera.pandas as pa
     from pydantic import BaseModel
 
 Schema = TypeVar("Schema", bound="BaseModel")
@@ -42,21 +41,17 @@ SMALLEST = 1e-50
 LARGEST = 1e50
 
 
-#: What the cells of a column pass, NaN passing nothing.
-Test = Callable[["pd.Series"], "pd.Series"]
+#: What cells pass, and what is expected of one that does not.
+Test = tuple[Callable[["pd.Series"], "pd.Series"], str]
 
 
-def _list_tests(column: Mapping[str, str]) -> list[tuple[Test, str]]:
-    """Each test of a column's range, with what is expected of a cell that does not pass."""
+def _list_tests(column: Mapping[str, str]) -> list[Test]:
     wanted = f"{column['meaning']} {column['range']}"
     # what is no number > 0 has its own test
     magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
-    tests: dict[str, list[tuple[Test, str]]] = {
-        "> 0": [(lambda x: x > 0.0, wanted), magnitude],
-        ">= 0": [(lambda x: x >= 0.0, wanted), magnitude],
-        "radians": [(lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")],
-    }
-    return tests.get(column["range"], [])
+    turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")
+    positive, least = [(lambda x: x > 0.0, wanted), magnitude], [(lambda x: x >= 0.0, wanted), magnitude]
+    return {"> 0": positive, ">= 0": least, "radians": [turn]}.get(column["range"], [])
 
 
 #: The tests of each column of a record. Standard uncertainties may be zero: none is stated for that row. Empty cells
@@ -64,15 +59,28 @@ def _list_tests(column: Mapping[str, str]) -> list[tuple[Test, str]]:
 COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
 
 
-def record_schema() -> pa.DataFrameSchema:
-    """The ranges of a record's columns, ``COLUMN_TESTS``; each check's ``error`` says what was expected."""
-    import pandera.pandas as pa  # noqa: PLC0415 - takes a tenth of a second and only what is wrong needs it
+def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
+    """The first cell of each column out of its range: row, column, the cell, and what was expected of it.
+
+    Where there is none the schema is not made: its package takes a tenth of a second to load.
+    """
+    tested = ((table[name].dropna(), tests) for name, tests in COLUMN_TESTS.items() if name in table.columns)
+    if all(test(cells).all() for cells, tests in tested for test, _ in tests):
+        return []
+    import pandera.errors  # noqa: PLC0415 - see above
+    import pandera.pandas as pa  # noqa: PLC0415 - see above
 
     columns = {
         name: pa.Column(checks=[pa.Check(test, error=wanted) for test, wanted in tests], nullable=True, required=False)
         for name, tests in COLUMN_TESTS.items()
     }
-    return pa.DataFrameSchema(columns)
+    try:
+        pa.DataFrameSchema(columns).validate(table, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases.loc[lambda all_: all_.groupby("column")["index"].idxmin()]
+        cells = zip(*(cases[name] for name in ("index", "column", "failure_case", "check")), strict=True)
+        return [(int(row), str(name), f"{float(value):g}", str(wanted)) for row, name, value, wanted in cells]
+    return []
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)

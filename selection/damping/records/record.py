@@ -16,14 +16,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.keys import (
-    BLANK_COLUMNS,
-    COLUMN_TESTS,
-    OPTIONAL_COLUMNS,
-    REQUIRED_COLUMNS,
-    TEXT_COLUMNS,
-    record_schema,
-)
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, find_refused
 from damping.records.text import describe_meant, describe_shortened, guarded
 
 
@@ -131,33 +124,12 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     uncertainty (zero is allowed: none is stated for that row), numbers too large or small to calculate with
     (magnitudes beyond 1e-50..1e50), and rows identical in every column.
     """
-    problems = [] if _within_ranges(table) else _name_cells(table)
+    problems = [CellProblem(*cell) for cell in find_refused(table)]
     repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))
         twin = int(np.argmax(table.iloc[: second + 1].duplicated(keep="last").to_numpy()))
         problems.append(CellProblem(second, None, "identical in every column", "each measured state once", twin))
-    return problems
-
-
-def _within_ranges(table: pd.DataFrame) -> bool:
-    """Whether the record schema holds, told without its package, which takes as long to load as a record to read."""
-    tested = ((table[name].dropna(), tests) for name, tests in COLUMN_TESTS.items() if name in table.columns)
-    return all(test(cells).all() for cells, tests in tested for test, _ in tests)
-
-
-def _name_cells(table: pd.DataFrame) -> list[CellProblem]:
-    """The first cell of each column that the record schema refuses."""
-    import pandera.errors  # noqa: PLC0415 - see `record_schema`
-
-    problems = []
-    try:
-        record_schema().validate(table, lazy=True)
-    except pandera.errors.SchemaErrors as errors:
-        cases = errors.failure_cases
-        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
-            value = float(first["failure_case"])
-            problems.append(CellProblem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
     return problems
 
 
