@@ -214,7 +214,7 @@ def _record_result(
         predicted = extrapolate_loads(
             plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=record.mode, plan=plan
         )
-        reached = predict_forces(predicted, list_default_amplitudes(predicted))
+        reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
         curve = trace_loads(reached, backbone, plan.data)
     if predicted and len(asked):
         largest = max(asked.max(), record.data.tested_force.max())

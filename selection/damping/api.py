@@ -147,7 +147,7 @@ def curve(
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
     if not len(at) and not len(under):
         at = list_default_amplitudes(predicted)
-    asked = [predict_forces(predicted, at)] if len(at) else []
+    asked = [predict_forces(predicted, at, each=False)] if len(at) else []
     asked += [predicted.loads] if len(under) else []
     backbone = find_backbone(measured.record, mode, findings.implied)
     traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])

@@ -123,6 +123,23 @@ def test_what_commands_print_needs_no_figures():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("command", [("rank",), ("extrapolate", "--force", "20")])
+def test_commands_on_peaks_load_what_they_use(command, saturn_data, tmp_path):
+    """Start-up is most of what they take: of scipy special functions alone, no figures, no schema of good rows."""
+    words = [*map(str, (command[0], *files(saturn_data), *command[1:], "--json", tmp_path / "form.json"))]
+    script = (
+        f"import sys; from damping_pipelines.cli import main\n"
+        f"try: main({words})\n"
+        "except SystemExit as end: assert not end.code\n"
+        "heavy = {'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'jinja2', 'damping.formats'}\n"
+        "heavy |= {f'scipy.{part}' for part in ('stats', 'optimize', 'interpolate', 'integrate', 'signal', 'sparse')}\n"
+        "sys.exit(','.join(heavy & set(sys.modules)) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "form.json").exists()
+
+
 @pytest.mark.parametrize(
     "words",
     [

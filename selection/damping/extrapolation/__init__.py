@@ -81,10 +81,10 @@ class Extrapolation:
     levels: FloatArray
     spreads: tuple[Spread, ...]
 
-    def predict_at(self, forces: np.ndarray) -> Loads:
-        """Predictions at other forces (forces,), of the same draws."""
+    def predict_at(self, forces: np.ndarray, *, each: bool = False) -> Loads:
+        """Predictions at other forces (forces,), of the same draws; ``each``: of each law too."""
         plan, repeatability = self.plan, _repeatability(self.mode)
-        return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability)
+        return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability, each=each)
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`)."""

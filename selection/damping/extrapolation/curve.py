@@ -93,9 +93,10 @@ def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
     return np.concatenate([within, np.geomspace(high, beyond, BEYOND + 1)[1:]])
 
 
-def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray) -> Loads:
+def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray, *, each: bool = True) -> Loads:
     """The force for each amplitude: :class:`Loads` whose ``amplitude`` was asked, and whose bands are of force.
 
+    ``each``: whether the band of each law is wanted too.
     ``linear`` is the force of the viscous coefficient of the sweep with the largest tested force. A force beyond the
     plan's limit is refused as in predictions of amplitude.
     """
@@ -104,7 +105,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
     free = replace(predicted, plan=replace(plan, limit=np.inf))
     grid = np.unique(np.concatenate([np.geomspace(least / _MARGIN, most * _MARGIN, GRID), data.tested_force]))
-    loads = free.predict_at(grid)
+    loads = free.predict_at(grid, each=each)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
     predicted_there = np.isfinite(average.median)

@@ -138,19 +138,20 @@ def predict(
     plan: Plan | None = None,
     repeatability: float = 0.0,
     spreads: Sequence[Spread] | None = None,
+    each: bool = True,
 ) -> Loads:
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
     Args:
         data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
-        spreads: draws at ``force``, where they were made before.
+        spreads: draws at ``force``, where they were made before. each: whether the band of each law is wanted too.
     """
     if spreads is None:
         spreads = draw_spreads(members, force, data, repeatability, seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
-    own = [np.ones(len(s.law)) for s in spreads]
-    bands = [_band(m.name, m.weight, s, n, allowed, level) for m, s, n in zip(members, spreads, own, strict=True)]
+    laws = zip(members, spreads, strict=True) if each else ()
+    bands = [_band(m.name, m.weight, s, np.ones(len(s.law)), allowed, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
     average = _band("average over models", 1.0, pool(spreads), share_out(members, spreads), allowed, level)
     predicted = np.isfinite(average.median)

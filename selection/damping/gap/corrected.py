@@ -152,7 +152,7 @@ def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
 
 def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     """ln of likelihood times N(x; 0, 1), the deviations of sweeps integrated out; x (points, variables)."""
-    return by_blocks(partial(_log_density, leading), x, len(leading.weights))
+    return by_blocks(lambda points: _log_density(leading, x[points]), len(x), len(leading.weights))
 
 
 def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:

@@ -94,13 +94,12 @@ def predictive_check(
     x = posterior.draws
     row, level_scatter = posterior.coordinates.scatter(x)
 
-    def discrepancy(x: FloatArray) -> FloatArray:
-        n, h, known = residuals(posterior.coordinates.force(x), data)
-        row, level_scatter = posterior.coordinates.scatter(x)
-        variance = row[:, None] ** 2 + known + (level_scatter[:, None] * h) ** 2
+    def discrepancy(points: slice) -> FloatArray:
+        n, h, known = residuals(posterior.coordinates.force(x[points]), data)
+        variance = row[points, None] ** 2 + known + (level_scatter[points, None] * h) ** 2
         return np.asarray(np.sum(n**2 / variance, axis=1))
 
-    measured = by_blocks(discrepancy, x, len(data.A))
+    measured = by_blocks(discrepancy, len(x), len(data.A))
     replicated = rng.chisquare(len(data.A), size=len(x))
     scatter = np.hypot(row, level_scatter)[:, None]
     percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))

@@ -128,7 +128,7 @@ def nonlinearity(p: FloatArray) -> FloatArray:
     ``LINEAR`` and the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
     """
     with np.errstate(divide="ignore"):
-        q = np.clip(np.nan_to_num(1.0 / p, nan=0.0), *SLOPES)
+        q = np.clip(np.where(np.isnan(p), 0.0, 1.0 / p), *SLOPES)
     return np.asarray(LINEAR + np.mean(np.maximum(1.0 - q, SLOWER * (q - 1.0)), axis=-1))
 
 

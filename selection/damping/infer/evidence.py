@@ -102,27 +102,35 @@ def make_negative(log_density: Negative) -> Negative:
 def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
     """Newton steps until none gains; the end, and the inverse Hessian there."""
     widths = np.full(x.size, FIRST_STEP)
+    around = negative(x + _surround(widths))
     for _ in range(MOST_STEPS):
-        value, gradient, covariance, widths = expand(x, negative, widths)
+        value, gradient, covariance, widths = expand(around, widths)
         tried = x - STEP_SHARES[:, None] * (covariance @ gradient)
-        values = negative(tried)
+        # what is around the full step, most often the best, in the same call
+        values, around = np.split(negative(np.vstack([tried, tried[0] + _surround(widths)])), [len(tried)])
         best = int(np.argmin(values))
         if not values[best] < value - STILL:
             break
         x = tried[best]
+        around = negative(x + _surround(widths)) if best else around
     return x, covariance
 
 
-def expand(x: FloatArray, negative: Negative, widths: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """Value, gradient and inverse Hessian at ``x`` by central differences of ``widths``; and better widths (d,).
+def _surround(widths: FloatArray) -> FloatArray:
+    """Steps of central differences of ``widths`` (d,): none, up and down each axis, up and down both of each pair."""
+    steps = np.diag(widths)
+    i, j = np.triu_indices(len(widths), 1)
+    pairs = steps[i] + steps[j]
+    return np.vstack([np.zeros((1, len(widths))), steps, -steps, pairs, -pairs])
+
+
+def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
+    """Value, gradient and inverse Hessian from ``values`` around a point (`_surround`); and better widths (d,).
 
     f_ij = (f(+i+j) - f(+i) - f(+j) + 2 f - f(-i) - f(-j) + f(-i-j)) / (2 h_i h_j).
     """
-    d = x.size
-    steps = np.diag(widths)
+    d = len(widths)
     i, j = np.triu_indices(d, 1)
-    pairs = steps[i] + steps[j]
-    values = negative(x + np.vstack([np.zeros((1, d)), steps, -steps, pairs, -pairs]))
     here, up, down = float(values[0]), values[1 : 1 + d], values[1 + d : 1 + 2 * d]
     both, neither = values[1 + 2 * d :].reshape(2, -1)
     hessian = np.diag(up + down - 2.0 * here)

@@ -24,7 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
@@ -197,7 +197,7 @@ class Coordinates:
         return self.join(self.find_parts(x))
 
     @staticmethod
-    def join(parts: Sequence[Part], points: IntArray | EllipsisType = ...) -> Sum:
+    def join(parts: Sequence[Part], points: slice | EllipsisType = ...) -> Sum:
         """The force of parts of ``find_parts``, at some of their points."""
         return Sum(
             tuple(

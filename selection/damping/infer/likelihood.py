@@ -16,12 +16,11 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import stray_covariance
 from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
@@ -29,8 +28,8 @@ from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
-#: Points times rows that are computed at once: their arrays stay in a processor's cache.
-BLOCK = 60_000
+#: Points times rows that are computed at once: half a dozen such arrays stay in 1 MB, the second cache of a processor.
+BLOCK = 15_000
 #: How far in ln A the drift of a decay is remembered: over a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Sweeps up to which a product with their matrix is the quickest way to sums over each.
@@ -78,19 +77,19 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     """Log likelihood at points ``x`` of shape (points, dimension); ``-inf`` where the law cannot carry the forces."""
     parts, row = coordinates.find_parts(x), coordinates.scatter(x)[0]
 
-    def weigh(points: IntArray) -> FloatArray:
+    def weigh(points: slice) -> FloatArray:
         return _sum_rows(*_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
-    sums = by_blocks(weigh, np.arange(len(x)), len(data.A))
+    sums = by_blocks(weigh, len(x), len(data.A))
     return _weigh_levels(sums, x, coordinates.join(parts), coordinates, data)
 
 
-def by_blocks(work: Callable[[Any], FloatArray], x: np.ndarray, rows: int) -> FloatArray:
-    """``work(x)`` of points ``x``, (points, ...) both; its arrays of (points, rows) stay small."""
+def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
+    """``work`` of ``number`` points, (points, ...), block by block; its arrays of (points, rows) stay small."""
     step = max(1, BLOCK // rows)
-    if len(x) <= step:
-        return work(x)
-    return np.concatenate([work(x[first : first + step]) for first in range(0, len(x), step)])
+    if number <= step:
+        return work(slice(None))
+    return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)])
 
 
 def _sum_rows(
@@ -120,7 +119,7 @@ def _weigh_levels(
     value, nn = sums[:, 0], sums[:, 1 : 1 + len(data.sweeps)]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            hh, hn = np.split(sums[:, 1 + len(data.sweeps) :], 2, axis=1)
+            hh, hn = sums[:, 1 + nn.shape[1] : 1 + 2 * nn.shape[1]], sums[:, 1 + 2 * nn.shape[1] :]
             value = value + _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
         else:
             value = value - 0.5 * np.sum(nn, axis=1)
@@ -173,7 +172,7 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
     s, points = root.shape
     # the lower factor of B column by column, of all points at once; the row below it becomes S^-1 hn without B
     factor = np.empty((s + 1, s, points))
-    np.multiply(root[:, None] * root, np.moveaxis(covariance, 0, -1), out=factor[:s])
+    np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=factor[:s])
     factor[range(s), range(s)] += 1.0
     factor[s] = np.divide(hn.T, root, out=np.zeros(root.shape), where=root > 0.0)
     within = np.maximum(nn.T - factor[s] ** 2, 0.0)  # one row a level has nothing within it, and rounding leaves none
@@ -186,8 +185,8 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
-    if len(data.sweeps) == len(data.sweep):  # one row each, in any order
-        return values[:, np.argsort(data.sweep)]
+    if data.row_of_sweep is not None:
+        return values[:, data.row_of_sweep]
     if len(data.sweeps) <= _FEW:
         return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
     order = np.argsort(data.sweep, kind="stable")
@@ -240,14 +239,14 @@ class Balanced:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
         x, parts, row, s = self._prepare(z)
 
-        def weigh(points: IntArray) -> FloatArray:
+        def weigh(points: slice) -> FloatArray:
             C, grown = _averages(self.coordinates.join(parts, points), self.data)
             x_1 = self._balance(C) + s[points] * z[points, 0]
             factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
             sums = _sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
             return np.column_stack([x_1, sums])
 
-        sums = by_blocks(weigh, np.arange(len(z)), len(self.data.A))
+        sums = by_blocks(weigh, len(z), len(self.data.A))
         inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
         x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
         force = self.coordinates.join(parts)
@@ -270,10 +269,10 @@ class Balanced:
         """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
         x, parts, _, s = self._prepare(z)
 
-        def balance(points: IntArray) -> FloatArray:
+        def balance(points: slice) -> FloatArray:
             return self._balance(_averages(self.coordinates.join(parts, points), self.data)[0])
 
-        x[:, 0] = by_blocks(balance, np.arange(len(z)), len(self.data.A))
+        x[:, 0] = by_blocks(balance, len(z), len(self.data.A))
         return x, s
 
     def _prepare(self, z: FloatArray) -> tuple[FloatArray, list[Part], FloatArray, FloatArray]:
@@ -281,14 +280,18 @@ class Balanced:
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
         row, level = self.coordinates.scatter(x)
-        known = np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2)
-        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + known) / SCATTER_MEDIAN
+        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + self._of_rows[2]) / SCATTER_MEDIAN
+
+    @cached_property
+    def _of_rows(self) -> tuple[FloatArray, FloatArray, float]:
+        """w D and w of each row, (rows,); mean known variance of a row."""
+        data, weight = self.data, 1.0 / (self.data.D**2 + self.data.R**2)
+        return weight * data.D, weight, float(np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2))
 
     def _balance(self, C: FloatArray) -> FloatArray:
         """t (points,) of a law with averages C (points, rows)."""
-        data = self.data
-        weight = 1.0 / (data.D**2 + data.R**2)
+        weighted, weight, _ = self._of_rows
         with np.errstate(all="ignore"):
-            t = np.log((C @ (weight * data.D)) / ((C * C) @ weight)) / TOTAL_LOG_SD
+            t = np.log((C @ weighted) / ((C * C) @ weight)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0
         return np.asarray(np.clip(t, -REACH, REACH))

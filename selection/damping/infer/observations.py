@@ -68,6 +68,14 @@ class Observations:
         return bool(np.any(self.rows_per_sweep > 1))
 
     @cached_property
+    def row_of_sweep(self) -> IntArray | slice | None:
+        """The row of each sweep where each has one, in whichever order; else None."""
+        if len(self.sweeps) != len(self.sweep):
+            return None
+        order = np.argsort(self.sweep)
+        return slice(None) if np.array_equal(order, np.arange(len(order))) else order
+
+    @cached_property
     def states_uncertainty(self) -> bool:
         """Whether the record gives a standard uncertainty of any row."""
         return any(bool(sd.any()) for sd in (self.sd_amplitude, self.sd_force, self.sd_phase))

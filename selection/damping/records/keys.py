@@ -10,7 +10,7 @@ import math
 import re
 import tomllib
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -20,7 +20,7 @@ from damping.errors import InputError, list_nearest, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
-    import pandera.pandas as pa
+    import pandas as pd
     from pydantic import BaseModel
 
 Schema = TypeVar("Schema", bound="BaseModel")
@@ -41,32 +41,46 @@ SMALLEST = 1e-50
 LARGEST = 1e50
 
 
-def record_schema() -> pa.DataFrameSchema:
-    """Ranges of a record's columns; each check's ``error`` says what was expected.
+#: What cells pass, and what is expected of one that does not.
+Test = tuple[Callable[["pd.Series"], "pd.Series"], str]
 
-    Standard uncertainties may be zero: none is stated for that row. Empty cells (NaN) pass: whether a cell may be empty
-    is decided where the file is read.
+
+def _list_tests(column: Mapping[str, str]) -> list[Test]:
+    wanted = f"{column['meaning']} {column['range']}"
+    # what is no number > 0 has its own test
+    magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+    turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")
+    positive, least = [(lambda x: x > 0.0, wanted), magnitude], [(lambda x: x >= 0.0, wanted), magnitude]
+    return {"> 0": positive, ">= 0": least, "radians": [turn]}.get(column["range"], [])
+
+
+#: The tests of each column of a record. Standard uncertainties may be zero: none is stated for that row. Empty cells
+#: (NaN) are not tested: whether a cell may be empty is decided where the file is read.
+COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
+
+
+def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
+    """The first cell of each column out of its range: row, column, the cell, and what was expected of it.
+
+    Where there is none the schema is not made: its package takes a tenth of a second to load.
     """
-    import pandera.pandas as pa  # noqa: PLC0415 - takes half a second and only reading a record needs it
+    tested = ((table[name].dropna(), tests) for name, tests in COLUMN_TESTS.items() if name in table.columns)
+    if all(test(cells).all() for cells, tests in tested for test, _ in tests):
+        return []
+    import pandera.errors  # noqa: PLC0415 - see above
+    import pandera.pandas as pa  # noqa: PLC0415 - see above
 
-    magnitude = pa.Check(
-        lambda values: (values <= 0.0) | values.between(SMALLEST, LARGEST),  # what is no number > 0 has its own check
-        error=f"a magnitude of {SMALLEST:g} to {LARGEST:g}",
-    )
-
-    radians = pa.Check.in_range(-2.0 * pi, 2.0 * pi, error="radians within -2 pi..2 pi (phases in degrees?)")
-    columns = {}
-    for column in _COLUMNS:
-        wanted = f"{column['meaning']} {column['range']}"
-        checks = {
-            "> 0": [pa.Check.gt(0.0, error=wanted), magnitude],
-            ">= 0": [pa.Check.ge(0.0, error=wanted), magnitude],
-            "radians": [radians],
-        }.get(column["range"])
-        if checks:
-            required = column["presence"] == "required"
-            columns[column["column"]] = pa.Column(checks=checks, nullable=True, required=required)
-    return pa.DataFrameSchema(columns)
+    columns = {
+        name: pa.Column(checks=[pa.Check(test, error=wanted) for test, wanted in tests], nullable=True, required=False)
+        for name, tests in COLUMN_TESTS.items()
+    }
+    try:
+        pa.DataFrameSchema(columns).validate(table, lazy=True)
+    except pandera.errors.SchemaErrors as errors:
+        cases = errors.failure_cases.loc[lambda all_: all_.groupby("column")["index"].idxmin()]
+        cells = zip(*(cases[name] for name in ("index", "column", "failure_case", "check")), strict=True)
+        return [(int(row), str(name), f"{float(value):g}", str(wanted)) for row, name, value, wanted in cells]
+    return []
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)

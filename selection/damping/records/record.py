@@ -16,7 +16,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, record_schema
+from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, find_refused
 from damping.records.text import describe_meant, describe_shortened, guarded
 
 
@@ -124,16 +124,7 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     uncertainty (zero is allowed: none is stated for that row), numbers too large or small to calculate with
     (magnitudes beyond 1e-50..1e50), and rows identical in every column.
     """
-    import pandera.errors  # noqa: PLC0415 - takes half a second and only a new record needs it
-
-    problems = []
-    try:
-        record_schema().validate(table, lazy=True)
-    except pandera.errors.SchemaErrors as errors:
-        cases = errors.failure_cases
-        for column, first in cases.loc[cases.groupby("column")["index"].idxmin()].set_index("column").iterrows():
-            value = float(first["failure_case"])
-            problems.append(CellProblem(int(first["index"]), str(column), f"{value:g}", str(first["check"])))
+    problems = [CellProblem(*cell) for cell in find_refused(table)]
     repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))

@@ -12,7 +12,6 @@ from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
 from damping.errors import InputError
 from damping.forces import shapes_of
 from damping.forces.shapes import Dimension
-from damping.formats.quantity import unit as parse_unit
 from damping.records.mode import Units
 
 _SMALL = ("no", "one", "two", "three", "four", "five", "six")
@@ -130,6 +129,8 @@ def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> st
 
 def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str) -> str:
     """Peak acceleration omega^2 A of a harmonic motion in standard gravities; a dash where the unit is not known."""
+    from damping.formats.quantity import unit as parse_unit  # noqa: PLC0415 - loads every format, for pages alone
+
     try:
         metres = parse_unit(unit)
     except InputError:
