@@ -1,5 +1,6 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
+import gc
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -37,6 +38,8 @@ from damping_pipelines.terminal import end_with_parent, give_back_memory, progre
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
+#: Objects made before a look for unused cycles among them: a figure drawn is one, of tens of thousands.
+COLLECT_AFTER = 10_000
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 
@@ -88,6 +91,7 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
+    gc.set_threshold(COLLECT_AFTER)
     path = settings_file or files.default_study()
     settings = files.read_settings(path)
     if seed is not None:
