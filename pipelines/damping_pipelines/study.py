@@ -39,7 +39,7 @@ from damping_pipelines.terminal import end_with_parent, give_back_memory, progre
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
 #: Objects made before a look for unused cycles among them: a figure drawn is one, of tens of thousands.
-COLLECT_AFTER = 10_000
+COLLECT_AFTER = 1_000
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 
