@@ -1,8 +1,9 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
+import gc
 import sys
 from collections.abc import Collection, Iterable
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from os import cpu_count
@@ -12,11 +13,12 @@ import numpy as np
 
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
-from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.backbone import Backbone, find_backbone
+from damping.extrapolation.curve import FARTHEST, Curve, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.draws import Member, NextLevel, amplitude_draws
 from damping.extrapolation.near import Plan, load_candidates, near_resonance, plan_loads
-from damping.infer.checks import leave_one_out, predictive_check
+from damping.extrapolation.prediction import Loads
+from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
@@ -32,10 +34,12 @@ from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, sole_writer, versions
-from damping_pipelines.terminal import end_with_parent, progress, report_findings
+from damping_pipelines.terminal import end_with_parent, give_back_memory, progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
+#: Objects made before a look for unused cycles among them: a figure drawn is one, of tens of thousands.
+COLLECT_AFTER = 1_000
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 
@@ -48,6 +52,7 @@ class Input:
     record: Record
     mode: Mode
     data: Observations
+    backbone: Backbone
     audit: Audit
 
 
@@ -58,10 +63,22 @@ class Task:
     record: int
     candidate: Candidate
     data: Observations
+    backbone: Backbone
     forces: np.ndarray
     level: float
     seed: int
     of_source: bool
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions of a record as :class:`RecordResult` has them; None where there are none."""
+
+    bands: Loads | None = None
+    design: Loads | None = None
+    curve: Curve | None = None
+    design_curve: Curve | None = None
+    next_level: NextLevel | None = None
 
 
 def run_study(
@@ -74,6 +91,7 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
+    gc.set_threshold(COLLECT_AFTER)
     path = settings_file or files.default_study()
     settings = files.read_settings(path)
     if seed is not None:
@@ -96,7 +114,9 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         measured = prepare(record, mode)
         for line in measured.said:
             print(f"damping: {record.source}: {line}", file=sys.stderr)
-        inputs.append(Input(asked, measured.record, measured.mode or mode, observe(measured.record), findings))
+        record, mode = measured.record, measured.mode or mode
+        backbone = find_backbone(record, mode, findings.implied)
+        inputs.append(Input(asked, record, mode, observe(record), backbone, findings))
     return inputs
 
 
@@ -112,19 +132,27 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
     with ProcessPoolExecutor(
         max_workers=cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
     ) as pool:
+        rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
-        estimate = remember(evidence)
-        rankings = _rank(inputs, settings.seed, estimate)
-        plans = _plan(inputs, settings.seed, estimate)
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
         records = tuple(
-            _record_result(record, ranking, plan, tuple(law for task, law in sampled if task.record == k), settings)
-            for k, (record, ranking, plan) in enumerate(zip(inputs, rankings, plans, strict=True))
+            _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.record == k))
+            for k, record in enumerate(inputs)
         )
         named = {record.name: record.ranking for record in records}
         loads = {record.name: record.design for record in records if record.design}
         exhibits = tuple(exhibit.finish(named, loads) for exhibit in started)
     return StudyResult(settings.title, settings.seed, settings.level, records, digests, versions(), exhibits)
+
+
+def _weigh(
+    pool: Executor, settings: files.StudySettings, inputs: list[Input]
+) -> tuple[list[Ranking], list[Future[Predicted]]]:
+    """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
+    estimate = remember(evidence)
+    rankings = _rank(inputs, settings.seed, estimate)
+    plans = zip(inputs, _plan(inputs, settings.seed, estimate), strict=True)
+    return rankings, [pool.submit(predict_record, *pair, settings.level, settings.seed) for pair in plans]
 
 
 def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
@@ -170,7 +198,8 @@ def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ra
             leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
             if candidate.evidence is not None and (leads or of_source):
                 forces = np.array(record.settings.design_forces)
-                yield Task(number, candidate, record.data, forces, settings.level, settings.seed, of_source)
+                about = candidate, record.data, record.backbone, forces
+                yield Task(number, *about, settings.level, settings.seed, of_source)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
@@ -188,41 +217,45 @@ def sample_law(task: Task) -> LawPosterior:
     posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
     amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
+    groups = inference_data(posterior, task.data)
     return LawPosterior(
         law=task.candidate.law,
         weight=task.candidate.weight,
         posterior=posterior,
-        leave_one_out=leave_one_out(posterior, task.data),
+        leave_one_out=leave_one_out(groups, task.data),
         check=predictive_check(posterior, task.data, amplitude, task.level, task.seed),
         of_source=task.of_source,
+        file=files.to_netcdf(files.add_damping_ratio(groups, posterior, task.data, task.backbone)),
     )
 
 
-def _record_result(
-    record: Input,
-    ranking: Ranking,
-    plan: Plan | None,
-    posteriors: tuple[LawPosterior, ...],
-    settings: files.StudySettings,
-) -> RecordResult:
-    """Predictions and power laws of one record."""
-    predicted, curve, bands = None, None, None
-    backbone = find_backbone(record.record, record.mode, record.audit.implied)
-    asked = np.array(record.settings.design_forces)
-    if plan:
-        farthest = np.array(FARTHEST) * record.data.tested_force.max()
-        predicted = extrapolate_loads(
-            plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=record.mode, plan=plan
+def predict_record(record: Input, plan: Plan | None, level: float, seed: int) -> Predicted:
+    """Predictions of one record: in a process of its own, as its draws take as much memory as all else."""
+    if plan is None:
+        return Predicted()
+    asked, tested = np.array(record.settings.design_forces), record.data.tested_force
+    forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
+    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan)
+    reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
+    result = Predicted(curve=trace_loads(reached, record.backbone, plan.data))
+    if len(asked):
+        grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
+        design_curve = trace_loads(predicted.loads, record.backbone, plan.data)
+        result = replace(
+            result,
+            bands=predicted.predict_at(grid),
+            design=replace(predicted.loads, cautions=design_curve.cautions),
+            design_curve=design_curve,
+            next_level=predicted.choose_next_level(),
         )
-        reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
-        curve = trace_loads(reached, backbone, plan.data)
-    if predicted and len(asked):
-        largest = max(asked.max(), record.data.tested_force.max())
-        bands = predicted.predict_at(np.linspace(0.8 * record.data.tested_force.min(), 1.05 * largest, GRID))
-    design, design_curve = None, None
-    if predicted and len(asked):
-        design_curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
-        design = replace(predicted.loads, cautions=design_curve.cautions)
+    give_back_memory()
+    return result
+
+
+def _record_result(
+    record: Input, ranking: Ranking, predicted: Future[Predicted], posteriors: tuple[LawPosterior, ...]
+) -> RecordResult:
+    """All of one record together."""
     return RecordResult(
         name=record.settings.name,
         title=record.settings.title or record.mode.name,
@@ -231,15 +264,11 @@ def _record_result(
         data=record.data,
         ranking=ranking,
         posteriors=posteriors,
-        bands=bands,
-        design=design,
         power_laws=_list_power_laws(record.data),
         findings=record.audit.findings,
-        curve=curve,
-        design_curve=design_curve,
-        backbone=backbone,
-        next_level=predicted.choose_next_level() if predicted and design else None,
+        backbone=record.backbone,
         note=record.settings.note,
+        **vars(predicted.result()),
     )
 
 

@@ -15,9 +15,11 @@ from pydantic import BaseModel, Field, field_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
+from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.prediction import Loads
 from damping.forces import force_class
-from damping.infer.checks import inference_data
+from damping.infer.chains import Posterior
+from damping.infer.observations import Observations
 from damping.plots import to_png
 from damping.ranking import Ranking
 from damping.records.keys import read_schema, read_toml
@@ -134,12 +136,9 @@ def render_files(study: StudyResult) -> dict[str, bytes]:
     rendered = render(study)
     files: dict[str, bytes] = {}
     for record in study.records:
-        for law in record.posteriors:
-            data = add_damping_ratio(inference_data(law.posterior, record.data), law, record)
-            files[f"posterior/{record.name}--{slug(law.law.name)}.nc"] = to_netcdf(data)
+        files |= {f"posterior/{record.name}--{slug(law.law.name)}.nc": law.file for law in record.posteriors}
     for exhibit in study.exhibits:
-        for name, data in exhibit.posteriors.items():
-            files[f"posterior/{name}.nc"] = to_netcdf(data)
+        files |= {f"posterior/{name}.nc": content for name, content in exhibit.posteriors.items()}
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
     files |= {f"figures/{name}.svg": svg.encode() for name, svg in rendered.figures.items()}
     files |= {f"{name}.html": page.encode() for name, page in rendered.pages.items()}
@@ -148,20 +147,17 @@ def render_files(study: StudyResult) -> dict[str, bytes]:
     return files
 
 
-def add_damping_ratio(data: Any, law: LawPosterior, record: RecordResult) -> Any:
+def add_damping_ratio(data: Any, posterior: Posterior, tested: Observations, backbone: Backbone) -> Any:
     """The posterior with ``damping_ratio`` (chain, draw, sweep): zeta = C/(2 M omega^2 A) at each tested resonance.
 
     Attributes of the variable say its unit, the law, and where it holds.
     """
-    tested = record.data
-    if record.backbone is None:
-        return data
     A, omega = tested.tested_amplitude, tested.tested_omega
-    C = law.posterior.coordinates.force(law.posterior.draws).quadrature(A, omega)
-    ratio = C / (2.0 * record.backbone.mass_at(A) * omega**2 * A)
-    shape = (*law.posterior.x.shape[:2], len(A))
-    about = {"units": "1", "of": "critical damping", "law": law.law.name, "amplitude": A, "frequency_rad_s": omega}
-    values = np.broadcast_to(ratio, (len(law.posterior.draws), len(A))).astype(np.float32).reshape(shape)
+    law, draws = posterior.coordinates.law, posterior.draws
+    ratio = posterior.coordinates.force(draws).quadrature(A, omega) / (2.0 * backbone.mass_at(A) * omega**2 * A)
+    shape = (*posterior.x.shape[:2], len(A))
+    about = {"units": "1", "of": "critical damping", "law": law.name, "amplitude": A, "frequency_rad_s": omega}
+    values = np.broadcast_to(ratio, (len(draws), len(A))).astype(np.float32).reshape(shape)
     data.posterior["damping_ratio"] = (("chain", "draw", "sweep"), values, about)
     return data
 

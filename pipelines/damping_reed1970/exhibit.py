@@ -16,6 +16,7 @@ from damping.infer.chains import load_arviz
 from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
+from damping_pipelines.study_files import to_netcdf
 from damping_pipelines.terminal import progress
 from damping_reed1970 import data_folder, load_text
 from damping_reed1970.chapter_2.page import write_chapter_2
@@ -37,7 +38,7 @@ class StartedReport:
     """Chapters under way in other processes."""
 
     studies: Future[Studies]
-    chapter_3: Future[Chapter3]
+    chapter_3: Future[tuple[Chapter3, dict[str, bytes]]]
 
     def finish(self, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]) -> Exhibit:
         """Wait for the chapters and set the report's tables beside them; arguments as for ``source_tables``."""
@@ -48,9 +49,9 @@ class StartedReport:
             done("gaps between simulation and test")
             studies = self.studies.result()
             done("chapters II, IV, V")
-            chapter_3 = self.chapter_3.result()
+            chapter_3, posteriors = self.chapter_3.result()
             done("chapter III")
-        return exhibit(ReportResults(studies, chapter_3, tables, gaps))
+        return exhibit(ReportResults(studies, chapter_3, tables, gaps), posteriors)
 
 
 def settings_file() -> Path:
@@ -60,16 +61,22 @@ def settings_file() -> Path:
 
 def start(pool: Executor, seed: int) -> StartedReport:
     """Start what needs no ranking, beside whatever else the study does."""
-    return StartedReport(pool.submit(compute_studies, seed), pool.submit(chapter_3_results, seed))
+    return StartedReport(pool.submit(compute_studies, seed), pool.submit(_sample_chapter_3, seed))
 
 
-def exhibit(results: ReportResults) -> Exhibit:
-    """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
+def _sample_chapter_3(seed: int) -> tuple[Chapter3, dict[str, bytes]]:
+    """Chapter III, and its sampled planar posteriors as netCDF by file."""
+    results = chapter_3_results(seed)
     posteriors = {
         f"chapter-3--{re.sub('[^A-Za-z0-9]+', '-', f'{data}-{variant}')}": describe_draws(data, variant, posterior)
-        for (data, variant), posterior in results.chapter_3.posteriors.items()
+        for (data, variant), posterior in results.posteriors.items()
         if posterior.chains
     }
+    return results, {name: to_netcdf(groups) for name, groups in posteriors.items()}
+
+
+def exhibit(results: ReportResults, posteriors: Mapping[str, bytes]) -> Exhibit:
+    """What the study gets: a section with links, a page a chapter, the summary's keys, sampled planar posteriors."""
     parts = report_parts(results)
     pages = build_pages(parts)
     # in the list of files the picture of all printed numbers stands before those of the chapters

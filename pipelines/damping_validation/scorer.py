@@ -12,7 +12,6 @@ from itertools import permutations
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.stats import binomtest, bootstrap
 
 #: Gap, sigma, from which on a diagnosis is asked to see an effect.
 DETECTABLE = 1.0
@@ -225,6 +224,8 @@ def select_cases(cases: Cases, *families: str, gap: float = 0.0) -> list[Verdict
 
 def measure_share(name: str, cases: Cases, hit: Callable[[Verdict], bool], goal: Goal) -> Figure:
     """The share of cases that are hit."""
+    from scipy.stats import binomtest  # noqa: PLC0415 - 20 MB that a page of scores needs not
+
     n, k = len(cases), sum(hit(case) for case in cases)
     if n == 0:
         return Figure(name, goal)
@@ -236,6 +237,8 @@ def _measure_statistic(
     name: str, values: Sequence[float], statistic: Callable[..., np.floating | float], goal: Goal, share: bool = True
 ) -> Figure:
     """A mean or percentile of values, with its bootstrap interval: equal of equal answers, none of fewer than two."""
+    from scipy.stats import bootstrap  # noqa: PLC0415 - 20 MB that a page of scores needs not
+
     if not values:
         return Figure(name, goal, share=share)
     data, measured = np.asarray(values, float), float(statistic(np.asarray(values, float)))

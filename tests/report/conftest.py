@@ -13,7 +13,7 @@ from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.prediction import predict
 from damping.infer.chains import Settings, sample
-from damping.infer.checks import leave_one_out, predictive_check
+from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.law import Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import rank_laws
@@ -74,7 +74,7 @@ def _sampled(candidate, data: Observations, failing: bool) -> LawPosterior:
         law=candidate.law,
         weight=candidate.weight,
         posterior=posterior,
-        leave_one_out=leave_one_out(posterior, data),
+        leave_one_out=leave_one_out(inference_data(posterior, data), data),
         check=predictive_check(posterior, data, amplitude, 0.9, 0),
         of_source=True,
     )

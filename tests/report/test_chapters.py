@@ -48,7 +48,7 @@ def rendered(study: StudyResult, results: ReportResults, parts: list[ReportPart]
     bare = replace(study.records[0], posteriors=(), bands=None, design=None)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("damping_reed1970.exhibit.report_parts", lambda results: parts)
-        return render(replace(study, records=(bare,), exhibits=(exhibit(results),)))
+        return render(replace(study, records=(bare,), exhibits=(exhibit(results, {}),)))
 
 
 def inside(blocks: Iterable[Block]) -> Iterable[Block]:

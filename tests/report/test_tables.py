@@ -231,7 +231,7 @@ def test_numbers_as_people_write_them() -> None:
 
 def test_posterior_files_hold_the_damping_ratio(peaks: RecordResult) -> None:
     law = peaks.posteriors[0]
-    data = add_damping_ratio(inference_data(law.posterior, peaks.data), law, peaks)
+    data = add_damping_ratio(inference_data(law.posterior, peaks.data), law.posterior, peaks.data, peaks.backbone)
     ratio = data.posterior["damping_ratio"]
     assert ratio.dims == ("chain", "draw", "sweep")
     assert ratio.attrs["law"] == law.law.name

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.signal import find_peaks
 
 from damping.arrays import FloatArray
+from damping.records.runs import find_prominent
 from damping.report import NOTHING
 from damping_reed1970.chapter_3 import PLANES, figures
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
@@ -24,7 +24,7 @@ _RISE = 0.002
 
 def count_peaks(values: FloatArray | pd.Series[float]) -> int:
     """Number of peaks that rise above what is around them."""
-    return len(find_peaks(values, prominence=_RISE * values.max())[0])
+    return len(find_prominent(np.asarray(values), _RISE * values.max())[0])
 
 
 def compare_sines(measured: pd.DataFrame, tail: PlanarBand) -> tuple[float, float]:

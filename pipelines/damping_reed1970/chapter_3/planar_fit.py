@@ -19,7 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from damping.arrays import FloatArray
 from damping.signals import PrincipalPlanes
@@ -265,5 +265,5 @@ def comparison(fit: PlanarFit, free: PlanarFit) -> dict[str, float]:
     chi_square = float(2 * fit.residuals.size * np.log(fit.SSE / free.SSE))
     freedom = abs(len(free.fitted) - len(fit.fitted))
     left = (1.0 - larger.correlation) / (1.0 + larger.correlation)
-    p = [float(chi2.sf(abs(chi_square) * share, freedom)) if freedom else np.nan for share in (1.0, min(1.0, left))]
+    p = [float(chdtrc(freedom, abs(chi_square) * share)) if freedom else np.nan for share in (1.0, min(1.0, left))]
     return {"chi_square": chi_square, "p_value": p[0], "p_value_correlated": p[1]}

@@ -10,7 +10,7 @@ from math import pi
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member
@@ -201,7 +201,7 @@ def _tabulate_coefficients(mode: int, model: CoefficientModel, inputs: Version) 
     A, C_1 = coefficients_against_amplitude(mode, inputs)
     line = fit_model(model, A, C_1)
     printed = next(row for row in PRINTED["lines"] if (row["mode"], row["power"]) == (mode, model.power))
-    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, line.n - line.k)) * line.std_errors
+    half = float(stdtrit(line.n - line.k, 0.5 + 0.5 * LEVEL)) * line.std_errors
     factors, by_hand = np.array([1.0, model.factor]), report_method(model, A, C_1)
     return pd.DataFrame(
         {
@@ -244,7 +244,7 @@ def coefficient_lines(mode: int) -> SweepLines:
         basis = np.column_stack([np.ones_like(grid), grid**model.power])
         line = basis @ fitted.coefficients
         error = np.sqrt(np.einsum("nk,kl,nl->n", basis, fitted.covariance, basis))
-        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, fitted.n - fitted.k)) * error
+        half = float(stdtrit(fitted.n - fitted.k, 0.5 + 0.5 * LEVEL)) * error
         columns_ = {"cases": model.cases, "amplitude_in": grid, "C_1_lb_s_per_in": line}
         parts.append(pd.DataFrame({**columns_, "low": line - half, "high": line + half}))
     printed = pd.DataFrame({"cases": "printed", "amplitude_in": grid, "C_1_lb_s_per_in": C_01 + C_11 * grid})

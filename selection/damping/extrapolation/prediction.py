@@ -151,9 +151,9 @@ def predict(
         spreads = draw_spreads(members, force, data, repeatability, seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     laws = zip(members, spreads, strict=True) if each else ()
-    bands = [_band(m.name, m.weight, s, np.ones(len(s.law)), allowed, level) for m, s in laws]
+    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    average = _band("average over models", 1.0, pool(spreads), share_out(members, spreads), allowed, level)
+    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -178,30 +178,36 @@ def predict(
 
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    known = [np.isfinite(s.law).any(axis=0) for s in spreads]  # no draw at all: no prediction of that law
-    laws = [np.where(any_draw, s.law, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
-    strays = [np.where(any_draw, s.stray, 0.0) for s, any_draw in zip(spreads, known, strict=True)]
-    mean = np.array([np.nanmean(law, axis=0) for law in laws])
-    within = np.array([np.nanvar(law, axis=0) for law in laws])
+    mean, within, stray, noise = map(np.array, zip(*map(_moments, spreads), strict=True))
     variances = {
-        "measurement_noise": weights @ np.array([np.mean(s.noise**2, axis=0) for s in spreads]),
+        "measurement_noise": weights @ noise,
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "discrepancy": weights @ np.array([np.nanvar(stray, axis=0) for stray in strays]),
+        "discrepancy": weights @ stray,
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
+def _moments(spread: Spread) -> tuple[FloatArray, ...]:
+    """Mean of a law's ln A, and the variances of it, of its straying and of the noise, each (forces,)."""
+    known = np.isfinite(spread.law).any(axis=0)  # no draw at all: no prediction of that law
+    law = np.where(known, spread.law, 0.0)
+    stray = np.nanvar(np.where(known, spread.stray, 0.0), axis=0)
+    return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(spread.noise**2, axis=0)
+
+
 @np.errstate(over="ignore")  # an amplitude beyond all numbers is infinite
-def _band(name: str, weight: float, spread: Spread, shares: FloatArray, allowed: np.ndarray, level: float) -> Band:
-    """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance."""
-    refused = (shares @ ~spread.resonates > REFUSED_SHARE * shares.sum()) | ~allowed
-    tail = 0.5 * (1.0 - level)
+def _band(
+    name: str, weight: float, spreads: Sequence[Spread], shares: FloatArray, allowed: np.ndarray, level: float
+) -> Band:
+    """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance.
 
-    def quantiles(draws: FloatArray, *q: float) -> FloatArray:
-        filled = np.where(refused, 0.0, draws)
-        return np.where(refused, np.nan, np.exp(find_quantiles(filled, shares, np.array(q))))
-
-    low, median, high = quantiles(spread.total, tail, 0.5, 1.0 - tail)
-    credible_low, credible_high = quantiles(spread.law, tail, 1.0 - tail)
-    return Band(name, weight, median, low, high, credible_low, credible_high)
+    One force after another: all of them pooled would be as much again as was drawn.
+    """
+    tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
+    for i in np.flatnonzero(allowed):
+        pooled = pool([spread.at(slice(i, i + 1)) for spread in spreads])
+        if not shares @ ~pooled.resonates[:, 0] > REFUSED_SHARE * shares.sum():
+            ends[:3, i] = find_quantiles(pooled.total, shares, np.array([0.5, tail, 1.0 - tail]))[:, 0]
+            ends[3:, i] = find_quantiles(pooled.law, shares, np.array([tail, 1.0 - tail]))[:, 0]
+    return Band(name, weight, *np.exp(ends))

@@ -251,10 +251,12 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
     chosen = random.choice(len(start.draws), walkers, replace=False)
     state = emcee.State(start.draws[chosen], random_state=random.get_state())
 
-    def weigh(x: FloatArray) -> FloatArray:
-        return target.log_density(x) - start.proposal.log_density(x)
+    proposal = start.proposal  # fitted anew each time that it is asked for
 
-    move = ManyTries(weigh, start.proposal, settings.tries)
+    def weigh(x: FloatArray) -> FloatArray:
+        return target.log_density(x) - proposal.log_density(x)
+
+    move = ManyTries(weigh, proposal, settings.tries)
     sampler = emcee.EnsembleSampler(walkers, target.dimension, weigh, vectorize=True, moves=move)
     steps = min(settings.first, settings.budget)
     while True:

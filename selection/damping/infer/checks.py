@@ -65,11 +65,11 @@ def inference_data(posterior: Posterior, data: Observations) -> Any:
     )
 
 
-def leave_one_out(posterior: Posterior, data: Observations) -> LeaveOneOut:
-    """PSIS-LOO; arviz's own warnings are kept as the caution."""
+def leave_one_out(groups: Any, data: Observations) -> LeaveOneOut:
+    """PSIS-LOO of :func:`inference_data`; arviz's own warnings are kept as the caution."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        result = load_arviz().loo(inference_data(posterior, data), pointwise=True)
+        result = load_arviz().loo(groups, pointwise=True)
     k = np.atleast_1d(np.asarray(result.pareto_k))
     unit = "level" if len(data.sweeps) > 1 else "row"
     bad = int(np.sum(k > PARETO_LIMIT))

@@ -114,12 +114,16 @@ def stray(
     most = min(len(_STEPS), len(both))
     points = np.arange(len(sigma))[:, None] * _STEPS[:most] + rng.random(most)
     x[:, -most:] = ndtri(np.clip(points % 1.0, 1e-12, 1.0 - 1e-12))[:, ::-1]
-    drawn = sigma[:, None] * (x @ (directions * np.sqrt(np.maximum(variance, 0.0))).T)
+    drawn = x @ (directions * np.sqrt(np.maximum(variance, 0.0))).T
+    del x  # as large as what is returned
+    drawn *= sigma[:, None]
     errors = (np.linalg.cholesky(noise) @ rng.standard_normal((len(sigma), n, 1)))[..., 0]
     square = (sigma**2)[:, None, None] * prior[:n, :n] + noise
     wanted = np.stack([left, left - drawn[:, :n] - errors], axis=-1)
-    gained = (sigma**2)[:, None, None] * (prior[n:, :n] @ np.linalg.solve(square, wanted))
-    return gained[..., 0], drawn[:, n:] + gained[..., 1]
+    gained = prior[n:, :n] @ np.linalg.solve(square, wanted)
+    gained *= (sigma**2)[:, None, None]
+    gained[..., 1] += drawn[:, n:]
+    return gained[..., 0], gained[..., 1]
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import BoolArray, FloatArray, Floats
 from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
@@ -52,19 +52,31 @@ def bracketed_newton(
     with np.errstate(all="ignore"):
         moved = high - low
         for _ in range(MOST_STEPS):
-            value, derivative = function(u)
-            of_high = (value >= 0.0) == side
-            low, high = np.where(of_high, low, u), np.where(of_high, u, high)
-            step = value / derivative
-            newton, size = u - step, np.abs(step)
-            there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
-            # strictly inside, so that no two points lead to each other across a kink, and shrinking
-            inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
-            previous, u = u, np.where(inside, newton, 0.5 * (low + high))
-            moved = np.abs(u - previous)
-            if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
+            low, high, u, moved, done = _step_newton(u, low, high, moved, side, *function(u))
+            if done:
                 break
     return u
+
+
+def _step_newton(
+    u: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    moved: FloatArray,
+    side: BoolArray,
+    value: FloatArray,
+    derivative: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, bool]:
+    """Narrower brackets, the next points, how far they moved, and whether all are there."""
+    of_high = (value >= 0.0) == side
+    low, high = np.where(of_high, low, u), np.where(of_high, u, high)
+    step = value / derivative
+    newton, size = u - step, np.abs(step)
+    there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
+    # strictly inside, so that no two points lead to each other across a kink, and shrinking
+    inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
+    new = np.where(inside, newton, 0.5 * (low + high))
+    return low, high, new, np.abs(new - u), bool(np.all(there | ~(high - low > 1e-15 * np.abs(new))))
 
 
 def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:
@@ -131,14 +143,14 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
         # no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes
         grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
-        low, high = _scan(force, target, omega, np.array([-_WIDEST, _WIDEST]) if grows else _GRID)
+        grid = np.array([-_WIDEST, _WIDEST]) if grows else _GRID
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:
             C, slope = force.grow(np.exp(u), omega)
             return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(slope / C, shape)
 
         # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
-        return np.exp(bracketed_newton(excess, low, high, np.zeros(shape) if grows else None))
+        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), np.zeros(shape) if grows else None))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:

@@ -110,21 +110,22 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     M^2 (omega_n^2(A) - omega^2)^2 A^2 + C^2 = F^2 solved for omega, below and above the resonance; omega_n(A) is the
     measured backbone, so that a curve that bends over is drawn whole.
     """
-    top = rows.loc[rows["amplitude"].idxmax()]
-    largest = resonant_amplitude(law, np.array([top["force"]]), np.array([RAD_S_PER_HZ * top["frequency"]]))[0]
-    largest = largest if np.isfinite(largest) else top["amplitude"]
-    least = min(0.5 * rows["amplitude"].min() / largest, 0.5)
+    force, frequency, amplitude = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
+    top = int(np.argmax(amplitude))
+    largest = float(resonant_amplitude(law, force[top], RAD_S_PER_HZ * frequency[top]))
+    largest = largest if np.isfinite(largest) else float(amplitude[top])
+    least = min(0.5 * amplitude.min() / largest, 0.5)
     A = largest * np.sin(np.linspace(np.arcsin(least), 0.5 * np.pi, POINTS))  # dense at the resonance
     omega_n = RAD_S_PER_HZ * backbone.frequency_at(A, 0.9).median
     A, sides = np.concatenate([A, A[::-1]]), np.repeat([-1.0, 1.0], POINTS)
     omega_n = np.concatenate([omega_n, omega_n[::-1]])
     omega = omega_n
     for _ in range(3):  # the force of the shaker changes little along the curve
-        F = np.interp(omega / RAD_S_PER_HZ, rows["frequency"], rows["force"])
+        F = np.interp(omega / RAD_S_PER_HZ, frequency, force)
         beside = np.sqrt(np.maximum(F**2 - law.quadrature(A, omega_n) ** 2, 0.0)) / (mass * A)
         omega = np.sqrt(np.maximum(omega_n**2 + sides * beside, 0.0))
     f = omega / RAD_S_PER_HZ
-    kept = (f >= rows["frequency"].min()) & (f <= rows["frequency"].max())
+    kept = (f >= frequency[0]) & (f <= frequency[-1])
     return f[kept], A[kept]
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ from damping.report.page import Block, Section, write_blocks
 
 @dataclass(frozen=True)
 class LawPosterior:
-    """A sampled law with its checks; ``of_source`` marks a law the source report states."""
+    """A sampled law with its checks; ``of_source`` marks a law the source report states, ``file`` is its netCDF."""
 
     law: Law
     weight: float
@@ -38,6 +37,7 @@ class LawPosterior:
     leave_one_out: LeaveOneOut
     check: PredictiveCheck
     of_source: bool
+    file: bytes = b""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Exhibit:
     drawings: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)  #: how each is drawn, for other formats
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)  #: by file
     summary: Mapping[str, Any] = field(default_factory=dict)  #: what it adds to that of the study, by key
-    posteriors: Mapping[str, Any] = field(default_factory=dict)  #: by file, as ArviZ groups
+    posteriors: Mapping[str, bytes] = field(default_factory=dict)  #: netCDF by file
     pages: Sequence[FurtherPage] = ()  #: of its own, which one of the sections links
 
 
@@ -105,7 +105,6 @@ class StudyResult:
 PRIOR_DRAWS = 40_000
 
 
-@lru_cache(maxsize=32)
 def prior_draws(coordinates: Coordinates) -> dict[str, FloatArray]:
     """Draws of the prior of each parameter: standard normal variables through ``coordinates.parameters``."""
     x = np.random.default_rng(0).standard_normal((PRIOR_DRAWS, coordinates.dimension))

@@ -4,12 +4,15 @@ Numbers are in the units of the record; intervals of parameters have the content
 the level of the study. A number that does not exist is NaN.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import pandas as pd
 
 from damping import report as words
+from damping.arrays import FloatArray
 from damping.extrapolation.prediction import Loads
-from damping.infer.law import Law
+from damping.infer.law import Coordinates, Law
 from damping.ranking import INTERVAL
 from damping.ranking.sharing import tabulate_rows
 from damping.report import forms
@@ -63,10 +66,9 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
     """Prior and posterior median and interval of each parameter; no posterior where the chain failed."""
     rows = []
     for sampled in result.posteriors:
-        prior = prior_draws(sampled.posterior.coordinates)
+        prior = _find_prior_ends(sampled.posterior.coordinates)
         converged = sampled.posterior.converged
         for name, draws in posterior_draws(sampled).items():
-            believed = np.percentile(prior[name], _TAILS)
             known = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
             rows.append(
                 {
@@ -74,12 +76,18 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
                     "weight": sampled.weight,
                     "parameter": name,
                     "unit": words.format_parameter_unit(name, result.mode.units),
-                    **{f"prior_{end}": value for end, value in zip(_ENDS, believed, strict=True)},
+                    **{f"prior_{end}": value for end, value in zip(_ENDS, prior[name], strict=True)},
                     **dict(zip(_ENDS, known, strict=True)),
                     "converged": converged,
                 }
             )
     return pd.DataFrame(rows)
+
+
+@lru_cache(maxsize=64)
+def _find_prior_ends(coordinates: Coordinates) -> dict[str, FloatArray]:
+    """Median and ends of the interval of the prior of each parameter: the page shows what a file holds."""
+    return {name: np.percentile(draws, _TAILS) for name, draws in prior_draws(coordinates).items()}
 
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:
