@@ -25,7 +25,7 @@ from damping.errors import AnalysisError
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
-from damping.infer.observations import Observations
+from damping.infer.observations import FITTED_BITS, Observations
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
 REWEIGHTINGS = 12
@@ -114,7 +114,7 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
     All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
     together; without dimension, so that units cannot move a fit.
     """
-    problems = [(Coordinates.of(law, scaled), scaled) for scaled in (r.scaled() for r in records) for law in laws]
+    problems = [(Coordinates.of(law, scaled), scaled) for scaled in (r.scaled(FITTED_BITS) for r in records) for law in laws]
     groups: dict[tuple[int, int, int], list[int]] = {}
     for i, (pure, scaled) in enumerate(problems):
         groups.setdefault((len(pure.law.parts), len(pure.law.free_shapes), len(scaled.A)), []).append(i)
