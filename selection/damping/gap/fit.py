@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
 
 #: Share of wild points and their standard deviation in units of noise.
@@ -28,6 +28,9 @@ _FEW_WILD = 2.0
 #: first look, which finds the same modes as a hundredth of it would, and where predictions are taken at the motion.
 _MOST_STEPS = 40
 _SETTLED = 0.01
+_NOTHING = 1e-3
+_DAMPED = 0.1
+_STUCK = 1e3
 _ROUGHLY = 1e-2
 _FINELY = 1e-3
 #: Median residual, over that of noise, from which a fit is far off.
@@ -164,11 +167,18 @@ def _climb(
             keep = np.argsort(cost)[:_SURVIVORS]
             keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
             y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
+        if step >= _PATIENCE:
+            active &= ~_follows_another(r, J, y, weights)
         at = np.flatnonzero(active)
         if at.size == 0:
             break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
-        new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
+        moved, promised = _step(r[at], J[at], y[at], damping[at], scale, weights)
+        going = (promised > _NOTHING) | (scale != 1.0)
+        active[at[~going]] = False
+        at, scale, new = at[going], scale[going], (y[at] + moved)[going]
+        if at.size == 0:
+            break
         r_new, J_new = _white_jacobian(model, new)  # most steps are good: residuals alone would be one call more
         cost = costs[at] if np.array_equal(scales[at], scale) else _cost(r[at], y[at], scale, weights)
         after = _cost(r_new, new, scale, weights)
@@ -176,9 +186,9 @@ def _climb(
         better = gain > 0.0
         costs[at], scales[at] = np.where(better, after, cost), scale
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
-        damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
-        little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
-        converged = (better & (gain < little)) | (damping[at] > 1e6)
+        damping[at] = np.where(better, damping[at] * 0.2, np.maximum(damping[at] * 8.0, _DAMPED))
+        little = np.where(better, _SETTLED + share * np.maximum(cost - r.shape[1], 0.0), _SETTLED)
+        converged = (np.abs(gain) < little) | (damping[at] > _STUCK)
         active[at[converged & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
 
@@ -201,6 +211,20 @@ def _spread(r: FloatArray) -> FloatArray:
     return np.where(scale > _FAR_OFF, scale, 1.0)
 
 
+def _follows_another(r: FloatArray, J: FloatArray, y: FloatArray, weights: FloatArray | None) -> BoolArray:
+    """Which of two starts comes to the mode of the other, which is as good: their distance is below ``_DIFFERENT``.
+
+    Each variable differs by at most |dy|_H of its standard deviations.
+    """
+    if len(y) != 2:
+        return np.zeros(len(y), dtype=bool)
+    counts = robust_weights(r) if weights is None else np.broadcast_to(weights, r.shape)
+    worse = int(np.argmax(_cost(r, y, np.ones(2), weights)))
+    apart = y[0] - y[1]
+    square = apart @ apart + counts[1 - worse] @ (J[1 - worse] @ apart) ** 2
+    return (np.arange(2) == worse) & (square < _DIFFERENT**2)
+
+
 def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:
     """Minus the log posterior."""
     prior = 0.5 * np.sum(y * y, axis=1)
@@ -211,7 +235,8 @@ def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray |
 
 def _step(
     r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
+    """The damped step of each start, and about the decrease of minus the log posterior that a free one promises."""
     counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
     weighted = J * counts[..., np.newaxis]
     H = np.swapaxes(weighted, 1, 2) @ J
@@ -220,7 +245,7 @@ def _step(
     gradient = np.einsum("bmk,bm->bk", weighted, r) + y
     H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
     step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
-    return np.clip(step, -1.5, 1.5)
+    return np.clip(step, -1.5, 1.5), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
 def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:
