@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import FloatArray, IntArray
 from damping.gap.model import Model
 
 #: Share of wild points and their standard deviation in units of noise.
@@ -162,13 +162,13 @@ def _climb(
     damping, costs, scales = np.full((3, len(y)), [[1e-2], [np.nan], [np.nan]])
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
+        keep = _apart(r, J, y, weights)
         if step == _PATIENCE:
-            cost = _cost(r, y, np.ones(len(y)), weights)
-            keep = np.argsort(cost)[:_SURVIVORS]
-            keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
+            cost = _cost(r[keep], y[keep], np.ones(keep.size), weights)
+            most = min(cost.min(), rival) * _HOPELESS + _BEHIND
+            keep = keep[[k for k in np.argsort(cost)[:_SURVIVORS] if cost[k] < most]]
+        if keep.size < len(y):
             y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
-        if step >= _PATIENCE:
-            active &= ~_follows_another(r, J, y, weights)
         at = np.flatnonzero(active)
         if at.size == 0:
             break
@@ -211,18 +211,24 @@ def _spread(r: FloatArray) -> FloatArray:
     return np.where(scale > _FAR_OFF, scale, 1.0)
 
 
-def _follows_another(r: FloatArray, J: FloatArray, y: FloatArray, weights: FloatArray | None) -> BoolArray:
-    """Which of two starts comes to the mode of the other, which is as good: their distance is below ``_DIFFERENT``.
+def _apart(r: FloatArray, J: FloatArray, y: FloatArray, weights: FloatArray | None) -> IntArray:
+    """Which starts do not come to the mode of a better one: none is nearer to that than ``_DIFFERENT``.
 
-    Each variable differs by at most |dy|_H of its standard deviations.
+    The distance is that by the curvature at the better one; no variable differs by more of its standard deviations.
     """
-    if len(y) != 2:
-        return np.zeros(len(y), dtype=bool)
-    counts = robust_weights(r) if weights is None else np.broadcast_to(weights, r.shape)
-    worse = int(np.argmax(_cost(r, y, np.ones(2), weights)))
-    apart = y[0] - y[1]
-    square = apart @ apart + counts[1 - worse] @ (J[1 - worse] @ apart) ** 2
-    return (np.arange(2) == worse) & (square < _DIFFERENT**2)
+    if len(y) == 1:
+        return np.zeros(1, dtype=np.int64)
+    scale = _spread(r)
+    counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else np.broadcast_to(weights, r.shape)
+    order = np.argsort(_cost(r, y, scale, weights) / scale**2 if weights is None else _cost(r, y, scale, weights))
+    kept: list[int] = []
+    for k in order.tolist():
+        moves = y[k] - y[kept]
+        changes = np.einsum("bmk,bk->bm", J[kept], moves)
+        squares = np.sum(moves**2, axis=1) + np.sum(counts[kept] * changes**2, axis=1)
+        if np.all(squares > _DIFFERENT**2):
+            kept.append(k)
+    return np.sort(kept)
 
 
 def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:
