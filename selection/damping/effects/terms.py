@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import wofz
@@ -90,9 +90,9 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     return Prediction(_join(real + gain, phase - lag), by_u, by_frequency)
 
 
-def _of_every(values: Floats, every: int) -> Floats:
+def _of_every(values: Any, every: int) -> Any:
     """Those of every so many models, of values (batch, n); values that all share stay."""
-    return values[::every] if every > 1 and np.ndim(values) > 1 else values  # type: ignore[index]
+    return values[::every] if np.ndim(values) > 1 else values
 
 
 def _join(real: Floats, imaginary: Floats) -> ComplexArray:
@@ -119,8 +119,8 @@ def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray,
     return v, slope
 
 
-def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[Floats, ...]:
-    """Both parts of P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[Any, ...]:
+    """Re P, Im P and derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
     stiffness = 1.0 / receptance.H
     # a simulation without damping loses nothing at all, and would stand still at no amplitude
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)

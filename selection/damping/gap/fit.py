@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 from damping.gap.model import Model
 
 #: Share of wild points and their standard deviation in units of noise.
@@ -28,11 +28,13 @@ _FEW_WILD = 2.0
 #: first look, which finds the same modes as a hundredth of it would, and where predictions are taken at the motion.
 _MOST_STEPS = 40
 _SETTLED = 0.01
+_ROUGHLY = 1e-2
+_FINELY = 1e-3
+#: A step that promises less in ln p is not made; damping after one that was bad, at least: less changes nothing; and
+#: damping at which nothing better is near.
 _NOTHING = 1e-3
 _DAMPED = 0.1
 _STUCK = 1e3
-_ROUGHLY = 1e-2
-_FINELY = 1e-3
 #: Median residual, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
@@ -162,20 +164,15 @@ def _climb(
     damping, costs, scales = np.full((3, len(y)), [[1e-2], [np.nan], [np.nan]])
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
-        keep = _apart(r, J, y, weights)
         if step == _PATIENCE:
-            cost = _cost(r[keep], y[keep], np.ones(keep.size), weights)
-            most = min(cost.min(), rival) * _HOPELESS + _BEHIND
-            keep = keep[[k for k in np.argsort(cost)[:_SURVIVORS] if cost[k] < most]]
-        if keep.size < len(y):
+            cost = _cost(r, y, np.ones(len(y)), weights)
+            keep = np.argsort(cost)[:_SURVIVORS]
+            keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
             y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
         at = np.flatnonzero(active)
-        if at.size == 0:
-            break
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         moved, promised = _step(r[at], J[at], y[at], damping[at], scale, weights)
-        going = (promised > _NOTHING) | (scale != 1.0)
-        active[at[~going]] = False
+        going = active[at] = (promised > _NOTHING) | (scale != 1.0)
         at, scale, new = at[going], scale[going], (y[at] + moved)[going]
         if at.size == 0:
             break
@@ -209,26 +206,6 @@ def _spread(r: FloatArray) -> FloatArray:
     middle = np.partition(np.abs(r), (half - 1, half), axis=1)[:, half - 1 + r.shape[1] % 2 : half + 1]
     scale = 1.4826 * middle.mean(axis=1)
     return np.where(scale > _FAR_OFF, scale, 1.0)
-
-
-def _apart(r: FloatArray, J: FloatArray, y: FloatArray, weights: FloatArray | None) -> IntArray:
-    """Which starts do not come to the mode of a better one: none is nearer to that than ``_DIFFERENT``.
-
-    The distance is that by the curvature at the better one; no variable differs by more of its standard deviations.
-    """
-    if len(y) == 1:
-        return np.zeros(1, dtype=np.int64)
-    scale = _spread(r)
-    counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else np.broadcast_to(weights, r.shape)
-    order = np.argsort(_cost(r, y, scale, weights) / scale**2 if weights is None else _cost(r, y, scale, weights))
-    kept: list[int] = []
-    for k in order.tolist():
-        moves = y[k] - y[kept]
-        changes = np.einsum("bmk,bk->bm", J[kept], moves)
-        squares = np.sum(moves**2, axis=1) + np.sum(counts[kept] * changes**2, axis=1)
-        if np.all(squares > _DIFFERENT**2):
-            kept.append(k)
-    return np.sort(kept)
 
 
 def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray | None) -> FloatArray:

@@ -44,6 +44,7 @@ _CLOSE = 3.0
 _WORTH = 12.0
 #: ln of the evidence behind the best from which predictions are not taken again at a hypothesis' own motion.
 _LOST = 100.0
+#: Of the most probable hypothesis, with `fit._HOPELESS`: a fit that costs so many times as much is given up.
 _FAR_BEHIND = 1.5
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
