@@ -44,8 +44,6 @@ _CLOSE = 3.0
 _WORTH = 12.0
 #: ln of the evidence behind the best from which predictions are not taken again at a hypothesis' own motion.
 _LOST = 100.0
-#: Of the most probable hypothesis, with `fit._HOPELESS`: a fit that costs so many times as much is given up.
-_FAR_BEHIND = 1.5
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3
@@ -249,9 +247,8 @@ class Search:
             rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         fits: list[ModelFit] = []
-        best = _FAR_BEHIND * max(own.plain.log_posterior for own in self.hypotheses.values())
         for tried, fit in product(promising, base.near[:_MOST_BASES]):
-            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=best))
+            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
         if fits:
             top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
