@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import wofz
@@ -40,7 +40,10 @@ _RINGS = 0.01
 
 @dataclass(frozen=True)
 class Prediction:
-    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n)."""
+    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n).
+
+    The last is that of every so many of the models, as it was asked for.
+    """
 
     P: ComplexArray
     by_u: ComplexArray
@@ -56,35 +59,46 @@ class _Receptance(NamedTuple):
     by_frequency: ComplexArray
 
 
-def predict(terms: Terms, u: FloatArray, drive: Drive) -> Prediction:
-    """The prediction at measured ln amplitude ``u``, (n,) or (batch, n)."""
+def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Prediction:
+    """The prediction at measured ln amplitude ``u``, (n,) or (batch, n).
+
+    ``every``: the derivative by ln omega_n is that of every so many of the models only.
+    """
     offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _pass([reading.unread for reading in reversed(terms.readings)], u - gain)
     A = np.exp(v)
     terms = tuned(terms, drive)
-    receptance = _receptance(terms, drive, (A, A))
+    receptance = _receptance(terms, drive, (A, A), every)
     if (terms.plane is not None or terms.compliance) and not terms.linear:
         for _ in range(_REFINEMENTS):
-            receptance = _receptance(terms, drive, _shares(terms, receptance, A))
+            receptance = _receptance(terms, drive, _shares(terms, receptance, A), every)
     F = drive.F * np.exp(add_parts(terms.received, drive))
-    H = receptance.H
-    P = _join(0.5 * np.log(H.real**2 + H.imag**2) + np.log(F), np.arctan2(H.imag, H.real))
-    by_u, by_frequency = -receptance.by_u / H, -receptance.by_frequency / H
+    x, y = receptance.H.real.copy(), receptance.H.imag.copy()
+    real, phase = 0.5 * np.log(x * x + y * y) + np.log(F), np.arctan2(y, x)
+    per_H = -1.0 / receptance.H
+    by_u, by_frequency = receptance.by_u * per_H, receptance.by_frequency * _of_every(per_H, every)
     if drive.resonant is not False and np.any(drive.resonant):
-        P, by_u, by_frequency = (
+        real, phase, by_u, by_frequency = (
             np.where(drive.resonant, at, beside)
-            for at, beside in zip(_at_resonance(receptance, F), (P, by_u, by_frequency), strict=True)
+            for at, beside in zip(_at_resonance(receptance, F, every), (real, phase, by_u, by_frequency), strict=True)
         )
-    real, slope = _pass([reading.read for reading in terms.readings], P.real)
+    real, slope = _pass([reading.read for reading in terms.readings], real)
     if terms.readings:
-        by_u, by_frequency = (slope * part.real + 1j * part.imag for part in (by_u * per_u, by_frequency))
-    return Prediction(_join(real + gain, P.imag - lag), by_u, by_frequency)
+        by_u = slope * (by_u.real * per_u) + 1j * by_u.imag * per_u
+        by_frequency = _of_every(slope, every) * by_frequency.real + 1j * by_frequency.imag
+    return Prediction(_join(real + gain, phase - lag), by_u, by_frequency)
+
+
+def _of_every(values: Any, every: int) -> Any:
+    """Those of every so many models, of values (batch, n); values that all share stay."""
+    return values[::every] if np.ndim(values) > 1 else values
 
 
 def _join(real: Floats, imaginary: Floats) -> ComplexArray:
     """real + i imaginary, without what multiplying complex numbers takes."""
-    joined = np.empty(np.broadcast_shapes(np.shape(real), np.shape(imaginary)), dtype=np.complex128)
+    same = np.shape(real) == np.shape(imaginary)
+    joined = np.empty(np.shape(real) if same else np.broadcast(real, imaginary).shape, dtype=np.complex128)
     joined.real, joined.imag = real, imaginary
     return joined
 
@@ -105,24 +119,24 @@ def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray,
     return v, slope
 
 
-def _at_resonance(receptance: _Receptance, F: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """P and its derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[Any, ...]:
+    """Re P, Im P and derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
     stiffness = 1.0 / receptance.H
     # a simulation without damping loses nothing at all, and would stand still at no amplitude
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
     squared = receptance.H * receptance.H
     real = np.log(F) - np.log(np.abs(loss))
-    by_u, by_frequency = (
-        (-(part / squared).imag / loss).astype(np.complex128) for part in (receptance.by_u, receptance.by_frequency)
-    )
-    return np.asarray(real - 0.5j * np.pi), by_u, by_frequency
+    by_u = -(receptance.by_u / squared).imag / loss
+    by_frequency = -(receptance.by_frequency / _of_every(squared, every)).imag / _of_every(loss, every)
+    return real, -0.5 * np.pi, by_u.astype(np.complex128), by_frequency.astype(np.complex128)
 
 
 def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
     """Z and dZ/d ln A at amplitude A."""
     detuning = np.square(terms.omega_n) - np.square(drive.omega)
     # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
-    detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
+    if not np.all(detuning):
+        detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
     real = terms.M * drive.mass * detuning - drive.added * np.square(drive.omega)
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
@@ -140,22 +154,25 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     return Z + add_parts(terms.beside, drive) if terms.beside else Z, _join(slope_real, slope_imaginary * damped)
 
 
-def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray]) -> _Receptance:
-    """H with each plane's Z at its own amplitude."""
+def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray], every: int = 1) -> _Receptance:
+    """H with each plane's Z at its own amplitude; the change by ln omega_n of ``every`` so many models."""
     Z, slope = complex_stiffness(terms, amplitudes[0], drive)
-    by_stiffness = 2.0 * terms.M * drive.mass * np.square(terms.omega_n)  # dZ/d ln omega_n
+    # dZ/d ln omega_n
+    by_stiffness = 2.0 * _of_every(terms.M, every) * drive.mass * np.square(_of_every(terms.omega_n, every))
     H, squared = hurried(Z, terms, drive)
-    by_u, by_frequency = squared * slope, squared * by_stiffness
+    by_u, by_frequency = squared * slope, _of_every(squared, every) * by_stiffness
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
         t, ratio, in_both, damping = terms.plane
         other = terms if in_both else replace(terms, forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
         Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
-        second, squared = hurried(Z + 0.5 * by_stiffness * (np.square(ratio) - 1.0), terms, drive)
+        stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
+        second, squared = hurried(Z + stiffer, terms, drive)
         squared = t * squared
         by_u = (by_u + squared * slope) / (1.0 + t)
-        by_frequency = (by_frequency + squared * by_stiffness * np.square(ratio)) / (1.0 + t)
+        in_second = _of_every(squared, every) * by_stiffness * np.square(_of_every(ratio, every))
+        by_frequency = (by_frequency + in_second) / (1.0 + _of_every(t, every))
         paths = (H / (1.0 + t), t * second / (1.0 + t))
         H = paths[0] + paths[1]
     for part in terms.compliance:

@@ -30,6 +30,11 @@ _MOST_STEPS = 40
 _SETTLED = 0.01
 _ROUGHLY = 1e-2
 _FINELY = 1e-3
+#: A step that promises less in ln p is not made; damping after one that was bad, at least: less changes nothing; and
+#: damping at which nothing better is near.
+_NOTHING = 1e-3
+_DAMPED = 0.1
+_STUCK = 1e3
 #: Median residual, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
@@ -165,10 +170,12 @@ def _climb(
             keep = keep[cost[keep] < min(cost.min(), rival) * _HOPELESS + _BEHIND]
             y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
         at = np.flatnonzero(active)
+        scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
+        moved, promised = _step(r[at], J[at], y[at], damping[at], scale, weights)
+        going = active[at] = (promised > _NOTHING) | (scale != 1.0)
+        at, scale, new = at[going], scale[going], (y[at] + moved)[going]
         if at.size == 0:
             break
-        scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
-        new = y[at] + _step(r[at], J[at], y[at], damping[at], scale, weights)
         r_new, J_new = _white_jacobian(model, new)  # most steps are good: residuals alone would be one call more
         cost = costs[at] if np.array_equal(scales[at], scale) else _cost(r[at], y[at], scale, weights)
         after = _cost(r_new, new, scale, weights)
@@ -176,9 +183,9 @@ def _climb(
         better = gain > 0.0
         costs[at], scales[at] = np.where(better, after, cost), scale
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
-        damping[at] = np.where(better, damping[at] * 0.2, damping[at] * 8.0)
-        little = _SETTLED + share * np.maximum(cost - r.shape[1], 0.0)
-        converged = (better & (gain < little)) | (damping[at] > 1e6)
+        damping[at] = np.where(better, damping[at] * 0.2, np.maximum(damping[at] * 8.0, _DAMPED))
+        little = np.where(better, _SETTLED + share * np.maximum(cost - r.shape[1], 0.0), _SETTLED)
+        converged = (np.abs(gain) < little) | (damping[at] > _STUCK)
         active[at[converged & (scale == 1.0)]] = False
     return y, *(model.jacobian(y) if model.scatter.correlation else (r, J))
 
@@ -211,7 +218,8 @@ def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray |
 
 def _step(
     r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
+    """The damped step of each start, and about the decrease of minus the log posterior that a free one promises."""
     counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
     weighted = J * counts[..., np.newaxis]
     H = np.swapaxes(weighted, 1, 2) @ J
@@ -220,7 +228,7 @@ def _step(
     gradient = np.einsum("bmk,bm->bk", weighted, r) + y
     H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
     step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
-    return np.clip(step, -1.5, 1.5)
+    return np.clip(step, -1.5, 1.5), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
 def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:

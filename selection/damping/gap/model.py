@@ -119,21 +119,23 @@ class Sensitivity:
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first.
 
-    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``.
+    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``every``: of
+    so many models one has a derivative by ln omega_n.
     """
 
     r: FloatArray
     sensitivity: Sensitivity
     prediction: Prediction
     motion: FloatArray
+    every: int = 1
 
-    def by_sweep(self, step: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of every ``step``-th model."""
-        own = self.sensitivity
+    def by_sweep(self) -> tuple[FloatArray, FloatArray]:
+        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of every so many models."""
+        own, step = self.sensitivity, self.every
         own = replace(own, per_sd=own.per_sd[::step], follow=own.follow[::step])
         by_gain = np.zeros_like(self.r[::step])
         by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * own.per_sd
-        return by_gain, own.columns(self.prediction.by_frequency[::step])
+        return by_gain, own.columns(self.prediction.by_frequency)
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,10 @@ class Model:
             terms = part.form.change(terms, *part.values(own))
         return with_effects(terms, simulation.mode.effects)
 
-    def residuals(self, y: FloatArray) -> Residuals:
+    def residuals(self, y: FloatArray, every: int = 1) -> Residuals:
         """Residuals at variables y (batch, size + 2 sweeps)."""
         z = y[:, self.size :]
-        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at)
+        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at, every)
 
     def at_motion(self, y: FloatArray) -> Model:
         """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
@@ -187,24 +189,27 @@ class Model:
         batch, size = len(y), self.size
         points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
         points[:, np.arange(1, size + 1), np.arange(size)] += STEP
-        own = self.residuals(points.reshape(batch * (size + 1), -1))
+        own = self.residuals(points.reshape(batch * (size + 1), -1), size + 1)
         r = own.r.reshape(batch, size + 1, -1)
-        J = np.empty((batch, r.shape[2], y.shape[1]))
-        J[:, :, :size] = np.swapaxes(r[:, 1:] - r[:, :1], 1, 2) / STEP
-        one_hot = self.problem.rows.sweep_of_values[:, np.newaxis] == np.arange(self.sweeps)
-        scatter = np.repeat([self.scatter.amplitude, self.scatter.frequency], self.sweeps)
-        by_sweep = np.stack(own.by_sweep(size + 1), axis=2)[..., np.newaxis]
-        J[:, :, size:] = (by_sweep * one_hot[:, np.newaxis, :]).reshape(batch, -1, 2 * self.sweeps) * scatter
+        J = np.zeros((batch, r.shape[2], y.shape[1]))
+        J[:, :, :size] = np.swapaxes((r[:, 1:] - r[:, :1]) / STEP, 1, 2)
+        by_gain, by_frequency = own.by_sweep()
+        value, gain = np.arange(r.shape[2]), size + self.problem.rows.sweep_of_values
+        J[:, value, gain] = by_gain * self.scatter.amplitude
+        J[:, value, gain + self.sweeps] = by_frequency * self.scatter.frequency
         return r[:, 0], J
 
 
-def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None) -> Residuals:
+def residuals(
+    terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None, every: int = 1
+) -> Residuals:
     """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
 
-    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given.
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``every``: of so
+    many models one is asked how it changes by sweep.
     """
     u0 = rows.u if at is None else at
-    prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive)
+    prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, every)
     d = 1.0 - prediction.by_u.real
     squared = d * d + FOLD**2
     misfit = u0 - prediction.P.real
@@ -220,7 +225,7 @@ def residuals(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: Flo
         parts.append(wrapped(rows.phase - phase) / sd_phase)
     if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
-    return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion)
+    return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion, every)
 
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
@@ -255,8 +260,9 @@ def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> Comple
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
     """The terms with each sweep's deviation of gain and frequency, values (batch, n)."""
     sweeps = len(rows.sweeps)
-    gain = terms.gain + scatter.amplitude * z[:, :sweeps][:, rows.sweep]
-    return replace(terms, gain=gain, omega_n=terms.omega_n * np.exp(scatter.frequency * z[:, sweeps:][:, rows.sweep]))
+    gain = terms.gain + (scatter.amplitude * z[:, :sweeps]).take(rows.sweep, axis=1)
+    factor = np.exp(scatter.frequency * z[:, sweeps:]).take(rows.sweep, axis=1)
+    return replace(terms, gain=gain, omega_n=terms.omega_n * factor)
 
 
 class Motion(NamedTuple):

@@ -167,9 +167,9 @@ class Search:
         tried = {name: list_starts(null.plain, own, {}) for name, own in self.forms.items()}
         self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
-        for name, some in tried.items():
+        for name in sorted(gains, key=lambda name: -gains[name]):  # what is far behind the best is left rough
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
-                self.extend(null, name, some)
+                self.extend(null, name, tried[name])
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
         """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
@@ -183,7 +183,7 @@ class Search:
         probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
-        for hypothesis in sorted(worth.values(), key=lambda hypothesis: len(hypothesis.effects)):
+        for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
             fits = []
             for fit in hypothesis.near:
                 at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]

@@ -100,7 +100,7 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
 
     def residuals(strength: float) -> FloatArray:
         x = np.full((len(shapes), 1), strength / SPREAD)
-        return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]])).r
+        return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]]), len(y)).r
 
     none = residuals(_NONE) if form.replaces else base.r[np.newaxis]
     return none, (residuals(float(np.log(_SMALL))) - none) / (_SMALL * form.natural)
