@@ -25,7 +25,7 @@ from damping.errors import AnalysisError
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
-from damping.infer.observations import FITTED_BITS, Observations
+from damping.infer.observations import FITTED_BITS, Observations, round_bits
 
 #: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
 REWEIGHTINGS = 12
@@ -34,6 +34,8 @@ NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops, at the end and while shapes are searched.
 STEADY = 1e-12
 SEARCHED = 1e-7
+#: Binary digits of the squares by which points are compared in that search: of equal ones the first.
+SEARCHED_BITS = 20
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 #: Prior probabilities between which a shape is refined; width at which its search ends, standard
@@ -114,7 +116,8 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
     All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
     together; without dimension, so that units cannot move a fit.
     """
-    problems = [(Coordinates.of(law, scaled), scaled) for scaled in (r.scaled(FITTED_BITS) for r in records) for law in laws]
+    pure = (record.scaled(FITTED_BITS) for record in records)
+    problems = [(Coordinates.of(law, scaled), scaled) for scaled in pure for law in laws]
     groups: dict[tuple[int, int, int], list[int]] = {}
     for i, (pure, scaled) in enumerate(problems):
         groups.setdefault((len(pure.law.parts), len(pure.law.free_shapes), len(scaled.A)), []).append(i)
@@ -158,7 +161,7 @@ def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
     while axes:
         points = {i: np.array(list(product(*axis)), dtype=float) for i, axis in axes.items()}
         for i, (solved, squares) in _solve_all(points, problems, STEADY if not free else SEARCHED).items():
-            k, before = int(np.argmin(squares)), best.get(i)
+            k, before = int(np.argmin(round_bits(squares, SEARCHED_BITS))), best.get(i)
             if np.isnan(squares).any():
                 best[i] = None
                 del axes[i]

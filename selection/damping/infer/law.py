@@ -29,7 +29,7 @@ from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, nonlinearity
-from damping.infer.observations import FITTED_BITS, Observations, round_bits
+from damping.infer.observations import DRAWN_BITS, Observations, round_bits
 
 #: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
 TOTAL_LOG_SD = 1.0
@@ -112,9 +112,9 @@ class Coordinates:
 
     def scaled(self, by: tuple[float, float, float]) -> Coordinates:
         """The same without dimension: over an amplitude, a frequency and a force (:meth:`Observations.scaled`)."""
-        amplitude, omega, force = (float(x) for x in round_bits(np.array(self.reference) / by, FITTED_BITS))
-        low, high = (float(x) for x in round_bits(np.array(self.tested[:2]) / by[0], FITTED_BITS))
-        tested = Tested(low, high, float(round_bits(np.array(self.tested.omega / by[1]), FITTED_BITS)))
+        amplitude, omega, force = (float(x) for x in round_bits(np.array(self.reference) / by, DRAWN_BITS))
+        low, high = (float(x) for x in round_bits(np.array(self.tested[:2]) / by[0], DRAWN_BITS))
+        tested = Tested(low, high, float(round_bits(np.array(self.tested.omega / by[1]), DRAWN_BITS)))
         return replace(self, reference=(amplitude, omega, force), tested=tested)
 
     @property
