@@ -3,23 +3,26 @@
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
+from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.curve import FARTHEST, Curve, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
-from damping.extrapolation.near import Plan, load_candidates, near_resonance, plan_loads
+from damping.extrapolation.near import Plan, load_candidates, near_resonance, observe_ranked, plan_loads
+from damping.extrapolation.prediction import Loads
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
-from damping.infer.observations import Observations, observe
+from damping.infer.observations import Observations
 from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
@@ -38,6 +41,9 @@ from damping_pipelines.terminal import end_with_parent, progress, report_finding
 GRID = 60
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
+
+
+Predictions = TypeVar("Predictions", Loads, Curve)
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,10 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         record, mode = read_record(folder / asked.record), read_mode(folder / asked.mode)
         findings = report_findings(record, mode, despite)
         measured = prepare(record, mode)
-        for line in measured.said:
+        data, freed = observe_ranked(measured.record, findings)
+        for line in (*measured.said, *freed):
             print(f"damping: {record.source}: {line}", file=sys.stderr)
-        inputs.append(Input(asked, measured.record, measured.mode or mode, observe(measured.record), findings))
+        inputs.append(Input(asked, measured.record, measured.mode or mode, data, findings))
     return inputs
 
 
@@ -206,20 +213,23 @@ def _record_result(
     settings: files.StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
-    predicted, curve, bands = None, None, None
+    predicted, curve, bands, against = None, None, None, ()
     backbone = find_backbone(record.record, record.mode, record.audit.implied)
     asked = np.array(record.settings.design_forces)
     if plan:
         farthest = np.array(FARTHEST) * record.data.tested_force.max()
+        if ranking.fit.verdict == "none fits":  # every row, not resonances alone
+            plan = replace(plan, fit=ranking.fit)
         predicted = extrapolate_loads(
             plan.data, asked if len(asked) else farthest, settings.level, settings.seed, mode=record.mode, plan=plan
         )
+        against = compare_with_diagnosis(record.record, record.mode, predicted)
         reached = predict_forces(predicted, list_default_amplitudes(predicted))
-        curve = trace_loads(reached, backbone, plan.data)
+        curve = _warn(trace_loads(reached, backbone, plan.data), against)
     if predicted and len(asked):
         largest = max(asked.max(), record.data.tested_force.max())
         bands = predicted.predict_at(np.linspace(0.8 * record.data.tested_force.min(), 1.05 * largest, GRID))
-    design = predicted.loads if predicted and len(asked) else None
+    design = _warn(predicted.loads, against) if predicted and len(asked) else None
     return RecordResult(
         name=record.settings.name,
         title=record.settings.title or record.mode.name,
@@ -232,12 +242,18 @@ def _record_result(
         design=design,
         power_laws=_list_power_laws(record.data),
         findings=record.audit.findings,
+        against=against,
         curve=curve,
         design_curve=trace_loads(design, backbone, plan.data) if design and plan else None,
         backbone=backbone,
         next_level=predicted.choose_next_level() if predicted and design else None,
         note=record.settings.note,
     )
+
+
+def _warn(predictions: Predictions, against: tuple[str, ...]) -> Predictions:
+    """Predictions with what speaks against all of them before their own cautions."""
+    return replace(predictions, cautions=tuple((*against, *own) for own in predictions.cautions))
 
 
 def _list_power_laws(data: Observations) -> tuple[PowerLaw, ...]:

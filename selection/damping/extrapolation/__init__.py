@@ -26,7 +26,7 @@ from damping.extrapolation.draws import (
     list_levels,
     vary_priors,
 )
-from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.near import Plan, Planned, judge_rows, load_candidates, plan_loads
 from damping.extrapolation.prediction import Loads, predict
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
@@ -109,6 +109,7 @@ def extrapolate_loads(
     mode: Mode | None = None,
     laws: Sequence[Law] | None = None,
     plan: Plan | None = None,
+    every: Observations | None = None,
     estimate: Estimate = evidence,
     fresh: bool = True,
     progress: Progress = silent,
@@ -118,8 +119,9 @@ def extrapolate_loads(
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
-        laws: candidates, by default those of the record. plan: where it was made before. estimate: of marginal
-            likelihoods. fresh: whether laws of weight are drawn from again (:func:`draw_fresh`).
+        laws: candidates, by default those of the record. plan: where it was made before. every: all rows, where the
+            laws are judged on them too. estimate: of marginal likelihoods. fresh: whether laws of weight are drawn from
+            again (:func:`draw_fresh`).
 
     Raises:
         InputError: a force or a level that is none, before any work.
@@ -130,6 +132,7 @@ def extrapolate_loads(
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
+    plan = judge_rows(plan, every) if every else plan
     members = []
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:

@@ -74,9 +74,11 @@ class ModelFit:
 
     @property
     def many_wild(self) -> bool:
-        """Whether more values are taken for wild than errors of measurement are."""
+        """Whether more values are taken for wild than errors of measurement are, or than are not."""
         seen = self.model.problem.rows.seen
-        return bool(np.sum(self.weights[seen] < WILD_WEIGHT) > MOST_WILD * seen.sum() + _FEW_WILD)
+        return bool(
+            np.sum(self.weights[seen] < WILD_WEIGHT) > min(MOST_WILD * seen.sum() + _FEW_WILD, 0.5 * seen.sum())
+        )
 
 
 def fit_model(

@@ -67,7 +67,12 @@ def root_mean_square(fit: ModelFit, regular: BoolArray) -> float:
 
 
 def refitted(leading: ModelFit) -> ModelFit:
-    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
+    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit.
+
+    A fit without effects is that.
+    """
+    if not leading.model.parts:
+        return leading
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
     return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
