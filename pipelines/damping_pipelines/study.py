@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import FARTHEST, Curve, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
 from damping.extrapolation.near import Plan, load_candidates, near_resonance, observe_ranked, plan_loads
-from damping.extrapolation.prediction import Loads
 from damping.infer.checks import leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
@@ -41,9 +39,6 @@ from damping_pipelines.terminal import end_with_parent, progress, report_finding
 GRID = 60
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
-
-
-Predictions = TypeVar("Predictions", Loads, Curve)
 
 
 @dataclass(frozen=True)
@@ -213,7 +208,8 @@ def _record_result(
     settings: files.StudySettings,
 ) -> RecordResult:
     """Predictions and power laws of one record."""
-    predicted, curve, bands, against = None, None, None, ()
+    predicted, curve, bands = None, None, None
+    against: tuple[str, ...] = ()
     backbone = find_backbone(record.record, record.mode, record.audit.implied)
     asked = np.array(record.settings.design_forces)
     if plan:
@@ -225,11 +221,13 @@ def _record_result(
         )
         against = compare_with_diagnosis(record.record, record.mode, predicted)
         reached = predict_forces(predicted, list_default_amplitudes(predicted))
-        curve = _warn(trace_loads(reached, backbone, plan.data), against)
+        curve = trace_loads(reached, backbone, plan.data)
+        curve = replace(curve, cautions=_warn(against, curve.cautions))
     if predicted and len(asked):
         largest = max(asked.max(), record.data.tested_force.max())
         bands = predicted.predict_at(np.linspace(0.8 * record.data.tested_force.min(), 1.05 * largest, GRID))
-    design = _warn(predicted.loads, against) if predicted and len(asked) else None
+    design = predicted.loads if predicted and len(asked) else None
+    design = replace(design, cautions=_warn(against, design.cautions)) if design else None
     return RecordResult(
         name=record.settings.name,
         title=record.settings.title or record.mode.name,
@@ -251,9 +249,9 @@ def _record_result(
     )
 
 
-def _warn(predictions: Predictions, against: tuple[str, ...]) -> Predictions:
-    """Predictions with what speaks against all of them before their own cautions."""
-    return replace(predictions, cautions=tuple((*against, *own) for own in predictions.cautions))
+def _warn(against: tuple[str, ...], cautions: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """Cautions of each prediction with what speaks against all of them first."""
+    return tuple((*against, *own) for own in cautions)
 
 
 def _list_power_laws(data: Observations) -> tuple[PowerLaw, ...]:

@@ -70,7 +70,7 @@ def _explain(record: Record, mode: Mode) -> Explained | None:
 
 
 def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
-    """Where amplitudes, and where verdicts, disagree; amplitudes that were asked are compared at the forces for them."""
+    """Where amplitudes, and where verdicts, disagree; where amplitudes were asked, at the forces for them."""
     loads = predicted.loads
     if loads.amplitude is not None:
         known = loads.force[np.isfinite(loads.force)]
@@ -81,20 +81,17 @@ def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
 
 def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
     """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none."""
-    effects = explained.leading.effects
+    effects, p = explained.leading.effects, f"(p = {fit.p_value:.2g})"
     if fit.verdict == "none fits" and not effects:
-        left = "finds none that would" if explained.unexplained else "takes what is left for noise and repeatability"
-        return (
-            f"ranking and diagnosis do not explain the rows alike: no law fits them (p = {fit.p_value:.2g}), and the"
-            f" diagnosis adds no effect to the simulation: it {left}",
-        )
-    if fit.verdict == "fits" and explained.unexplained:
+        if explained.unexplained:
+            return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and no effect does",)
+        said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
+    elif fit.verdict == "fits" and explained.unexplained:
         beside = f" beside {' and '.join(effects)}" if effects else ""
-        return (
-            f"ranking and diagnosis do not explain the rows alike: a law fits them (p = {fit.p_value:.2g}), while the"
-            f" diagnosis finds more than noise left{beside}",
-        )
-    return ()
+        said = f"a law fits them {p}, while the diagnosis finds more than noise left{beside}"
+    else:
+        return ()
+    return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)
 
 
 def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode: Mode) -> tuple[str, ...]:

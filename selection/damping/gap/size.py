@@ -41,8 +41,10 @@ def measure_gap(leading: ModelFit) -> Gap:
     """The gap of a record before and after its leading explanation, without wild points."""
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
-    before = root_mean_square(refitted(leading), regular)
     after = root_mean_square(leading, regular)
+    before = (
+        root_mean_square(refitted(leading), regular) if leading.effects else after
+    )  # the refitted simulation itself
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 
@@ -67,12 +69,7 @@ def root_mean_square(fit: ModelFit, regular: BoolArray) -> float:
 
 
 def refitted(leading: ModelFit) -> ModelFit:
-    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit.
-
-    A fit without effects is that.
-    """
-    if not leading.model.parts:
-        return leading
+    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
     return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]

@@ -150,7 +150,7 @@ def read_resonance(mode: Mode, F: float, ends: FloatArray, has_phase: bool) -> f
 
     The sweep goes from one of ``ends`` (2,), rad/s, to the other, on the largest stable state of each frequency.
     """
-    found = states(_simulate_terms(mode), F, np.linspace(*ends, _READ))
+    found = states(_simulate_terms(mode), F, np.linspace(ends[0], ends[1], _READ))
     largest = np.argmax(np.where(found.stable, found.amplitude, -np.inf), axis=1)
     rows = np.flatnonzero(found.stable.any(axis=1))
     columns = {"force": np.full(len(rows), F), "frequency": found.omega[rows] / RAD_S_PER_HZ}

@@ -157,7 +157,7 @@ def build_cautions(study: StudyResult) -> list[Block]:
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
-    """What the diagnosis says against it, findings of the audit, cautions of weighty laws, of checks and predictions."""
+    """What the diagnosis says, findings of the audit, cautions of laws that carry weight, of checks and predictions."""
     yield from (*result.against, *map(str, result.findings))
     for candidate in result.ranking.weighted(LEAST_WEIGHT):
         yield from candidate.cautions
