@@ -70,13 +70,13 @@ def _explain(record: Record, mode: Mode) -> Explained | None:
 
 
 def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
-    """Where amplitudes, and where verdicts, disagree; where amplitudes were asked, at the forces for them."""
+    """Where amplitudes disagree, else where verdicts do; where amplitudes were asked, at the forces for them."""
     loads = predicted.loads
     if loads.amplitude is not None:
         known = loads.force[np.isfinite(loads.force)]
         loads = predicted.predict_at(known) if known.size else loads
     amplitudes = describe_disagreement(loads, explained.hypotheses, explained.mode)
-    return (*amplitudes, *describe_misfit(predicted.plan.fit, explained))
+    return amplitudes or describe_misfit(predicted.plan.fit, explained)
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
@@ -122,7 +122,7 @@ def simulate_resonance(mode: Mode, force: FloatArray, omega: FloatArray, has_pha
 
     Effects of the rig change what is read and not the structure, and a drift is that of one test: both are left out.
     Where forces alone remain it is that of phase resonance. Further planes and modes show in a sweep, read as the
-    record's own are: over the frequencies ``omega`` (n,), rad/s, that were tested, moved with the resonance.
+    record's own are: at the frequencies ``omega`` (n,), rad/s, that were tested, moved with the resonance.
     """
     found = {name: find_effect(name) for name in mode.effects if name != "drift"}
     kept = {name: mode.effects[name] for name, effect in found.items() if effect.kind != "instrument"}
@@ -131,11 +131,11 @@ def simulate_resonance(mode: Mode, force: FloatArray, omega: FloatArray, has_pha
     amplitude, resonance = phase_resonance(damped, force, mode.mass, RAD_S_PER_HZ * mode.frequency)
     if forces == kept:
         return amplitude
-    ends = np.array([omega.min(), omega.max()]) / mode.omega_n
+    places = np.unique(omega) / mode.omega_n
     model = replace(mode, effects=kept)
     return np.array(
         [
-            read_resonance(model, F, moved * ends, has_phase) if np.isfinite(moved) else np.nan
+            read_resonance(model, F, moved * places, has_phase) if np.isfinite(moved) else np.nan
             for F, moved in zip(force, resonance, strict=True)
         ]
     )

@@ -42,9 +42,7 @@ def measure_gap(leading: ModelFit) -> Gap:
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
     after = root_mean_square(leading, regular)
-    before = (
-        root_mean_square(refitted(leading), regular) if leading.effects else after
-    )  # the refitted simulation itself
+    before = root_mean_square(refitted(leading), regular) if leading.effects else after
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 

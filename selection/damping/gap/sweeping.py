@@ -27,7 +27,7 @@ Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
-#: Frequencies of a sweep that is read as a test would be: some tens between the half-power points of what was tested.
+#: Frequencies of a sweep that is read as a test would be, at most: some tens between its half-power points.
 _READ = 400
 #: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
 _GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
@@ -145,12 +145,13 @@ def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "dow
     return followed(states(_simulate_terms(mode), F, fine), between, direction)
 
 
-def read_resonance(mode: Mode, F: float, ends: FloatArray, has_phase: bool) -> float:
+def read_resonance(mode: Mode, F: float, omega: FloatArray, has_phase: bool) -> float:
     """Resonant amplitude as :func:`damping.records.resonance.find_resonance` reads it of a slow sweep; NaN of none.
 
-    The sweep goes from one of ``ends`` (2,), rad/s, to the other, on the largest stable state of each frequency.
+    The sweep is read at ``omega`` (increasing, rad/s, (n,)), on the largest stable state of each frequency.
     """
-    found = states(_simulate_terms(mode), F, np.linspace(ends[0], ends[1], _READ))
+    thin = np.unique(np.linspace(0, omega.size - 1, _READ).astype(np.int64))
+    found = states(_simulate_terms(mode), F, omega[thin])
     largest = np.argmax(np.where(found.stable, found.amplitude, -np.inf), axis=1)
     rows = np.flatnonzero(found.stable.any(axis=1))
     columns = {"force": np.full(len(rows), F), "frequency": found.omega[rows] / RAD_S_PER_HZ}
