@@ -18,7 +18,6 @@ from damping.infer.chains import Posterior
 from damping.infer.checks import inference_data
 from damping.infer.law import Law
 from damping.infer.observations import Observations
-from damping.predict.measured import Measured
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records import Audit
@@ -32,14 +31,6 @@ if TYPE_CHECKING:
 
 #: Points of the curves of a drawing of loads.
 GRID = 60
-
-
-def explain_weights(measured: Measured, data: Observations) -> tuple[str, ...]:
-    """What was done to a record, and that its loads rest on fewer rows (``data``) than its ranking, where they do."""
-    if len(data.A) == len(measured.record):
-        return measured.said
-    said = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-    return (*measured.said, f"{said}; a ranking weighs them on every row, with others")
 
 
 @dataclass(frozen=True, eq=False)

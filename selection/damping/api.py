@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from damping.answers import CurveResult, LoadsResult, RankingResult, explain_weights
+from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
-from damping.extrapolation import Extrapolation, check_loads, extrapolate_loads
+from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.near import near_resonance, observe_ranked
-from damping.infer.observations import Observations
+from damping.extrapolation.near import observe_ranked
 from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
@@ -108,12 +107,15 @@ def extrapolate(
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
     if not len(at) and not len(under):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
-    predicted, rests = _predict(record, mode, under, (1.0,), level, seed, despite, progress)
+    check_kind(mode, Mode, "mode")
+    check_seed(seed)
+    findings = check(record, mode).require(despite)
+    predicted, rests = predict_record(record, mode, findings, under, (1.0,), level, seed, progress)
     if len(at):
         predicted = replace(predicted, loads=predict_forces(predicted, at))
     against = compare_with_diagnosis(rests.record, rests.mode, predicted)
-    backbone = find_backbone(rests.record, rests.mode, rests.findings.implied)
-    return LoadsResult(predicted, rests.mode, rests.findings, rests.said, against, data=rests.data, backbone=backbone)
+    backbone = find_backbone(rests.record, rests.mode, findings.implied)
+    return LoadsResult(predicted, rests.mode, findings, rests.said, against, data=rests.data, backbone=backbone)
 
 
 @single_threaded
@@ -140,47 +142,18 @@ def curve(
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
 
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
-    predicted, rests = _predict(record, mode, under, FARTHEST, level, seed, despite, progress)
-    reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
-    asked = [predict_forces(predicted, reached)] if len(reached) else []
-    compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
-    against = compare_with_diagnosis(rests.record, rests.mode, compared)
-    asked += [predicted.loads] if len(under) else []
-    backbone = find_backbone(rests.record, rests.mode, rests.findings.implied)
-    traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
-    return CurveResult(predicted, rests.mode, rests.findings, rests.said, against, curve=traced)
-
-
-class _Rests(NamedTuple):
-    """What predictions rest on: steady states under a force, the mode of them, rows near resonance, what was done."""
-
-    record: Record
-    mode: Mode
-    data: Observations
-    findings: AuditResult
-    said: tuple[str, ...]
-
-
-def _predict(
-    record: Record,
-    mode: Mode,
-    forces: FloatArray,
-    times: Sequence[float],
-    level: float,
-    seed: int,
-    despite: Collection[str],
-    progress: Progress,
-) -> tuple[Extrapolation, _Rests]:
-    """Predictions at the forces, or, where there are none, at ``times`` the largest tested one."""
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     findings = check(record, mode).require(despite)
-    measured = prepare(record, mode)
-    mode, data = measured.mode or mode, near_resonance(measured.record)
-    every, _ = observe_ranked(measured.record, findings)
-    first = forces if len(forces) else np.array(times) * data.tested_force.max()
-    predicted = extrapolate_loads(data, first, level, seed, mode=mode, every=every, progress=progress)
-    return predicted, _Rests(measured.record, mode, data, findings, explain_weights(measured, data))
+    predicted, rests = predict_record(record, mode, findings, under, FARTHEST, level, seed, progress)
+    reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
+    asked = [predict_forces(predicted, reached)] if len(reached) else []
+    asked += [predicted.loads] if len(under) else []
+    compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
+    against = compare_with_diagnosis(rests.record, rests.mode, compared)
+    backbone = find_backbone(rests.record, rests.mode, findings.implied)
+    traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
+    return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
 
 
 def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:

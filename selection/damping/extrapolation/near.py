@@ -249,10 +249,8 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
     if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
         return plan
     laws = [plan.laws[0].law, *(law for law in candidate_laws() if law.has_resonance)]
-    leader, *others = fit_laws(laws, every)
-    if not isinstance(leader, BestFit):  # a part of it is met at resonance only
-        return plan
-    on_rows = judge_fit(leader, (fit for fit in others if isinstance(fit, BestFit)), every)
+    fits = [fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)]
+    on_rows = judge_fit(fits[0], fits[1:], every)
     return replace(plan, fit=on_rows) if on_rows.verdict == "none fits" else plan
 
 
