@@ -147,12 +147,11 @@ def curve(
     findings = check(record, mode).require(despite)
     predicted, rests = predict_record(record, mode, findings, under, FARTHEST, level, seed, progress)
     reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
-    asked = [predict_forces(predicted, reached)] if len(reached) else []
-    asked += [predicted.loads] if len(under) else []
+    asked = [predict_forces(predicted, reached)] * bool(len(reached)) + [predicted.loads] * bool(len(under))
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
     against = compare_with_diagnosis(rests.record, rests.mode, compared)
     backbone = find_backbone(rests.record, rests.mode, findings.implied)
-    traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
+    traced = join_curves([trace_loads(loads, backbone, rests.data) for loads in asked])
     return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
 
 
