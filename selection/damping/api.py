@@ -147,7 +147,8 @@ def curve(
     findings = check(record, mode).require(despite)
     predicted, rests = predict_record(record, mode, findings, under, FARTHEST, level, seed, progress)
     reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
-    asked = [predict_forces(predicted, reached)] * bool(len(reached)) + [predicted.loads] * bool(len(under))
+    asked = [predict_forces(predicted, reached)] if len(reached) else []
+    asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
     against = compare_with_diagnosis(rests.record, rests.mode, compared)
     backbone = find_backbone(rests.record, rests.mode, findings.implied)
