@@ -86,8 +86,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     table = PlainTable(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
     errors = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
     shown = [(c, row) for c, row in zip(result.ranking.candidates, errors, strict=True) if c.weight > LEAST_WEIGHT]
-    if result.ranking.fit.sentence:
-        out.print(result.ranking.fit.sentence.capitalize(), style="bold red")
+    _print_headlines(result.headlines)
     for c, row in shown:
         rank_text = "-" if c.rank is None else str(c.rank)
         fitted, held_out = ("< 0.01" if value < SMALL else number(value, 3) for value in row[:2])
@@ -101,6 +100,12 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
     out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
     notes.show(out, result.cautions)
+
+
+def _print_headlines(sentences: Iterable[str]) -> None:
+    """What stands before an answer."""
+    for sentence in sentences:
+        console().print(f"{sentence[0].upper()}{sentence[1:]}.", style="bold red")
 
 
 def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
@@ -137,8 +142,7 @@ def print_loads(result: LoadsResult) -> None:
     """The tables for people, with the parts of the spread and what the weights rest on."""
     out, notes, mode = console(), Notes(), result.mode
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
-    for disagreement in result.against:
-        out.print(f"{disagreement[0].upper()}{disagreement[1:]}.", style="bold red")
+    _print_headlines(result.headlines)
     by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     factor, length = choose_length(units.length, largest[0])
@@ -216,6 +220,7 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
 def print_curve(result: CurveResult) -> None:
     """The table for people."""
     out, notes, units = console(), Notes(), result.mode.units
+    _print_headlines(result.headlines)
     factor, length = choose_length(units.length, result.table["amplitude"].max())
     numbers = (
         *(f"amplitude {_bracket(length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),

@@ -11,17 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
+from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, Curve, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, NextLevel, amplitude_draws
-from damping.extrapolation.near import Plan, load_candidates, near_resonance, plan_loads
+from damping.extrapolation.near import Plan, load_candidates, near_resonance, observe_ranked, plan_loads
 from damping.extrapolation.prediction import Loads
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
-from damping.infer.observations import Observations, observe
+from damping.infer.observations import Observations
 from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
@@ -79,6 +80,7 @@ class Predicted:
     curve: Curve | None = None
     design_curve: Curve | None = None
     next_level: NextLevel | None = None
+    against: tuple[str, ...] = ()
 
 
 def run_study(
@@ -112,11 +114,12 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         record, mode = read_record(folder / asked.record), read_mode(folder / asked.mode)
         findings = report_findings(record, mode, despite)
         measured = prepare(record, mode)
-        for line in measured.said:
+        data, freed = observe_ranked(measured.record, findings)
+        for line in (*measured.said, *freed):
             print(f"damping: {record.source}: {line}", file=sys.stderr)
         record, mode = measured.record, measured.mode or mode
         backbone = find_backbone(record, mode, findings.implied)
-        inputs.append(Input(asked, record, mode, observe(record), backbone, findings))
+        inputs.append(Input(asked, record, mode, data, backbone, findings))
     return inputs
 
 
@@ -151,8 +154,8 @@ def _weigh(
     """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
     estimate = remember(evidence)
     rankings = _rank(inputs, settings.seed, estimate)
-    plans = zip(inputs, _plan(inputs, settings.seed, estimate), strict=True)
-    return rankings, [pool.submit(predict_record, *pair, settings.level, settings.seed) for pair in plans]
+    plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
+    return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
 
 
 def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
@@ -229,22 +232,26 @@ def sample_law(task: Task) -> LawPosterior:
     )
 
 
-def predict_record(record: Input, plan: Plan | None, level: float, seed: int) -> Predicted:
+def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> Predicted:
     """Predictions of one record: in a process of its own, as its draws take as much memory as all else."""
     if plan is None:
         return Predicted()
+    if ranking.fit.verdict == "none fits":  # every row, not resonances alone
+        plan = replace(plan, fit=ranking.fit)
     asked, tested = np.array(record.settings.design_forces), record.data.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan)
+    against = compare_with_diagnosis(record.record, record.mode, predicted)
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
-    result = Predicted(curve=trace_loads(reached, record.backbone, plan.data))
+    curve = trace_loads(reached, record.backbone, plan.data)
+    result = Predicted(against=against, curve=replace(curve, cautions=_warn(against, curve.cautions)))
     if len(asked):
         grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
         design_curve = trace_loads(predicted.loads, record.backbone, plan.data)
         result = replace(
             result,
             bands=predicted.predict_at(grid),
-            design=replace(predicted.loads, cautions=design_curve.cautions),
+            design=replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
             design_curve=design_curve,
             next_level=predicted.choose_next_level(),
         )
@@ -270,6 +277,11 @@ def _record_result(
         note=record.settings.note,
         **vars(predicted.result()),
     )
+
+
+def _warn(against: tuple[str, ...], cautions: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """Cautions of each prediction with what speaks against all of them first."""
+    return tuple((*against, *own) for own in cautions)
 
 
 def _list_power_laws(data: Observations) -> tuple[PowerLaw, ...]:

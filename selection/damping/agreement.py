@@ -1,23 +1,28 @@
 """Do ranking and diagnosis agree? Each is asked what the other holds alive, at the force that a load is wanted for.
 
 The ranked laws predict an amplitude with a band; every explanation that the diagnosis holds alive makes a corrected
-simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so.
+simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so,
+as they do where one of them finds the rows explained and the other does not.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
-from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.near import near_resonance
+from damping.extrapolation import Extrapolation, extrapolate_loads
+from damping.extrapolation.near import near_resonance, observe_ranked
 from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
-from damping.gap.diagnose import Diagnosis, explain
-from damping.gap.sweeping import simulated_force
+from damping.gap.diagnose import Diagnosis, Explained, explain
+from damping.gap.sweeping import read_resonance, simulated_force
 from damping.gap.weighing import Explanation
 from damping.predict.steady import phase_resonance
+from damping.ranking.candidates import FitVerdict
+from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -27,29 +32,66 @@ ALIVE = 0.1
 BEYOND = 2.0
 
 
-def compare_with_diagnosis(record: Record, mode: Mode, loads: Loads) -> tuple[str, ...]:
+def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> tuple[str, ...]:
     """What the diagnosis of the simulation in the mode file says against predicted loads; empty where they agree.
 
     ``record``, ``mode``: of steady states under a modal force.
     """
-    if not mode.damping:
-        return ()
-    try:
-        explained = explain(record, mode)
-    except AnalysisError:  # a record that no simulation can be compared with
-        return ()
-    return describe_disagreement(loads, explained.hypotheses, mode)
+    explained = _explain(record, mode)
+    return _compare(predicted, explained) if explained else ()
 
 
-def compare_with_ranking(record: Record, diagnosis: Diagnosis, seed: int) -> tuple[str, ...]:
-    """What the ranked laws say against a diagnosis at ``BEYOND`` times the tested force; empty where they agree."""
+def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> tuple[str, ...]:
+    """What the ranked laws say against a diagnosis at ``BEYOND`` times the tested force; empty where they agree.
+
+    ``findings``: of the audit of the record.
+    """
     try:
-        near = near_resonance(record)
+        near, (every, _) = near_resonance(record), observe_ranked(record, findings)
         force = [BEYOND * near.tested_force.max()]
-        loads = extrapolate_loads(near, force, seed=seed, mode=diagnosis.mode, fresh=False).loads
+        predicted = extrapolate_loads(near, force, seed=seed, mode=diagnosis.mode, every=every, fresh=False)
     except AnalysisError:  # a record without rows that laws can be ranked on
         return ()
-    return describe_disagreement(loads, diagnosis.hypotheses, diagnosis.mode)
+    return _compare(predicted, diagnosis)
+
+
+def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
+    """What the diagnosis says against a ranking in which no law fits; empty where one does, which asks for none."""
+    explained = _explain(record, mode) if fit.verdict == "none fits" else None
+    return describe_misfit(fit, explained) if explained else ()
+
+
+def _explain(record: Record, mode: Mode) -> Explained | None:
+    """What effects explain; None for a model without damping and a record that no simulation can be compared with."""
+    try:
+        return explain(record, mode) if mode.damping else None
+    except AnalysisError:
+        return None
+
+
+def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
+    """Where amplitudes disagree, else where verdicts do; where amplitudes were asked, at the forces for them."""
+    loads = predicted.loads
+    if loads.amplitude is not None:
+        known = loads.force[np.isfinite(loads.force)]
+        loads = predicted.predict_at(known) if known.size else loads
+    amplitudes = describe_disagreement(loads, explained.hypotheses, explained.mode)
+    return amplitudes or describe_misfit(predicted.plan.fit, explained)
+
+
+def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
+    """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none."""
+    effects, p = explained.leading.effects, f"(p = {fit.p_value:.2g})"
+    if fit.verdict == "none fits" and not effects:
+        if explained.unexplained:
+            return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and no effect does",)
+        said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
+    elif fit.verdict == "fits" and explained.unexplained:
+        beside = f" beside {' and '.join(effects)}" if effects else ""
+        said = f"a law fits them {p}, while the diagnosis finds more than noise left{beside}"
+    else:
+        return ()
+    return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)
 
 
 def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode: Mode) -> tuple[str, ...]:
@@ -58,7 +100,9 @@ def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode:
     for explanation in hypotheses:
         if explanation.probability < ALIVE:
             break
-        amplitude = simulate_resonance(corrected_mode(explanation.hypothesis.best, CATALOGUE), loads)
+        rows = explanation.hypothesis.best.model.problem.rows
+        corrected = corrected_mode(explanation.hypothesis.best, CATALOGUE)
+        amplitude = simulate_resonance(corrected, loads.force, rows.omega, rows.has_phase)
         outside = (amplitude < band.low) | (amplitude > band.high)
         if outside.any():
             at = int(outside.nonzero()[0][-1])
@@ -73,11 +117,25 @@ def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode:
     return ()
 
 
-def simulate_resonance(mode: Mode, loads: Loads) -> FloatArray:
-    """Resonant amplitude of a model at the forces of loads (forces,), NaN where it has none.
+def simulate_resonance(mode: Mode, force: FloatArray, omega: FloatArray, has_phase: bool = True) -> FloatArray:
+    """Resonant amplitude of a model at each force (forces,), NaN where it has none.
 
-    Effects that are no force, such as a gain of the sensor, change what is read and not the structure.
+    Effects of the rig change what is read and not the structure, and a drift is that of one test: both are left out.
+    Where forces alone remain it is that of phase resonance. Further planes and modes show in a sweep, read as the
+    record's own are: at the frequencies ``omega`` (n,), rad/s, that were tested, moved with the resonance.
     """
-    forces = {name: table for name, table in mode.effects.items() if find_effect(name).force is not None}
-    force = simulated_force(replace(mode, effects=forces))
-    return phase_resonance(force, loads.force, mode.mass, RAD_S_PER_HZ * mode.frequency)[0]
+    found = {name: find_effect(name) for name in mode.effects if name != "drift"}
+    kept = {name: mode.effects[name] for name, effect in found.items() if effect.kind != "instrument"}
+    forces = {name: table for name, table in kept.items() if found[name].force is not None}
+    damped = simulated_force(replace(mode, effects=forces))
+    amplitude, resonance = phase_resonance(damped, force, mode.mass, RAD_S_PER_HZ * mode.frequency)
+    if forces == kept:
+        return amplitude
+    places = np.unique(omega) / mode.omega_n
+    model = replace(mode, effects=kept)
+    return np.array(
+        [
+            read_resonance(model, F, moved * places, has_phase) if np.isfinite(moved) else np.nan
+            for F, moved in zip(force, resonance, strict=True)
+        ]
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,6 @@ from damping.infer.chains import Posterior
 from damping.infer.checks import inference_data
 from damping.infer.law import Law
 from damping.infer.observations import Observations
-from damping.predict.measured import Measured
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records import Audit
@@ -33,14 +32,6 @@ if TYPE_CHECKING:
 
 #: Points of the curves of a drawing of loads.
 GRID = 60
-
-
-def explain_weights(measured: Measured, data: Observations) -> tuple[str, ...]:
-    """What was done to a record, and that its loads rest on fewer rows (``data``) than its ranking, where they do."""
-    if len(data.A) == len(measured.record):
-        return measured.said
-    said = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-    return (*measured.said, f"{said}; a ranking weighs them on every row, with others")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +81,16 @@ class RankedLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before."""
+    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before.
+
+    ``against``: where no law fits, what the diagnosis says against that.
+    """
 
     ranking: Ranking
     mode: Mode | None = None
     audit: Audit | None = None
     said: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
@@ -117,11 +112,15 @@ class RankingResult(Result):
         return table[[*first, *table.columns.drop(first)]]
 
     @property
+    def headlines(self) -> tuple[str, ...]:
+        """What stands before the answer: where the diagnosis disagrees, and whether any law fits, where none does."""
+        return (*self.against, *filter(None, [self.ranking.fit.sentence]))
+
+    @property
     def cautions(self) -> tuple[str, ...]:
-        """Whether any law fits, where none does; and what is odd about the mode beside the record."""
-        verdict = self.ranking.fit.sentence
+        """The headlines, what was done before, and what is odd about the mode beside the record."""
         odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*([verdict] if verdict else ()), *self.said, *odd)
+        return (*self.headlines, *self.said, *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
@@ -153,19 +152,36 @@ class RankingResult(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LoadsResult(Result):
-    """Resonant amplitudes at forces beyond the test, with what they rest on; ``data``: all rows of the record.
+class PredictedResult(Result):
+    """What is predicted of a record, with what it rests on; ``swept``: what was done about the rate of sweeping.
 
-    ``swept``: what was done about the rate of sweeping. ``against``: where the diagnosis disagrees.
+    ``against``: where the diagnosis disagrees.
     """
 
     extrapolation: Extrapolation
     mode: Mode
-    data: Observations
-    backbone: Backbone
     audit: Audit | None = None
     swept: tuple[str, ...] = ()
     against: tuple[str, ...] = ()
+
+    @property
+    def headlines(self) -> tuple[str, ...]:
+        """What stands before the answer: where the diagnosis disagrees, and whether any law fits, where none does."""
+        return (*self.against, *filter(None, [self.extrapolation.plan.fit.sentence]))
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """The headlines, what was done about the sweep rate, and what is odd about the mode beside the record."""
+        odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
+        return (*self.headlines, *self.swept, *odd)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadsResult(PredictedResult):
+    """Resonant amplitudes at forces beyond the test; ``data``: the rows near resonance, ``backbone``: frequencies."""
+
+    data: Observations = field(kw_only=True)
+    backbone: Backbone = field(kw_only=True)
 
     @property
     def loads(self) -> Loads:
@@ -181,11 +197,6 @@ class LoadsResult(Result):
     def table(self) -> pd.DataFrame:
         """One row for each prediction, with the keys of the form; NaN where none is given, ``cautions`` say why."""
         return forms.tabulate_loads(self.loads, self.curve)
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """What is odd about the mode beside the record."""
-        return (*self.against, *self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``loads/1``."""
@@ -229,24 +240,15 @@ class LoadsResult(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CurveResult(Result):
-    """Damping ratio, Q and frequency against amplitude and force; ``extrapolation``: what the curve rests on."""
+class CurveResult(PredictedResult):
+    """Damping ratio, Q and frequency against amplitude and force."""
 
-    curve: Curve
-    extrapolation: Extrapolation
-    mode: Mode
-    audit: Audit | None = None
-    swept: tuple[str, ...] = ()
+    curve: Curve = field(kw_only=True)
 
     @property
     def table(self) -> pd.DataFrame:
         """One row for each resonance, columns as in the form; the ends of a band are ``NAME_low, NAME_high``."""
         return self.curve.table
-
-    @property
-    def cautions(self) -> tuple[str, ...]:
-        """What is odd about the sweep rate, or the mode beside the record."""
-        return (*self.swept, *forms.list_mode_cautions(self.extrapolation.plan.data, self.mode))
 
     def to_json(self) -> dict[str, Any]:
         """The form ``curve/1``; ``laws`` with their weights is an extra key."""

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from damping.answers import CurveResult, LoadsResult, RankingResult, explain_weights
+from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
-from damping.extrapolation import check_loads, extrapolate_loads
+from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.near import near_resonance
-from damping.infer.observations import observe
+from damping.extrapolation.near import observe_ranked
 from damping.predict.measured import as_driven_by_force, prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
@@ -57,20 +56,26 @@ def rank(
 ) -> RankingResult:
     """Every candidate damping law of a record, best first, as ``damping rank`` lists them.
 
+    A phase offset that the audit finds is taken off first, as for loads.
+
     Args:
-        mode: where given, cautions say what is odd about it beside the record. progress: shows how far the work is.
+        mode: where given, cautions say what is odd about it beside the record, and where no law fits what the diagnosis
+            of its simulation says. progress: shows how far the work is.
         despite: checks of the audit whose refusal is passed over, such as ``("phase-sign",)``.
 
     Raises:
         AnalysisError: no candidate could be fitted.
     """
+    from damping.agreement import doubt_misfit  # noqa: PLC0415 - a record without a mode needs no diagnosis to load
+
     check_seed(seed)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
-    laws = candidate_laws()
+    (data, freed), laws = observe_ranked(measured.record, findings), candidate_laws()
     with progress("ranking", len(laws)) as done:
-        ranking = rank_laws(observe(measured.record), seed, laws, done)
-    return RankingResult(ranking, measured.mode, findings, measured.said)
+        ranking = rank_laws(data, seed, laws, done)
+    against = doubt_misfit(measured.record, measured.mode, ranking.fit) if measured.mode else ()
+    return RankingResult(ranking, measured.mode, findings, (*measured.said, *freed), against)
 
 
 @single_threaded
@@ -95,25 +100,22 @@ def extrapolate(
         InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
-    from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - a ranking needs no diagnosis to load
+    from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
 
-    check_kind(mode, Mode, "mode")
-    check_seed(seed)
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     if len(at) and len(under):
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
     if not len(at) and not len(under):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
+    check_kind(mode, Mode, "mode")
+    check_seed(seed)
     findings = check(record, mode).require(despite)
-    measured = prepare(record, mode)
-    mode, data = measured.mode or mode, near_resonance(measured.record)
-    first = under if len(under) else [float(data.tested_force.max())]
-    predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
+    predicted, rests = predict_record(record, mode, findings, under, (1.0,), level, seed, progress)
     if len(at):
         predicted = replace(predicted, loads=predict_forces(predicted, at))
-    backbone = find_backbone(measured.record, mode, findings.implied)
-    against = compare_with_diagnosis(measured.record, mode, predicted.loads)
-    return LoadsResult(predicted, mode, data, backbone, findings, explain_weights(measured, data), against)
+    against = compare_with_diagnosis(rests.record, rests.mode, predicted)
+    backbone = find_backbone(rests.record, rests.mode, findings.implied)
+    return LoadsResult(predicted, rests.mode, findings, rests.said, against, data=rests.data, backbone=backbone)
 
 
 @single_threaded
@@ -137,21 +139,21 @@ def curve(
         InputError: an amplitude, a force or a level that is none, or an argument of another kind.
         AnalysisError: the levels do not allow a prediction.
     """
+    from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
+
+    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     check_kind(mode, Mode, "mode")
     check_seed(seed)
-    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     findings = check(record, mode).require(despite)
-    measured = prepare(record, mode)
-    mode, data = measured.mode or mode, near_resonance(measured.record)
-    first = under if len(under) else np.array(FARTHEST) * data.tested_force.max()
-    predicted = extrapolate_loads(data, first, level, seed, mode=mode, progress=progress)
-    if not len(at) and not len(under):
-        at = list_default_amplitudes(predicted)
-    asked = [predict_forces(predicted, at, each=False)] if len(at) else []
+    predicted, rests = predict_record(record, mode, findings, under, FARTHEST, level, seed, progress)
+    reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
+    asked = [predict_forces(predicted, reached, each=False)] if len(reached) else []
     asked += [predicted.loads] if len(under) else []
-    backbone = find_backbone(measured.record, mode, findings.implied)
-    traced = join_curves([trace_loads(loads, backbone, predicted.plan.data) for loads in asked])
-    return CurveResult(traced, predicted, mode, findings, explain_weights(measured, data))
+    compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
+    against = compare_with_diagnosis(rests.record, rests.mode, compared)
+    backbone = find_backbone(rests.record, rests.mode, findings.implied)
+    traced = join_curves([trace_loads(loads, backbone, rests.data) for loads in asked])
+    return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
 
 
 def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:
@@ -200,7 +202,7 @@ def diagnose(
         check(own, state).require(despite)
     forced, said = as_driven_by_force(record, mode)
     gap = diagnose_gap(record, forced, states=states, simulate=simulate)
-    against = () if states or simulate or not compare else compare_with_ranking(record, gap, seed)
+    against = () if states or simulate or not compare else compare_with_ranking(record, gap, findings, seed)
     gap = replace(gap, cautions=(*map(str, findings.findings), *said, *gap.cautions))
     sampled = None
     if posterior:

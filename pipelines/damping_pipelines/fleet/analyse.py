@@ -14,11 +14,11 @@ from damping.errors import DampingError, escape_control
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import Curve, trace_loads
-from damping.extrapolation.near import Plan, near_resonance
+from damping.extrapolation.near import Plan, near_resonance, observe_ranked
 from damping.extrapolation.prediction import Loads
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
-from damping.infer.observations import Observations, observe
+from damping.infer.observations import Observations
 from damping.plots import identifier, to_svg
 from damping.plots.curves import design_loads
 from damping.predict.measured import prepare
@@ -97,7 +97,7 @@ def _analyse(task: FleetTask) -> FleetResult:
         findings = audit(record, mode)
         findings.require(task.settings.despite)
         measured = prepare(record, mode)
-        data = observe(measured.record)
+        data, _ = observe_ranked(measured.record, findings)
     except DampingError as error:
         return failed(task, escape_control(str(error)))
     return _complete(FleetRecord(task, measured.record, measured.mode or mode, data, findings))

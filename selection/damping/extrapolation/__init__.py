@@ -10,6 +10,7 @@ Higher levels of a record left out and predicted from the lower ones: an honest 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,7 +27,15 @@ from damping.extrapolation.draws import (
     list_levels,
     vary_priors,
 )
-from damping.extrapolation.near import Plan, Planned, load_candidates, plan_loads
+from damping.extrapolation.near import (
+    Plan,
+    Planned,
+    judge_rows,
+    load_candidates,
+    near_resonance,
+    observe_ranked,
+    plan_loads,
+)
 from damping.extrapolation.prediction import Loads, predict
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
@@ -35,9 +44,12 @@ from damping.infer.law import Law
 from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
+from damping.predict.measured import prepare
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
+from damping.records import Audit
 from damping.records.mode import Mode
+from damping.records.record import Record
 from damping.records.resonance import number_levels
 
 #: Laws with less weight are not drawn from again and not shown in short tables; they are part of every average.
@@ -109,6 +121,7 @@ def extrapolate_loads(
     mode: Mode | None = None,
     laws: Sequence[Law] | None = None,
     plan: Plan | None = None,
+    every: Observations | None = None,
     estimate: Estimate = evidence,
     fresh: bool = True,
     progress: Progress = silent,
@@ -118,8 +131,9 @@ def extrapolate_loads(
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
-        laws: candidates, by default those of the record. plan: where it was made before. estimate: of marginal
-            likelihoods. fresh: whether laws of weight are drawn from again (:func:`draw_fresh`).
+        laws: candidates, by default those of the record. plan: where it was made before. every: all rows, where the
+            laws are judged on them too. estimate: of marginal likelihoods. fresh: whether laws of weight are drawn from
+            again (:func:`draw_fresh`).
 
     Raises:
         InputError: a force or a level that is none, before any work.
@@ -130,6 +144,7 @@ def extrapolate_loads(
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
+    plan = judge_rows(plan, every) if every else plan
     members = []
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:
@@ -143,6 +158,40 @@ def extrapolate_loads(
     at_asked = [spread.at(slice(len(asked))) for spread in spreads]
     loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
+
+
+class Rests(NamedTuple):
+    """What predictions rest on: steady states under a force, the mode of them, rows near resonance, what was done."""
+
+    record: Record
+    mode: Mode
+    data: Observations
+    said: tuple[str, ...]
+
+
+def predict_record(
+    record: Record,
+    mode: Mode,
+    findings: Audit,
+    forces: FloatArray,
+    times: Sequence[float],
+    level: float,
+    seed: int,
+    progress: Progress,
+) -> tuple[Extrapolation, Rests]:
+    """Predictions at the forces, or, where there are none, at ``times`` the largest tested one.
+
+    It is said where weights rest on fewer rows than those of a ranking.
+    """
+    measured = prepare(record, mode)
+    mode, data, said = measured.mode or mode, near_resonance(measured.record), measured.said
+    if len(data.A) < len(measured.record):
+        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
+        said = (*said, f"{why}; a ranking weighs them on every row, with others")
+    every, _ = observe_ranked(measured.record, findings)
+    first = forces if len(forces) else np.array(times) * data.tested_force.max()
+    predicted = extrapolate_loads(data, first, level, seed, mode=mode, every=every, progress=progress)
+    return predicted, Rests(measured.record, mode, data, said)
 
 
 #: What is asked, as messages name it.

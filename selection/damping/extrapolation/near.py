@@ -14,14 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
-from damping.infer.best_fit import BestFit
+from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import ANY_JOINT, JointEvidence, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import rank_laws
-from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct
+from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct, judge_fit
+from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
@@ -66,6 +67,16 @@ def without_offset(record: Record) -> Record:
     table = record.table.copy()
     table["phase"] = table["phase"] - table["sweep"].astype(str).map(offset)
     return Record.trusted(table, record.source)
+
+
+def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple[str, ...]]:
+    """Every row as laws are ranked on it, and what was done: a phase offset that the audit finds is taken off."""
+    freed = without_offset(record) if any(f.check == "phase-offset" for f in findings.findings) else record
+    if freed is record:
+        return observe(record), ()
+    offset = float(np.median(record.column("phase") - freed.column("phase")))
+    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before the laws were ranked"
+    return observe(freed), (said,)
 
 
 def at_resonance(data: Observations) -> Observations:
@@ -232,6 +243,16 @@ class Plan:
 def load_candidates(data: Observations) -> list[Law]:
     """The candidates that predict differently on the rows near resonance."""
     return [fit.law for fit in fit_distinct(candidate_laws(), data)]
+
+
+def judge_rows(plan: Plan, every: Observations) -> Plan:
+    """The plan with the verdict that no law fits where none fits ``every`` row, though one may its resonances."""
+    if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
+        return plan
+    laws = [plan.laws[0].law, *(law for law in candidate_laws() if law.has_resonance)]
+    fits = [fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)]
+    on_rows = judge_fit(fits[0], fits[1:], every)
+    return replace(plan, fit=on_rows) if on_rows.verdict == "none fits" else plan
 
 
 def plan_loads(

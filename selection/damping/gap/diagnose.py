@@ -59,7 +59,8 @@ class Explained:
         record, mode: what is compared. setting: how noise and repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. cautions: what the record cannot say.
+        in_library: chance that the library holds the cause at all. unexplained: more than noise is left.
+        cautions: what the record cannot say.
     """
 
     record: Record
@@ -71,6 +72,7 @@ class Explained:
     tests: tuple[Test, ...]
     doubts: FloatArray
     in_library: float
+    unexplained: bool
     cautions: tuple[str, ...]
 
     @property
@@ -85,7 +87,7 @@ class Diagnosis(Explained):
 
     Attributes:
         explanations: the shortest list of the most probable hypotheses that reaches ``COVER``.
-        groups: effects that cannot be told apart. unexplained: more than noise is left.
+        groups: effects that cannot be told apart.
         levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint, held_out: see the
             modules of those names. local: estimates by amplitude, with the trends of damping and frequency (None where
             they cannot be seen).
@@ -93,7 +95,6 @@ class Diagnosis(Explained):
 
     explanations: tuple[Explanation, ...]
     groups: tuple[Group, ...]
-    unexplained: bool
     levels: tuple[size.LevelDeviation, ...]
     gap: size.Gap
     where: tuple[ResidualCell, ...]
@@ -147,7 +148,9 @@ def explain(
     in_library = weighing.estimate_in_library(doubts, leading, known.dispersion)
     weighed = weighing.blend_probabilities(hypotheses, in_library)
     cautions += weighing.describe_foreign(leading, foreign)
-    return Explained(record, mode, known, search, library, weighed, tests, doubts, in_library, tuple(cautions))
+    left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
+    left = left or known.dispersion > 1.0
+    return Explained(record, mode, known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
 
 
 @np.errstate(all="ignore")  # as above
@@ -168,7 +171,6 @@ def diagnose(
     gap = size.measure_gap(leading.best)
     apart = size.describe_repeatability(known, leading.best)
     doubts = [*apart, *list_ends(leading.best), *weighing.describe_held_out(leading, gap, held_out)]
-    left = unexplained(leading.best, explained.tests, explained.library)
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
@@ -176,7 +178,6 @@ def diagnose(
         groups=weighing.group_equivalent_effects(
             [explanation.hypothesis for explanation in hypotheses], explained.library
         ),
-        unexplained=known.dispersion > 1.0 or left or bool(apart),
         levels=size.list_levels(leading.best),
         gap=gap,
         where=residual_cells(leading.best),

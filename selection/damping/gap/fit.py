@@ -79,9 +79,9 @@ class ModelFit:
 
     @property
     def many_wild(self) -> bool:
-        """Whether more values are taken for wild than errors of measurement are."""
-        seen = self.model.problem.rows.seen
-        return bool(np.sum(self.weights[seen] < WILD_WEIGHT) > MOST_WILD * seen.sum() + _FEW_WILD)
+        """Whether more values are taken for wild than errors of measurement are, or than are not."""
+        wild = self.weights[self.model.problem.rows.seen] < WILD_WEIGHT
+        return bool(wild.sum() > min(MOST_WILD * wild.size + _FEW_WILD, 0.5 * wild.size))
 
 
 def fit_model(

@@ -41,8 +41,8 @@ def measure_gap(leading: ModelFit) -> Gap:
     """The gap of a record before and after its leading explanation, without wild points."""
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
-    before = root_mean_square(refitted(leading), regular)
     after = root_mean_square(leading, regular)
+    before = root_mean_square(refitted(leading), regular) if leading.effects else after
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 

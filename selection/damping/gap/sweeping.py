@@ -21,11 +21,14 @@ from damping.predict.steady import SteadyState
 from damping.progress import Progress, silent
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.resonance import find_resonance
 
 Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
+#: Frequencies of a sweep that is read as a test would be, at most: some tens between its half-power points.
+_READ = 400
 #: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
 _GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
 
@@ -138,10 +141,28 @@ def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "dow
     Raises:
         InputError: an effect that is not known, or its table is not.
     """
-    simulation = Simulation(mode)
-    terms = with_effects(simulation.terms(np.zeros((1, len(simulation.names)))), mode.effects)
     fine, between = finely(np.asarray(omega, dtype=float))
-    return followed(states(terms, F, fine), between, direction)
+    return followed(states(_simulate_terms(mode), F, fine), between, direction)
+
+
+def read_resonance(mode: Mode, F: float, omega: FloatArray, has_phase: bool) -> float:
+    """Resonant amplitude as :func:`damping.records.resonance.find_resonance` reads it of a slow sweep; NaN of none.
+
+    The sweep is read at ``omega`` (increasing, rad/s, (n,)), on the largest stable state of each frequency.
+    """
+    thin = np.unique(np.linspace(0, omega.size - 1, _READ).astype(np.int64))
+    found = states(_simulate_terms(mode), F, omega[thin])
+    largest = np.argmax(np.where(found.stable, found.amplitude, -np.inf), axis=1)
+    rows = np.flatnonzero(found.stable.any(axis=1))
+    columns = {"force": np.full(len(rows), F), "frequency": found.omega[rows] / RAD_S_PER_HZ}
+    columns |= {name: getattr(found, name)[rows, largest[rows]] for name in ("amplitude", "phase")[: 1 + has_phase]}
+    return find_resonance("", pd.DataFrame(columns)).amplitude if len(rows) else np.nan
+
+
+def _simulate_terms(mode: Mode) -> Terms:
+    """The terms of a mode with its effects."""
+    simulation = Simulation(mode)
+    return with_effects(simulation.terms(np.zeros((1, len(simulation.names)))), mode.effects)
 
 
 def states(terms: Terms, F: float, omega: FloatArray) -> Branches:

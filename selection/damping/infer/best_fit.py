@@ -116,8 +116,8 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
     All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
     together; without dimension, so that units cannot move a fit.
     """
-    pure = (record.scaled(FITTED_BITS) for record in records)
-    problems = [(Coordinates.of(law, scaled), scaled) for scaled in pure for law in laws]
+    bare = [record.scaled(FITTED_BITS) for record in records]
+    problems = [(Coordinates.of(law, scaled), scaled) for scaled in bare for law in laws]
     groups: dict[tuple[int, int, int], list[int]] = {}
     for i, (pure, scaled) in enumerate(problems):
         groups.setdefault((len(pure.law.parts), len(pure.law.free_shapes), len(scaled.A)), []).append(i)

@@ -55,6 +55,7 @@ class RecordResult:
     design: Loads | None  #: at the design forces; None, as the bands, where the study asks for none
     power_laws: tuple[PowerLaw, ...]  #: of both forms; empty with fewer than two levels
     findings: tuple[Finding, ...] = ()  #: of the audit of the record
+    against: tuple[str, ...] = ()  #: where the diagnosis disagrees with the predictions
     curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
     design_curve: Curve | None = None  #: the same at the design forces
     backbone: Backbone | None = None  #: frequency and mass
@@ -155,8 +156,8 @@ def build_cautions(study: StudyResult) -> list[Block]:
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
-    """Findings of the audit, cautions of the laws that carry weight, of their checks, and of the predictions."""
-    yield from map(str, result.findings)
+    """What the diagnosis says, findings of the audit, cautions of laws that carry weight, of checks and predictions."""
+    yield from (*result.against, *map(str, result.findings))
     for candidate in result.ranking.weighted(LEAST_WEIGHT):
         yield from candidate.cautions
     rough = [s for s in result.posteriors if s.leave_one_out.caution]

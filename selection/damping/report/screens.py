@@ -71,7 +71,7 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         "measured": "sweeps" if result.data.has_repeats else "resonances",
         "verdict": ranking.fit.sentence or "The leading law fits to the noise",
         "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
-        "refusals": dict.fromkeys(caution[0] for caution in design.cautions if caution) if design else (),
+        "refusals": dict.fromkeys(c for own in design.cautions for c in own if c.startswith("no p")) if design else (),
     }
 
 
@@ -130,7 +130,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
 
 def _list_gravest(result: RecordResult) -> list[str]:
     """The gravest cautions of a record but that it goes beyond the test, which the conditions say."""
-    cautions = [*map(str, result.findings), *filter(None, [result.ranking.fit.sentence])]
+    cautions = [*result.against, *filter(None, [result.ranking.fit.sentence]), *map(str, result.findings)]
     i = find_largest(result.design)
     if result.design is not None:
         cautions += result.design.cautions[-1 if i is None else i]
