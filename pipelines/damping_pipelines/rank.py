@@ -86,8 +86,8 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     table = PlainTable(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
     errors = result.table[["average_absolute_percent", "held_out_error", "score"]].to_numpy(float)
     shown = [(c, row) for c, row in zip(result.ranking.candidates, errors, strict=True) if c.weight > LEAST_WEIGHT]
-    if result.ranking.fit.sentence:
-        out.print(result.ranking.fit.sentence.capitalize(), style="bold red")
+    if sentence := result.ranking.fit.sentence:
+        out.print(sentence[0].upper() + sentence[1:], style="bold red")
     for c, row in shown:
         rank_text = "-" if c.rank is None else str(c.rank)
         fitted, held_out = ("< 0.01" if value < SMALL else number(value, 3) for value in row[:2])

@@ -205,7 +205,7 @@ def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
     Of one sweep |Z| = F/A obeys |Z|^2 = M^2 (omega_n^2 - omega^2)^2 + C^2, whatever its forces, so that its largest and
     least are sqrt(Z_max^2 - Z_min^2) <= M (omega_max^2 - omega_min^2) apart.
     """
-    means = np.log(table[["force", "amplitude"]]).groupby(level).mean()
+    means = table[["force", "amplitude"]].transform(np.log).groupby(level).mean()
     steps = means["amplitude"].diff() / means["force"].diff()
     if len(table) >= FEWEST_ROWS * (len(means) - 1) or not (steps[1:] > GROWS).all():
         return False
