@@ -212,7 +212,7 @@ def diagnose(
 
 @single_threaded
 def regress(
-    frame: pd.DataFrame,
+    frame: pd.DataFrame | Record,
     *,
     response: str,
     terms: str | Sequence[str],
@@ -222,7 +222,7 @@ def regress(
     t_stop: float | None = None,
     source: str = "table",
 ) -> RegressionResult:
-    """The regression program of 1970 on any table, as ``damping regress`` runs it.
+    """The regression program of 1970 on any table, or that of a record, as ``damping regress`` runs it.
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
@@ -237,6 +237,7 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
+    frame = frame.table if isinstance(frame, Record) else frame
     check_kind(frame, pd.DataFrame, "table")
     if not isinstance(terms, str | Sequence):
         raise InputError(f"terms is a {type(terms).__name__}", expected="a text, or a list of terms")

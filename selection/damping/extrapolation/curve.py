@@ -50,8 +50,8 @@ class Curve:
 
     Attributes:
         level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
-        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude lies within the
-            rows that the laws rest on. cautions: a tuple for each row.
+        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the
+            force that was asked, lies within the rows that the laws rest on. cautions: a tuple for each row.
     """
 
     level: float
@@ -176,14 +176,15 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
-    low, high = data.A.min() * (1.0 - ROUNDING), data.A.max() * (1.0 + ROUNDING)
+    given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
+    low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
         level=loads.level,
         amplitude=amplitude if of_force else Interval.known(asked),
         force=Interval.known(asked) if of_force else force,
         frequency=f,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
-        tested=(amplitude.median >= low) & (amplitude.median <= high),
+        tested=(given >= low) & (given <= high),
         cautions=loads.cautions,
     )
 
