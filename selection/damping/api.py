@@ -237,17 +237,16 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    frame = frame.table if isinstance(frame, Record) else frame
-    check_kind(frame, pd.DataFrame, "table")
+    table = frame.table if isinstance(frame, Record) else frame
+    check_kind(table, pd.DataFrame, "table")
     if not isinstance(terms, str | Sequence):
         raise InputError(f"terms is a {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    wanted = response.strip()
-    if not wanted:
+    if not (wanted := response.strip()):
         raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
-    table = frame.reset_index(drop=True)
+    table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
     return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
 
