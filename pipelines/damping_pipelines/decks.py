@@ -55,11 +55,11 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     The code is one of ``COMMENTS``, the text in ``decks.txt``. InputError: an unknown code, or a file that is no such
     form. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
+    if code not in COMMENTS:
+        raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     check_outputs({"--out": out}, source)
     content = read_bytes(source, MAX_FORM_SIZE)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
-    if code not in COMMENTS:
-        raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     levels, modes = defaultdict[float, list[Point]](list), defaultdict[str, list[Point]](list)
     rows = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     rows = rows or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]

@@ -181,7 +181,8 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
         return
     names = SYSTEMS[stated.system]
     if mode.units == Units():
-        summary.note(f"the mode names no units: its mass is taken to be in {names[0]} s^2/{names[1]}")
+        of_a_rotation = f"{names[0]} {names[1]} s^2 of a rotation"
+        summary.note(f"the mode names no units: its mass is taken in {names[0]} s^2/{names[1]}, or {of_a_rotation}")
         return
     for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
         if text and unit(text) != unit(name) and unit(text).factor != unit(name).factor:

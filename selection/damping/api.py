@@ -214,7 +214,7 @@ def diagnose(
 
 @single_threaded
 def regress(
-    frame: pd.DataFrame,
+    frame: pd.DataFrame | Record,
     *,
     response: str,
     terms: str | Sequence[str],
@@ -224,7 +224,7 @@ def regress(
     t_stop: float | None = None,
     source: str = "table",
 ) -> RegressionResult:
-    """The regression program of 1970 on any table, as ``damping regress`` runs it.
+    """The regression program of 1970 on any table, or that of a record, as ``damping regress`` runs it.
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
@@ -239,16 +239,16 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    check_kind(frame, pd.DataFrame, "table")
+    table = frame.table if isinstance(frame, Record) else frame
+    check_kind(table, pd.DataFrame, "table")
     if not isinstance(terms, str | Sequence):
         raise InputError(f"terms is a {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    wanted = response.strip()
-    if not wanted:
+    if not (wanted := response.strip()):
         raise InputError("the name of the response is empty", expected="a column of the table")
     names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
-    table = frame.reset_index(drop=True)
+    table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
     return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
 

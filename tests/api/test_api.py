@@ -215,6 +215,12 @@ def test_a_sweep_is_a_record_that_can_be_ranked_and_diagnosed(mode, form_of, tmp
     check_drawing(result)
 
 
+def test_regress_takes_a_record_as_its_table():
+    record = dp.read_record(SATURN / "records" / "config-2-mode-1.csv")
+    of_record, of_table = (dp.regress(x, response="energy", terms="A^2*omega") for x in (record, record.table))
+    assert of_record.to_json() == of_table.to_json()
+
+
 def test_regress_is_the_command(form_of):
     table = SATURN / "tables" / "table_5_II.csv"
     terms = "A_in^2*omega_rad_s, A_in^3*omega_rad_s"

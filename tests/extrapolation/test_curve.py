@@ -199,6 +199,17 @@ def test_ratio_and_frequency_hold_the_truth(peaks):
 
 
 @pytest.mark.usefixtures("few_laws")
+@pytest.mark.parametrize("reading", [0.99, 1.01])
+def test_the_largest_tested_force_is_tested_whichever_way_its_reading_is_off(reading):
+    """The laws' amplitude there lies beside the reading, which is noisy; the force itself was applied."""
+    force = np.geomspace(1.0, 4.0, 4)
+    amplitude = resonant_amplitude(TRUE, force, OMEGA_N) * np.array([1.0, 1.0, 1.0, reading])
+    mode = dp.Mode(name="m", frequency=OMEGA_N / (2.0 * np.pi), mass=M)
+    asked = dp.curve(record_of(force, amplitude, np.full(4, OMEGA_N)), mode, forces=[1.0, 4.0, 4.1])
+    assert asked.table["tested"].tolist() == [True, True, False]
+
+
+@pytest.mark.usefixtures("few_laws")
 def test_curve_goes_over_the_test_and_beyond():
     force = np.geomspace(1.0, 4.0, 4)
     amplitude = resonant_amplitude(TRUE, force, OMEGA_N)

@@ -133,3 +133,11 @@ def test_what_cannot_be_written_is_said_in_one_line(form, code, said, status, da
     assert said in run.err
     assert len(run.err.strip().splitlines()) == 1
     assert not out.exists()
+
+
+def test_an_unknown_code_is_said_before_the_file_is_read(damping, tmp_path: Path):
+    record = tmp_path / "record.csv"
+    record.write_text("sweep,force,frequency,amplitude\nL1,1,20,0.002\n")
+    told = damping("export", record, "--to", "uff", "--out", tmp_path / "record.uff")
+    assert told.code == 2
+    assert "--to 'uff' is unknown; expected nastran or abaqus or ansys or opensees or openfast" in told.err

@@ -1,5 +1,6 @@
 """The table of candidates: right law first, weights, physical or not, cautions, held-out errors."""
 
+import re
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import ClassVar
@@ -256,6 +257,24 @@ def test_verdict_on_clean_records_and_on_noise(seed, peaks):
 def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit):
     """Whole sweeps whose damping departs from any law by 15 % with amplitude, at 1 % of noise: none fits."""
     assert rank_laws(swept_misfit, hold_out=False).fit.verdict == "none fits"
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.99, 0.88, 1.2])
+def test_a_level_that_is_off_beside_quiet_rows_is_said(swept, gain):
+    """Viscous sweeps with 0.5 % of noise: a level whose gain is 12 % low is named with that number, none of 1 %."""
+    record = swept(make("viscous", coefficient=1.5), np.array([1.0, 2.0, 4.0]), noise=0.005)
+    read = record.table["amplitude"] * np.where(record.table["sweep"] == record.sweeps[2], gain, 1.0)
+    found = rank_laws(observe(Record(record.table.assign(amplitude=read), "swept")), hold_out=False).fit
+    if abs(gain - 1.0) < 0.02:
+        assert found.sentence == ""
+    else:
+        told = re.search(
+            r"levels scatter .*: (\S+) is farthest off, its amplitudes (\S+) % (below|above)", found.sentence
+        )
+        assert told, found.sentence
+        within = 0.5 + 50.0 * np.log(gain) ** 2  # per cent: printed to two digits, and a level's factor to first order
+        assert (told[1], told[3]) == (record.sweeps[2], "below" if gain < 1.0 else "above")
+        assert float(told[2]) == pytest.approx(100.0 * abs(gain - 1.0), abs=within)
 
 
 def test_friction_is_judged_on_the_force_of_a_decay():

@@ -339,6 +339,7 @@ def wrong_cases(seed: int) -> dict[str, tuple[str, pd.DataFrame, Mode, bool]]:
         four.assign(sweep="all").sort_values("frequency").drop(columns="phase"),
         False,
     )
+    add("peaks alone, one label", "mixed-levels", peaks(b4).assign(sweep="all"), False)
     n = len(table)
     noise = table.assign(amplitude=b.A * np.exp(rng.normal(size=n)), phase=rng.uniform(0, pi, n))
     add("noise", "edge-of-sweep", noise)

@@ -67,6 +67,22 @@ def test_one_cause_is_one_finding(name):
     assert [finding.check for finding in audit(record_of(table), mode).findings] == [check]
 
 
+@pytest.mark.parametrize("rows", [4, 6, 9, 15])
+@pytest.mark.parametrize("shown", [("force", "amplitude"), ("force", "amplitude", "phase")])
+def test_a_force_that_drops_at_resonance_is_no_mixed_level(rows, shown):
+    """A shaker that gives way to the motion: F = F_0 |D|/|D + i b| with D = 1 - r^2 + 2 i zeta r, and A = F/(K |D|)."""
+    rng = np.random.default_rng(rows)
+    for _ in range(50):
+        zeta, span = np.exp(rng.uniform(np.log([0.001, 0.5]), np.log([0.05, 6.0])))
+        r = 1.0 + zeta * span * (rng.uniform(-0.5, 0.5) + np.linspace(-1.0, 1.0, rows))
+        D, yields = 1.0 - r**2 + 2j * zeta * r, 2.0 * zeta * np.exp(rng.uniform(-1.0, 3.0))
+        F = np.abs(D / (D + 1j * yields)) * np.exp(rng.normal(0.0, 0.005, rows))
+        A = F / np.abs(D) * np.exp(rng.normal(0.0, 0.01, rows))
+        table = pd.DataFrame({"sweep": "L1", "force": F, "frequency": 20.0 * r, "amplitude": A, "phase": np.angle(D)})
+        found = audit(dp.Record(table[["sweep", "frequency", *shown]])).findings
+        assert "mixed-levels" not in [one.check for one in found], (zeta, span, yields)
+
+
 @pytest.mark.parametrize("factor", [0.5, 0.8, 0.95, 1.0, 1.05, 1.2])
 def test_an_energy_that_contradicts_its_row_is_refused(factor):
     """One measured on the structure may differ by 5 %, as a gain does, from that of noisy force, motion and phase."""

@@ -31,7 +31,7 @@ REFUSED = {
     "semicolons": (
         "sweep;force;frequency;amplitude\nA;1;2;3\n",
         f", line 1: missing columns sweep, force, frequency, amplitude "
-        f"(the header is separated by semicolons or tabs); {NEEDED}",
+        f"(the header is separated by semicolons or tabs: damping import reads such files); {NEEDED}",
     ),
     "doubled": (
         "\n" + HEAD.replace("phase", "force"),

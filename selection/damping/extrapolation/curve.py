@@ -53,8 +53,8 @@ class Curve:
 
     Attributes:
         level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
-        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude lies within the
-            rows that the laws rest on. cautions: a tuple for each row.
+        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the
+            force that was asked, lies within the rows that the laws rest on. cautions: a tuple for each row.
     """
 
     level: float
@@ -181,14 +181,15 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     moved = RAD_S_PER_HZ * f.median / data.tested_omega[data.top] - 1.0
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
-    low, high = data.A.min() * (1.0 - ROUNDING), data.A.max() * (1.0 + ROUNDING)
+    given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
+    low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
         level=loads.level,
         amplitude=amplitude if of_force else Interval.known(asked),
         force=Interval.known(asked) if of_force else force,
         frequency=f,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
-        tested=(amplitude.median >= low) & (amplitude.median <= high),
+        tested=(given >= low) & (given <= high),
         cautions=tuple((*said, *_describe_move(own)) for said, own in zip(loads.cautions, moved.tolist(), strict=True)),
     )
 

@@ -32,6 +32,8 @@ FLOOR = 3e-4
 WORTH = 3.0
 #: Explanations compared with the leading one.
 MOST_RIVALS = 3
+#: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
+CERTAIN = 100.0
 
 _SWEEP = ("force", "frequency", "amplitude", "phase")
 _THIRD = ("amplitude_3", "phase_3")
@@ -161,6 +163,11 @@ class NextTest:
     columns: tuple[str, ...]
     rows: tuple[dict[str, float], ...]
     command: str
+
+    @property
+    def told(self) -> float:
+        """Expected log odds as they are told, ``CERTAIN`` at most."""
+        return min(self.expected_log_odds, CERTAIN)
 
 
 def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:

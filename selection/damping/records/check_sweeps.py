@@ -3,8 +3,9 @@
 from math import log, pi
 
 import numpy as np
+import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
@@ -153,36 +154,68 @@ def _measure_rates(view: View) -> dict[str, float]:
 
 #: Forces of levels differ by this factor at least; of one level by less than a quarter of that (in the logarithm).
 LEVEL = 1.12
+#: Peaks alone under one label: their phases differ by less than this, rad,
+PEAKS_IN_PHASE = 0.5
+#: and ln amplitude grows by more than this times ln force: of peaks by 0.5 (velocity-squared damping) or more; where a
+#: shaker's force drops at a resonance amplitude grows as the force falls.
+GROWS = 0.3
+#: Without phases they are peaks where it grows by more than this, which no rig makes of one resonance,
+GROWS_AS_FORCE = 0.75
+#: or where so many times the inertia that the frequencies span does not explain how much F/A changes;
+BEYOND_INERTIA = 2.0
+LIGHTEST = 5e-4  #: a mass that nobody states is that of a damping ratio of this
 
 
 def check_mixed_levels(view: View) -> Finding | None:
-    """One label, several forces: rows of different levels take turns over the same frequencies."""
+    """One label, several forces: rows of different levels take turns over the same frequencies, or are peaks alone."""
     levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
     mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
-    if not mixed:
+    if not mixed or view.record.is_decay:
         return None
     levels = next(iter(mixed.values()))
     forces = ", ".join(f"{force:.4g}" for force in levels[:6])
     what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
-    return Finding("mixed-levels", "caution", what, "give every level a label of its own", tuple(mixed))
+    advice = "give every level a label of its own"
+    every = view.record.has_phase or "energy" in view.record.table
+    advice += "" if every else ": of one label only the largest amplitude is used"
+    return Finding("mixed-levels", "caution", what, advice, tuple(mixed))
 
 
 def _find_levels(view: View, sweep: str) -> list[float]:
     """Forces of the levels that one label holds; none where it is one level."""
     table = view.record.table[view.record.table["sweep"] == sweep].sort_values("frequency", kind="stable")
-    x = np.log(table["force"].to_numpy(dtype=np.float64))
+    frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
     order = np.sort(x)
     cuts = np.flatnonzero(np.diff(order) > log(LEVEL))
     groups = np.split(order, cuts + 1)
-    if len(groups) < 2 or min(map(len, groups)) < 2 or max(map(np.ptp, groups)) > 0.5 * np.diff(order)[cuts].min():
+    if len(groups) < 2 or max(map(np.ptp, groups)) > 0.5 * np.diff(order)[cuts].min():
         return []
     level = np.searchsorted(order[cuts], x - 1e-12)
-    frequency = table["frequency"].to_numpy(dtype=np.float64)
     spans = [(frequency[level == k].min(), frequency[level == k].max()) for k in range(len(groups))]
     low, high = max(span[0] for span in spans), min(span[1] for span in spans)
     shared = (frequency >= low) & (frequency <= high)
-    changes = int(np.sum(np.diff(level[shared]) != 0))
-    return [float(np.exp(group.mean())) for group in groups] if changes >= max(4, len(groups)) else []
+    changes = int(np.sum(np.diff(level[shared]) != 0)) if min(map(len, groups)) > 1 else 0
+    mixed = changes >= max(4, len(groups)) or _are_peaks(view, table, level)
+    return [float(np.exp(group.mean())) for group in groups] if mixed else []
+
+
+def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
+    """Whether the few rows of one label, of numbered ``level`` (rows,) of force, are peaks and no sweep of one force.
+
+    Of one sweep |Z| = F/A obeys |Z|^2 = M^2 (omega_n^2 - omega^2)^2 + C^2, whatever its forces, so that its largest and
+    least are sqrt(Z_max^2 - Z_min^2) <= M (omega_max^2 - omega_min^2) apart.
+    """
+    means = table[["force", "amplitude"]].transform(np.log).groupby(level).mean()
+    steps = means["amplitude"].diff() / means["force"].diff()
+    if len(table) >= FEWEST_ROWS * (len(means) - 1) or not (steps[1:] > GROWS).all():
+        return False
+    if "phase" in table.columns:
+        return bool(np.ptp(table["phase"]) < PEAKS_IN_PHASE)
+    Z, squared = table["force"] / table["amplitude"], (RAD_S_PER_HZ * table["frequency"]) ** 2
+    stated = view.mode.mass if view.mode and view.mode.drive == "force" else Z.min() / (2.0 * LIGHTEST * squared.mean())
+    apart = (Z.max() ** 2 - Z.min() ** 2) ** 0.5
+    whole = np.ptp(means["amplitude"]) / np.ptp(means["force"])
+    return bool(whole > GROWS_AS_FORCE or apart > BEYOND_INERTIA * stated * np.ptp(squared))
 
 
 def check_repeats(view: View) -> Finding | None:

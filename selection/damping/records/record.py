@@ -142,7 +142,7 @@ def require_columns(
     if not missing:
         return
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        hint = " (the header is separated by semicolons or tabs)"
+        hint = " (the header is separated by semicolons or tabs: damping import reads such files)"
     else:
         hint = describe_meant(missing[0], names, likeness=0.6)
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"

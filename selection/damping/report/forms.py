@@ -255,7 +255,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
             effect: {name: list(interval) for name, interval in values.items()}
             for effect, values in effect_intervals(leading.best).items()
         },
-        "next_test": None if diagnosis.next_test is None else asdict(diagnosis.next_test),
+        "next_test": (test := diagnosis.next_test) and asdict(test) | {"expected_log_odds": test.told},
         "tests": [asdict(test) for test in diagnosis.tests],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
