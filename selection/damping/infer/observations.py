@@ -27,7 +27,8 @@ MOST_ROWS = 20_000
 MOST_SWEEPS = 100
 #: Binary digits of observations that are drawn for: rounding in other units, a hundred million times smaller, hardly
 #: ever moves one of them, and draws part for good where one moves. Best fits do not, and keep more.
-DRAWN_BITS, FITTED_BITS = 26, 40
+DRAWN_BITS = 26
+FITTED_BITS = 40
 
 
 @dataclass(frozen=True)

@@ -244,7 +244,7 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     noise = _measure_roughness(n, data)[0]
     if len(data.sweeps) < FEWEST_LEVELS or not noise > 0.0:
         return ""
-    off = -np.bincount(data.sweep, h * n) / np.bincount(data.sweep, h * h)
+    off = -np.bincount(data.sweep, h * n) / np.maximum(np.bincount(data.sweep, h * h), 1e-300)
     scatter = float(np.std(off, ddof=1))
     if scatter < max(BEYOND_ROWS * noise, LEVELS_APART):
         return ""
