@@ -136,7 +136,20 @@ def regress_form(result: Regression) -> Form:
         "response": design.response,
         "terms": _build_terms(fit),
         "one_term_fits": tabulate_one_term_fits(design).to_dict("records"),
-        "summary": _summary(fit),
+        "summary": {
+            "rms_error": fit.rms_error,
+            "average_absolute_deviation": fit.average_absolute_deviation,
+            "average_absolute_percent": fit.average_absolute_percent,
+            "standard_error": fit.standard_error,
+            "largest_absolute_deviation": fit.largest_absolute_deviation,
+            "largest_absolute_percent": fit.largest_absolute_percent,
+            "r_squared": fit.r_squared,
+            "r_squared_centred": fit.r_squared_centred,
+            "correlation_fitted_observed": fit.correlation,
+            "squared_correlation": fit.correlation**2,
+            "condition_number": fit.condition_number,
+            "degrees_of_freedom": fit.n - fit.k,
+        },
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
         "steps": [
@@ -164,23 +177,6 @@ def regress_form(result: Regression) -> Form:
 
 def _build_terms(fit: Fit) -> list[dict[Hashable, Any]]:
     return tabulate_terms(fit).to_dict("records")
-
-
-def _summary(fit: Fit) -> Form:
-    return {
-        "rms_error": fit.rms_error,
-        "average_absolute_deviation": fit.average_absolute_deviation,
-        "average_absolute_percent": fit.average_absolute_percent,
-        "standard_error": fit.standard_error,
-        "largest_absolute_deviation": fit.largest_absolute_deviation,
-        "largest_absolute_percent": fit.largest_absolute_percent,
-        "r_squared": fit.r_squared,
-        "r_squared_centred": fit.r_squared_centred,
-        "correlation_fitted_observed": fit.correlation,
-        "squared_correlation": fit.correlation**2,
-        "condition_number": fit.condition_number,
-        "degrees_of_freedom": fit.n - fit.k,
-    }
 
 
 def _build_subsets(models: Subsets | None) -> list[Form] | None:
