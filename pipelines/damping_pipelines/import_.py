@@ -13,7 +13,7 @@ from damping.formats import read_file
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import Series, Stated, Summary
-from damping.formats.steady import Imported, steady_record
+from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
@@ -79,27 +79,27 @@ def import_file(
             if stated.forces:
                 raise InputError("--force beside --ring-down", expected="one of them: a free decay has no force")
             mode = read_mode(mode_file)
-            imported = _decays(series, stated, mode, window, file, summary)
+            record = _decays(series, stated, mode, window, file, summary)
         elif any(row.is_time for row in series):
             expected = "--ring-down --mode MODE.toml where they are free decays"
             raise InputError("the file holds time histories", expected=expected)
         else:
-            imported = steady_record(series, stated, file, summary)
-    findings = report_findings(imported.record, mode, despite)
-    write_text(out, record_to_csv(imported.record))
+            record = steady_record(series, stated, file, summary)
+    findings = report_findings(record, mode, despite)
+    write_text(out, record_to_csv(record))
     if json_out is not None:
         form = {
             "format": "import/1",
             "record": str(out),
-            "rows": len(imported.record),
-            "sweeps": list(imported.record.sweeps),
-            "understood": imported.summary.table.to_dict(orient="records"),
-            "notes": imported.summary.notes,
+            "rows": len(record),
+            "sweeps": list(record.sweeps),
+            "understood": summary.table.to_dict(orient="records"),
+            "notes": summary.notes,
             "audit": findings.to_json()["findings"],
         }
         write_json(json_out, form)
     if json_out != "-":
-        _print(imported, out, console())
+        _print(record, summary, out, console())
 
 
 def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
@@ -148,7 +148,7 @@ def read_band(text: str | None) -> tuple[float, float] | None:
 
 def _decays(
     series: list[Series], stated: Stated, mode: Mode, window: Mapping[str, Any], file: Path, summary: Summary
-) -> Imported:
+) -> Record:
     """The record of free decays: each level a sweep of its own."""
     _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
@@ -157,7 +157,7 @@ def _decays(
     table = pd.concat(tables, ignore_index=True)
     if len({history.label for history in histories}) < len(histories):
         raise InputError("two time histories have one label", expected="--label of each, all different")
-    return Imported(Record(table, str(file)), summary)
+    return Record(table, str(file))
 
 
 def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary) -> Decay:
@@ -191,12 +191,12 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
             raise InputError(f"the mode is in {text} and the record in {name}", file=mode.source, expected=expected)
 
 
-def _print(imported: Imported, out: Path, to: Console) -> None:
-    title = f"{escape_control(Path(imported.record.source).name)}: what was understood"
+def _print(record: Record, summary: Summary, out: Path, to: Console) -> None:
+    title = f"{escape_control(Path(record.source).name)}: what was understood"
     table = PlainTable(title, (), ("what", "understood", "whence"))
-    for row in imported.summary.rows:
+    for row in summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)
-    for note in imported.summary.notes:
+    for note in summary.notes:
         to.print(f"- {escape_control(note)}")
-    to.print(f"{len(imported.record)} rows written to {out}")
+    to.print(f"{len(record)} rows written to {out}")

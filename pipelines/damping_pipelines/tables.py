@@ -121,11 +121,11 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
 
     drawn: dict[str, str] = {}
     for place, result in enumerate(results, start=1):
-        d, response = result.deviations, result.design.response
+        fit, response = result.selected.fit, result.design.response
         variables = {
             **result.independent,
             **dict(zip(result.design.names, result.design.columns.T, strict=True)),
-            f"fitted {response}": d.fitted,
+            f"fitted {response}": fit.fitted,
             "row": (result.rows + 1).astype(np.float64),
         }
         for name, x in variables.items():
@@ -134,9 +134,10 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
             taken = {name.lower() for name in drawn}  # where case makes no difference
             stems = (stem, *(f"{stem}-{i}" for i in range(2, len(drawn) + 3)))
             stem = next(free for free in stems if f"{free}.svg".lower() not in taken)
-            figure = deviations_figure(x, d.deviation, d.percent, x_label=name, response=response)
+            figure = deviations_figure(x, fit.deviations, fit.percent, x_label=name, response=response)
             title = f"{result.data}: deviations of {response} against {name}"
-            caption = f"Largest deviation {d.largest_absolute:.4g}, average {d.average_absolute_percent:.4g} per cent."
+            largest, average = fit.largest_absolute_deviation, fit.average_absolute_percent
+            caption = f"Largest deviation {largest:.4g}, average {average:.4g} per cent."
             drawn[f"{stem}.svg"] = to_svg(figure, stem, title, caption)
             figure.clear()
     return drawn

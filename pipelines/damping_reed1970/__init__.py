@@ -50,8 +50,16 @@ def load_table(name: str, version: Version = "printed", run: Run = "E4") -> pd.D
 @lru_cache
 def _load(name: str, version: Version, run: Run) -> pd.DataFrame:
     table = load_text(f"tables/table_{name}")
-    if version != "printed":
-        table = _tabulate_corrected(table, name, version, run)
+    corrections = load_text("corrections")
+    own = corrections[corrections["table"] == name] if version != "printed" else corrections[:0]
+    for row in own.to_dict("records"):
+        used = row["used_by_report"] if version == "used" and row["run"] in ("", run) else ""
+        value = used or row["corrected"]
+        if value:
+            # columns ``a|b`` that hold ``1|A``
+            where = zip(row["key_columns"].split("|"), row["key"].split("|"), strict=True)
+            matching = np.logical_and.reduce([table[column] == key for column, key in where])
+            table.loc[matching, row["column"]] = value
     return _tabulate_numeric(table)
 
 
@@ -73,27 +81,11 @@ def load_force_laws() -> pd.DataFrame:
 
 def _tabulate_numeric(table: pd.DataFrame, text: tuple[str, ...] = ()) -> pd.DataFrame:
     """Turn the columns that hold only numbers and blanks into floats or integers (blank: NaN)."""
-    table = table.copy()
     for name in table.columns.difference(list(text)):
         filled = table[name].where(table[name] != "")
         numbers = pd.to_numeric(filled, errors="coerce")
         if filled.notna().any() and numbers.notna().equals(filled.notna()):
             table[name] = numbers
-    return table
-
-
-def _tabulate_corrected(table: pd.DataFrame, name: str, version: Version, run: Run) -> pd.DataFrame:
-    """Copy of a table (as text) with its corrections applied."""
-    table = table.copy()
-    corrections = load_text("corrections")
-    for row in corrections[corrections["table"] == name].to_dict("records"):
-        used = row["used_by_report"] if version == "used" and row["run"] in ("", run) else ""
-        value = used or row["corrected"]
-        if value:
-            # columns ``a|b`` that hold ``1|A``
-            where = zip(row["key_columns"].split("|"), row["key"].split("|"), strict=True)
-            matching = np.logical_and.reduce([table[column] == key for column, key in where])
-            table.loc[matching, row["column"]] = value
     return table
 
 

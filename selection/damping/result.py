@@ -178,9 +178,9 @@ class RegressionResult(Result):
         """Deviations against the fitted response."""
         from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
 
-        d, response = self.regression.deviations, self.regression.design.response
+        fit, response = self.regression.selected.fit, self.regression.design.response
         labels = {"x_label": f"fitted {response}", "response": response}
-        figure = deviations_figure(d.fitted, d.deviation, d.percent, **labels, axes=ax)
+        figure = deviations_figure(fit.fitted, fit.deviations, fit.percent, **labels, axes=ax)
         return ax or figure
 
     @property

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 import pyuff
 
 from damping.formats import read_file
-from damping.formats.series import Stated
-from damping.formats.steady import Imported, steady_record
+from damping.formats.series import Stated, Summary
+from damping.formats.steady import steady_record
+from damping.records.record import Record
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,13 @@ def truth() -> Truth:
     return Truth(f, 1.0 / (M * (omega_n**2 - w**2 + 2j * zeta * omega_n * w)), 3.0)
 
 
+class Imported(NamedTuple):
+    """A record and what was understood on the way."""
+
+    record: Record
+    summary: Summary
+
+
 @pytest.fixture
 def imported() -> Callable[..., Imported]:
     """``imported(path, **stated)``: the record of a file."""
@@ -48,7 +57,7 @@ def imported() -> Callable[..., Imported]:
     def run(path: Path, **stated: object) -> Imported:
         said = Stated(**stated)
         series, summary = read_file(path, said)
-        return steady_record(series, said, path, summary)
+        return Imported(steady_record(series, said, path, summary), summary)
 
     return run
 

@@ -66,7 +66,7 @@ def tried(path: Path, data: bytes, kind: str) -> None:
     for stated in (Stated(format=kind), STATED):
         with contextlib.suppress(InputError):
             series, summary = read_file(path, stated)
-            record = steady_record(series, stated, path, summary).record
+            record = steady_record(series, stated, path, summary)
             assert np.isfinite(record.column("amplitude")).all()
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from damping.errors import AnalysisError
 from damping.regression.design import Design, correlations, decompose, design_of_arrays, tabulate_variables
 from damping.regression.fit import fit, one_term_fits
-from damping.regression.program import break_down, deviations_of, sum_up
+from damping.regression.program import break_down, sum_up
 
 Build = Callable[..., Design]
 SEEDS = st.integers(0, 2**32 - 1)
@@ -61,24 +61,23 @@ def test_definitions(random_design: Build) -> None:
     fitted = design.columns @ np.linalg.lstsq(design.columns, observed, rcond=None)[0]
     error = observed - fitted
     percent = 100 * error[observed != 0] / observed[observed != 0]
-    deviations = deviations_of(found)
-    assert np.isnan(deviations.percent[4])
+    assert np.isnan(found.percent[4])
     pairs = [
         (found.rms_error, np.sqrt((error**2).sum() / 12)),
         (found.standard_error, np.sqrt((error**2).sum() / 9)),
         (found.r_squared, 1 - (error**2).sum() / (observed**2).sum()),
         (found.r_squared_centred, 1 - (error**2).sum() / ((observed - observed.mean()) ** 2).sum()),
         (found.correlation, np.corrcoef(fitted, observed)[0, 1]),
-        (deviations.average_absolute, np.abs(error).mean()),
-        (deviations.largest_absolute, np.abs(error).max()),
-        (deviations.average_absolute_percent, np.abs(percent).mean()),
-        (deviations.largest_absolute_percent, np.abs(percent).max()),
+        (found.average_absolute_deviation, np.abs(error).mean()),
+        (found.largest_absolute_deviation, np.abs(error).max()),
+        (found.average_absolute_percent, np.abs(percent).mean()),
+        (found.largest_absolute_percent, np.abs(percent).max()),
     ]
     for ours, defined in pairs:
         assert ours == pytest.approx(defined, rel=1e-10)
     expected = [fitted.sum(), observed.sum(), -error.sum(), fitted @ fitted, observed @ observed, error @ error]
     np.testing.assert_allclose(list(sum_up(found).values()), expected, rtol=1e-10, atol=1e-12)
-    bands = break_down(deviations)
+    bands = break_down(found)
     edges = [0, 1, 2, 5, 10, 20, 50, 100, 1e9]
     assert bands["number"].tolist() == np.histogram(np.abs(percent), edges)[0].tolist()
     assert bands["percent"].sum() == pytest.approx(100 * 11 / 12, rel=1e-12)
@@ -211,7 +210,7 @@ def test_statistics_that_do_not_exist() -> None:
     zero = fit(design_of_arrays(np.arange(1.0, 5.0)[:, None], np.zeros(4)))
     assert zero.coefficients[0] == 0.0
     assert np.isnan([zero.r_squared, zero.r_squared_centred, zero.correlation]).all()
-    assert np.isnan(deviations_of(zero).average_absolute_percent)
+    assert np.isnan(zero.average_absolute_percent)
     level = fit(design_of_arrays(np.ones((4, 1)), np.full(4, 7.0)))
     assert level.r_squared == pytest.approx(1.0, rel=1e-15)
     assert np.isnan([level.r_squared_centred, level.correlation]).all()

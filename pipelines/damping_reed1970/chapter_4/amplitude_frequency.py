@@ -76,7 +76,7 @@ CURVES: dict[str, float] = PRINTED["curves"]
 
 @dataclass(frozen=True)
 class CaseCurve:
-    """The response of one case, (points,) over ``amplitude``.
+    """The response of one case, (points,) over the amplitudes of :class:`AmplitudeFrequency`.
 
     ``eta_squared`` and ``phase`` (rad) are (2, points), below resonance first (NaN under the static amplitude). Below
     resonance ``delta``, ``epsilon``, ``percent``: distances from the undamped curve and its error.
@@ -84,7 +84,6 @@ class CaseCurve:
 
     name: str
     force: Force
-    amplitude: FloatArray
     eta_squared: FloatArray
     phase: FloatArray
     delta: FloatArray
@@ -135,7 +134,6 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
     return CaseCurve(
         name=name,
         force=force,
-        amplitude=A,
         eta_squared=eta_squared,
         phase=phase_lag(force, A, omega_n * np.sqrt(eta_squared), M, omega_n),
         delta=F / (M * omega_n**2 * A) - below,
@@ -187,12 +185,12 @@ def draw_response_explained(result: AmplitudeFrequency) -> Figure:
     figure, axes = build_panel(3.3, "frequency ratio squared η²", "amplitude")
     curve, top = result.curves[0], 1.6 * result.A_m
     _draw_undamped(axes, result)
-    axes.plot(*_join_sides(curve, curve.amplitude, curve.amplitude), color=INK, label="damped")
+    axes.plot(*_join_sides(curve, result.amplitude, result.amplitude), color=INK, label="damped")
     axes.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)))
     axes.annotate("backbone", (1.0, 0.97 * top), (4, 0), textcoords="offset points", fontsize=8, va="top")
     A = _MARKED * result.A_m
     across = (curve.eta_squared[0], result.undamped[0], curve.epsilon)
-    damped, undamped, epsilon = (float(np.interp(A, curve.amplitude, values)) for values in across)
+    damped, undamped, epsilon = (float(np.interp(A, result.amplitude, values)) for values in across)
     arrow = {"arrowstyle": "<->", "color": ALERT, "shrinkA": 0, "shrinkB": 0, "linewidth": 1.1}
     axes.annotate("", (undamped, A), (damped, A), arrowprops=arrow)
     axes.annotate("δ", (0.5 * (undamped + damped), A), (0, -12), textcoords="offset points", color=ALERT, ha="center")
@@ -212,7 +210,7 @@ def draw_response_curves(result: AmplitudeFrequency) -> Figure:
         _draw_undamped(axes, result)
         for curve in result.curves:
             if curve.name.startswith("case V,") == fifth:
-                _draw_line(axes, curve.name, *_join_sides(curve, curve.amplitude, curve.amplitude))
+                _draw_line(axes, curve.name, *_join_sides(curve, result.amplitude, result.amplitude))
         axes.plot([1.0], [result.A_m], "o", markersize=6, **resonance)
         axes.set(ylim=(0.0, 1.12 * result.A_m), title=title, ylabel="modal amplitude (in)")
         axes.legend(loc="lower center", fontsize=7)
@@ -238,8 +236,8 @@ def draw_differences(result: AmplitudeFrequency) -> Figure:
     """Draw delta and epsilon against amplitude, with the printed delta of case I (Figs. 4.7, 4.8)."""
     figure, (left, right) = build_panels(5.4, 2, sharex=True)
     for curve in result.curves:
-        _draw_line(left, curve.name, curve.amplitude, 1e3 * curve.delta)
-        _draw_line(right, curve.name, curve.amplitude, curve.epsilon)
+        _draw_line(left, curve.name, result.amplitude, 1e3 * curve.delta)
+        _draw_line(right, curve.name, result.amplitude, curve.epsilon)
     left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
     left.plot(CURVES["A"], 1e3 * CURVES["delta"], "s", **_PRINTED, label="printed, case I")
     left.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
@@ -254,7 +252,7 @@ def draw_undamped_error(result: AmplitudeFrequency) -> Figure:
     """Draw the error of the undamped curve against amplitude over the resonant one (Fig. 4.9)."""
     figure, axes = build_panel(3.2, "amplitude / resonant amplitude", "error of neglecting damping (per cent)")
     for curve in result.curves:
-        _draw_line(axes, curve.name, curve.amplitude / result.A_m, curve.percent)
+        _draw_line(axes, curve.name, result.amplitude / result.A_m, curve.percent)
     axes.plot(0.5, CURVES["percent_at_half"], "s", **_PRINTED, label="printed, case I: 14 per cent at ½")
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, 60.0))
     axes.legend(loc="upper left")

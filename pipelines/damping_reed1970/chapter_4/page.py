@@ -24,8 +24,11 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     lines, variations, predictions = named["linear_coefficients"], every["level_variations"], every["level_predictions"]
     bases, pairs = "base " + variations["base"], predictions["base"] + " → " + predictions["sweep"]
     symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
+    columns = ["mode", "cases", "parameter", "coefficient", "std_error", "low", "high", "printed", "force"]
+    corrected = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
+    parameter = corrected["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁")
     shown = {
-        "lines": Table(_tabulate_corrected(lines), "", headings=symbols, key="linear_coefficients"),
+        "lines": Table(corrected.assign(parameter=parameter), "", headings=symbols, key="linear_coefficients"),
         "spreads": chapter_table(4, "level_variations", tabulate_spreads(variations)),
         "by_base": chapter_table(4, "level_variations", _widen(variations, "largest_percent", bases)),
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
@@ -51,13 +54,6 @@ def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
     for (mode, held), level in studies.levels.items():
         figures[f"level-variation-mode-{mode}-{held}"] = partial(draw_level_variation, level.variations, held)
     return figures
-
-
-def _tabulate_corrected(lines: pd.DataFrame) -> pd.DataFrame:
-    """What the page shows of the linear coefficients."""
-    columns = ["mode", "cases", "parameter", "coefficient", "std_error", "low", "high", "printed", "force"]
-    shown = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
-    return shown.assign(parameter=shown["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁"))
 
 
 def tabulate_spreads(variations: pd.DataFrame) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from damping.forces import coefficient_from_energy, force_class
 from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
 from damping.regression.fit import Fit, fit
-from damping.regression.program import deviations_of, tabulate_terms
+from damping.regression.program import tabulate_terms
 from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 
@@ -222,7 +222,7 @@ def tabulate_regressions() -> pd.DataFrame:
 
 
 def _tabulate_fit(energy_fit: EnergyFit, inputs: str, changed: int, fitted: Fit) -> pd.DataFrame:
-    deviations, terms = deviations_of(fitted), list(energy_fit.printed)
+    terms = list(energy_fit.printed)
     cases = [TERM_CASES[term] for term in terms]
     return pd.DataFrame(
         {
@@ -239,8 +239,8 @@ def _tabulate_fit(energy_fit: EnergyFit, inputs: str, changed: int, fitted: Fit)
             "printed_force": [energy_fit.forces.get(term, np.nan) for term in terms],
             "r_squared_without_constant": fitted.r_squared,
             "rms_error_in_lb": fitted.rms_error,
-            "average_absolute_percent": deviations.average_absolute_percent,
-            "largest_absolute_percent": deviations.largest_absolute_percent,
+            "average_absolute_percent": fitted.average_absolute_percent,
+            "largest_absolute_percent": fitted.largest_absolute_percent,
             "condition_number": fitted.condition_number,
             "erratum": energy_fit.erratum,
         }
@@ -264,8 +264,8 @@ def tabulate_regression_deviations() -> pd.DataFrame:
         part["percent_printed"] = table[energy_fit.percent] if energy_fit.percent else np.nan
         for inputs, data in energy_fit.inputs().items():
             if inputs != "generator":
-                deviations = deviations_of(energy_fit.fit(*data))
-                part[f"fitted_from_{inputs}_inputs_in_lb"] = deviations.fitted
-                part[f"percent_from_{inputs}_inputs"] = deviations.percent
+                fitted = energy_fit.fit(*data)
+                part[f"fitted_from_{inputs}_inputs_in_lb"] = fitted.fitted
+                part[f"percent_from_{inputs}_inputs"] = fitted.percent
         parts.append(part)
     return pd.concat(parts, ignore_index=True)

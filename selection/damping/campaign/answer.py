@@ -17,7 +17,6 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 
-FORMAT = "campaign/1"
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 
 
@@ -216,7 +215,7 @@ class Campaign:
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""
         return {
-            "format": FORMAT,
+            "format": "campaign/1",
             "modes": [_mode_form(mode) for mode in self.modes],
             "levels": list(self.levels),
             "design": list(self.design),

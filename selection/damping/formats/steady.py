@@ -1,7 +1,6 @@
 """Sweeps to a record: displacement amplitude, its lag behind the force, and the force, in one system of units."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +18,8 @@ MOST_ROWS = 100_000
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
-@dataclass(frozen=True)
-class Imported:
-    """A record and what was understood on the way."""
-
-    record: Record
-    summary: Summary
-
-
-def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Imported:
-    """The record of some sweeps.
+def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Record:
+    """The record of some sweeps; ``summary`` grows by what was understood on the way.
 
     A response of order n (0 displacement, 1 velocity, 2 acceleration) is R exp(i omega t) with complex R; the
     displacement is X = R/(i omega)^n, times the force where R is a ratio. Amplitude |X|, phase arg F - arg X, within
@@ -38,7 +29,7 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     """
     with naming(file):
         table = _tabulate(series, stated, summary)
-    return Imported(Record(table, str(file)), summary)
+    return Record(table, str(file))
 
 
 def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.DataFrame:

@@ -1,7 +1,5 @@
 """A gap between simulation and test: where it lies, measured beside simulated, local estimates, probabilities."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray, Floats
+from damping.arrays import FloatArray, Floats
 from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
@@ -52,31 +52,19 @@ def bracketed_newton(
     with np.errstate(all="ignore"):
         moved = high - low
         for _ in range(MOST_STEPS):
-            low, high, u, moved, done = _step_newton(u, low, high, moved, side, *function(u))
-            if done:
+            value, derivative = function(u)
+            of_high = (value >= 0.0) == side
+            low, high = np.where(of_high, low, u), np.where(of_high, u, high)
+            step = value / derivative
+            newton, size = u - step, np.abs(step)
+            there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
+            # strictly inside, so that no two points lead to each other across a kink, and shrinking
+            inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
+            before, u = u, np.where(inside, newton, 0.5 * (low + high))
+            moved = np.abs(u - before)
+            if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
                 break
     return u
-
-
-def _step_newton(
-    u: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-    moved: FloatArray,
-    side: BoolArray,
-    value: FloatArray,
-    derivative: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, bool]:
-    """Narrower brackets, the next points, how far they moved, and whether all are there."""
-    of_high = (value >= 0.0) == side
-    low, high = np.where(of_high, low, u), np.where(of_high, u, high)
-    step = value / derivative
-    newton, size = u - step, np.abs(step)
-    there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
-    # strictly inside, so that no two points lead to each other across a kink, and shrinking
-    inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
-    new = np.where(inside, newton, 0.5 * (low + high))
-    return low, high, new, np.abs(new - u), bool(np.all(there | ~(high - low > 1e-15 * np.abs(new))))
 
 
 def bisect(function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray) -> FloatArray:

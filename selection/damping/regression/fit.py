@@ -5,6 +5,7 @@ statsmodels fits what a first solution left over, and the coefficients and their
 that fit's: the condition of the columns costs no digits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -55,6 +56,32 @@ class Fit:
     def fitted(self) -> FloatArray:
         """Fitted response (n,)."""
         return self.observed - self.deviations
+
+    @property
+    def percent(self) -> FloatArray:
+        """Per cent deviation (n,), 100 deviation/observed; NaN where observed is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.observed == 0.0, np.nan, 100.0 * self.deviations / self.observed)
+
+    @property
+    def average_absolute_deviation(self) -> float:
+        """Mean of |deviation|."""
+        return float(np.abs(self.deviations).mean())
+
+    @property
+    def average_absolute_percent(self) -> float:
+        """Mean of |percent| over observations other than 0; NaN if there are none."""
+        return _over(np.mean, self.percent)
+
+    @property
+    def largest_absolute_deviation(self) -> float:
+        """Largest |deviation|."""
+        return float(np.abs(self.deviations).max())
+
+    @property
+    def largest_absolute_percent(self) -> float:
+        """Largest |percent| over observations other than 0; NaN if there are none."""
+        return _over(np.max, self.percent)
 
     @property
     def sse(self) -> float:
@@ -139,6 +166,11 @@ def _statistics(left: FloatArray, basis: Basis) -> tuple[FloatArray, FloatArray,
     if n == k:
         return correction, np.full((k, k), np.nan), np.asarray(result.resid)
     return correction, np.asarray(result.cov_params(r_matrix=basis.inverse)), np.asarray(result.resid)
+
+
+def _over(statistic: Callable[[FloatArray], np.floating], percent: FloatArray) -> float:
+    known = np.abs(percent[~np.isnan(percent)])
+    return float(statistic(known)) if len(known) else np.nan
 
 
 def _explained(deviations: FloatArray, about: FloatArray) -> float:

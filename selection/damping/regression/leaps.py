@@ -20,8 +20,6 @@ squared errors is at least sum_i w_i e_i^2, w = 1/(1 - h)^2. That is a quadratic
 least value: with a = Q'(W - 1) e, by sum_i w_i e_i^2 - |a|^2 and the costs of drops with b + R^-1 a in place of b.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

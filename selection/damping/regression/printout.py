@@ -23,11 +23,11 @@ _MOST_ROWS = 1000  # of the table of deviations; all are in the JSON form
 
 def printout(result: Regression) -> str:
     """All statistics of one curve on one table, as text that ends in a line end."""
-    choice, fit, deviations = result.choice, result.selected.fit, result.deviations
+    choice, fit = result.choice, result.selected.fit
     judge = NAMES[choice.criterion] if choice.t_stop is None else f"|T| = {choice.t_stop:g}"
     names = (*result.design.names, result.design.response)
     by_size = np.argsort(-np.nan_to_num(np.abs(fit.t_ratios), nan=0.0), kind="stable")
-    columns = (deviations.observed, deviations.fitted, deviations.deviation)
+    columns = (fit.observed, fit.fitted, fit.deviations)
     values = {
         **vars(result),
         "fit": fit,
@@ -48,11 +48,11 @@ def printout(result: Regression) -> str:
         "by_t_ratio": [(fit.names[i], fit.t_ratios[i]) for i in by_size],
         "shares": [
             (f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more", number, _number(percent, ".1f"))
-            for low, high, number, percent in break_down(deviations).itertuples(index=False)
+            for low, high, number, percent in break_down(fit).itertuples(index=False)
         ],
         "listed": [
             (str(row + 1), *numbers, _number(percent, ".3f"))
-            for row, percent, *numbers in zip(result.rows[:_MOST_ROWS], deviations.percent, *columns, strict=False)
+            for row, percent, *numbers in zip(result.rows[:_MOST_ROWS], fit.percent, *columns, strict=False)
         ],
         "most_rows": _MOST_ROWS,
     }
@@ -68,8 +68,8 @@ def describe_comparison(results: Sequence[Regression]) -> str:
     """One line for each fit, where several curves or several data sets were asked for."""
     rows = []
     for result in results:
-        fit, percent = result.selected.fit, result.deviations.average_absolute_percent
-        numbers = (fit.rms_error, percent, fit.criteria.bic, fit.criteria.leave_one_out_error)
+        fit = result.selected.fit
+        numbers = (fit.rms_error, fit.average_absolute_percent, fit.criteria.bic, fit.criteria.leave_one_out_error)
         rows.append((result.data, " + ".join(fit.names), fit.k, *numbers))
     header = ("data", "terms", "k", "rms error", "average %", "BIC", "leave-one-out")
     title = "COMPARISON OF FITS"

@@ -1,6 +1,6 @@
 """The "Multivariate Regression Program I" (SHARE SDA 3104) of section 5.2 for one curve on one table, and its form."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -20,55 +20,13 @@ from damping.regression.subsets import Subsets
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 
-@dataclass(frozen=True)
-class Deviations:
-    """Deviation = observed - fitted; percent = 100 deviation/observed, NaN where observed is 0; all (n,)."""
-
-    observed: FloatArray
-    fitted: FloatArray
-    deviation: FloatArray
-    percent: FloatArray
-
-    @property
-    def average_absolute(self) -> float:
-        """Mean of |deviation|."""
-        return float(np.abs(self.deviation).mean())
-
-    @property
-    def average_absolute_percent(self) -> float:
-        """Mean of |percent| over observations other than 0; NaN if there are none."""
-        return _over(np.mean, self.percent)
-
-    @property
-    def largest_absolute(self) -> float:
-        """Largest |deviation|."""
-        return float(np.abs(self.deviation).max())
-
-    @property
-    def largest_absolute_percent(self) -> float:
-        """Largest |percent| over observations other than 0; NaN if there are none."""
-        return _over(np.max, self.percent)
-
-
-def _over(statistic: Callable[[FloatArray], np.floating], percent: FloatArray) -> float:
-    known = np.abs(percent[~np.isnan(percent)])
-    return float(statistic(known)) if len(known) else np.nan
-
-
-def deviations_of(fit: Fit) -> Deviations:
-    """The deviations of a fit."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        percent = np.where(fit.observed == 0.0, np.nan, 100.0 * fit.deviations / fit.observed)
-    return Deviations(fit.observed, fit.fitted, fit.deviations, percent)
-
-
-def break_down(deviations: Deviations) -> pd.DataFrame:
+def break_down(fit: Fit) -> pd.DataFrame:
     """One row for each band low <= |percent deviation| < high (item i): ``low, high, number, percent`` of all.
 
     The last band is open; observations of 0, which have no percent, are in none.
     """
     edges = (0.0, *BANDS, np.inf)
-    size = np.abs(deviations.percent)
+    size = np.abs(fit.percent)
     numbers = np.array([((size >= low) & (size < high)).sum() for low, high in pairwise(edges)])
     share = 100.0 * numbers / len(size)
     return pd.DataFrame({"low": edges[:-1], "high": edges[1:], "number": numbers, "percent": share})
@@ -91,8 +49,8 @@ class Regression:
 
     ``design`` holds all terms and the response; ``full`` the fit of all terms without constraint; ``plane`` that of a
     constant and the independent variables as they are, None where they determine none; ``selected`` what selection
-    left, to which ``deviations`` belong; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the
-    independent variables by name; ``notes`` say what is unusual.
+    left; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the independent variables by name;
+    ``notes`` say what is unusual.
     """
 
     data: str
@@ -103,7 +61,6 @@ class Regression:
     full: Fit
     plane: Fit | None
     selected: Selection
-    deviations: Deviations
     notes: tuple[str, ...]
 
 
@@ -117,9 +74,13 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     design = design_of(columns, response, terms)
     full = fit(design)
     selected = select(design, choice)
-    deviations = deviations_of(selected.fit)
     independent = {name: columns.numbers[name] for name in list_columns_of(terms)}
-    plane, why_not = _plane(columns, response, tuple(independent))
+    notes, plane = list(columns.notes), None
+    linear = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
+    try:
+        plane = fit(design_of(columns, response, linear))
+    except AnalysisError as error:
+        notes.append(f"no plane: {error}")
     return Regression(
         data=data,
         choice=choice,
@@ -129,17 +90,8 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         full=full,
         plane=plane,
         selected=selected,
-        deviations=deviations,
-        notes=(*columns.notes, *why_not, *_collect_cautions(selected.fit)),
+        notes=(*notes, *_collect_cautions(selected.fit)),
     )
-
-
-def _plane(columns: Columns, response: str, independent: tuple[str, ...]) -> tuple[Fit | None, tuple[str, ...]]:
-    terms = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
-    try:
-        return fit(design_of(columns, response, terms)), ()
-    except AnalysisError as error:
-        return None, (f"no plane: {error}",)
 
 
 def _collect_cautions(fit: Fit) -> tuple[str, ...]:
@@ -184,7 +136,20 @@ def regress_form(result: Regression) -> Form:
         "response": design.response,
         "terms": _build_terms(fit),
         "one_term_fits": tabulate_one_term_fits(design).to_dict("records"),
-        "summary": _summary(result),
+        "summary": {
+            "rms_error": fit.rms_error,
+            "average_absolute_deviation": fit.average_absolute_deviation,
+            "average_absolute_percent": fit.average_absolute_percent,
+            "standard_error": fit.standard_error,
+            "largest_absolute_deviation": fit.largest_absolute_deviation,
+            "largest_absolute_percent": fit.largest_absolute_percent,
+            "r_squared": fit.r_squared,
+            "r_squared_centred": fit.r_squared_centred,
+            "correlation_fitted_observed": fit.correlation,
+            "squared_correlation": fit.correlation**2,
+            "condition_number": fit.condition_number,
+            "degrees_of_freedom": fit.n - fit.k,
+        },
         "criteria": asdict(fit.criteria),
         "deviations": [],  # in its place among the keys
         "steps": [
@@ -201,34 +166,17 @@ def regress_form(result: Regression) -> Form:
         "variables": tabulate_variables(design).to_dict("records"),
         "correlations": {"names": [*design.names, design.response], "matrix": correlations(design)},
         "goodness_of_fit": sum_up(fit),
-        "breakdown": break_down(result.deviations).to_dict("records"),
+        "breakdown": break_down(fit).to_dict("records"),
         "notes": list(result.notes),
     }
-    columns = plain(vars(result.deviations) | {"row": result.rows + 1})
+    columns = {"observed": fit.observed, "fitted": fit.fitted, "deviation": fit.deviations, "percent": fit.percent}
+    columns = plain(columns | {"row": result.rows + 1})
     rows = zip(*columns.values(), strict=True)
     return {**plain(form), "deviations": [dict(zip(columns, row, strict=True)) for row in rows]}
 
 
 def _build_terms(fit: Fit) -> list[dict[Hashable, Any]]:
     return tabulate_terms(fit).to_dict("records")
-
-
-def _summary(result: Regression) -> Form:
-    fit, deviations = result.selected.fit, result.deviations
-    return {
-        "rms_error": fit.rms_error,
-        "average_absolute_deviation": deviations.average_absolute,
-        "average_absolute_percent": deviations.average_absolute_percent,
-        "standard_error": fit.standard_error,
-        "largest_absolute_deviation": deviations.largest_absolute,
-        "largest_absolute_percent": deviations.largest_absolute_percent,
-        "r_squared": fit.r_squared,
-        "r_squared_centred": fit.r_squared_centred,
-        "correlation_fitted_observed": fit.correlation,
-        "squared_correlation": fit.correlation**2,
-        "condition_number": fit.condition_number,
-        "degrees_of_freedom": fit.n - fit.k,
-    }
 
 
 def _build_subsets(models: Subsets | None) -> list[Form] | None:
