@@ -35,7 +35,7 @@ _DPI = 130
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
 #: Trials of each structure by each way of sampling, of each posterior, and of the posterior sampled by emcee.
-FULL = {"fast": 80, "importance": 8, "ranks": 24, "emcee": 2}
+FULL = {"fast": 60, "importance": 6, "ranks": 24, "emcee": 2}
 QUICK = {"fast": 1, "importance": 0, "ranks": 12, "emcee": 2}
 
 #: What a trial is of: ``coverage``, way, truth, number; or data, law, number of a posterior.

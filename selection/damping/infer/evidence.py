@@ -29,7 +29,7 @@ STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
 MOST_STEPS = 20
 STILL = 1e-2
 #: Binary digits of the point where the search begins, so that rounding in other units does not move it.
-START_BITS = 20
+START_BITS = 12
 #: Prior points of which the best begins the search where the best fit lies out of the prior's range.
 STARTS = 512
 #: Stands for an impossible law in the search, which needs finite numbers.

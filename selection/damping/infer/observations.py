@@ -29,6 +29,8 @@ MOST_SWEEPS = 100
 #: ever moves one of them, and draws part for good where one moves. Best fits do not, and keep more.
 DRAWN_BITS = 26
 FITTED_BITS = 40
+#: Relative difference of two squares that is rounding.
+ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class Observations:
             A=round_bits(self.A / amplitude, bits),
             omega=round_bits(self.omega / omega, bits),
             D=round_bits(self.D / force, bits),
-            R=round_bits(self.R / force, bits),
+            R=np.round(self.R / force * 2.0**bits) / 2.0**bits,  # near 0, where few of its digits are known
             tested_amplitude=round_bits(self.tested_amplitude / amplitude, bits),
             tested_omega=round_bits(self.tested_omega / omega, bits),
             tested_force=round_bits(self.tested_force / force, bits),
@@ -167,7 +169,7 @@ def observe(record: Record) -> Observations:
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
         D=D,
-        R=np.sqrt(np.maximum(force**2 - D**2, 0.0)),
+        R=np.sqrt(np.where(force**2 - D**2 > ROUNDING * force**2, force**2 - D**2, 0.0)),
         sweep=np.array([number[label] for label in rows["sweep"].astype(str)], dtype=np.int64),
         sd_amplitude=_relative_sd(rows, "amplitude"),
         sd_force=_relative_sd(rows, "force"),
