@@ -241,7 +241,7 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     asked, tested = np.array(record.settings.design_forces), record.data.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan)
-    against = compare_with_diagnosis(record.record, record.mode, predicted)
+    against = compare_with_diagnosis(record.record, record.mode, predicted) if len(asked) else ()
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
     curve = trace_loads(reached, record.backbone, plan.data)
     result = Predicted(against=against, curve=replace(curve, cautions=_warn(against, curve.cautions)))
