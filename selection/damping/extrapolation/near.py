@@ -132,11 +132,6 @@ class Trend:
         """Whether p falls at the top of the test: amplitudes grow faster than below."""
         return bool(self.z < -CHANGES)
 
-    @property
-    def words(self) -> str:
-        """The exponents, lowest level first."""
-        return ", then ".join(f"{p:.2f}" for p in self.p)
-
 
 def trend(data: Observations, scatter: float) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
