@@ -18,7 +18,7 @@ from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candid
 from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import Member, amplitude_draws
-from damping.extrapolation.near import Plan, load_candidates, near_resonance, observe_ranked, plan_loads
+from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
@@ -26,7 +26,7 @@ from damping.infer.observations import Observations
 from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping.ranking.candidates import candidate_laws
+from damping.ranking.candidates import candidate_laws, load_candidates
 from damping.records import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record

@@ -15,7 +15,7 @@ solution of the steady state; with P'(u) its own steady amplitude follows to fir
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +38,8 @@ _LOUDEST = 50.0
 _RINGS = 0.01
 
 
-class Prediction(NamedTuple):
+@dataclass(frozen=True)
+class Prediction:
     """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n)."""
 
     P: ComplexArray

@@ -32,7 +32,6 @@ from damping.extrapolation.near import (
     Plan,
     Planned,
     judge_rows,
-    load_candidates,
     near_resonance,
     observe_ranked,
     plan_loads,
@@ -48,6 +47,7 @@ from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.predict.measured import prepare
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
+from damping.ranking.candidates import load_candidates
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
