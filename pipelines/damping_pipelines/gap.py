@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -136,7 +135,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
         progress("diagnosing", len(names)) as advance,
         ProcessPoolExecutor(processes, initializer=end_with_parent) as pool,
     ):
-        futures = {pool.submit(partial(diagnose_case, cases / name, despite)): name for name in names}
+        futures = {pool.submit(diagnose_case, cases / name, despite): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
             failure = {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,9 @@ from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import Backbone, find_backbone
-from damping.extrapolation.curve import FARTHEST, Curve, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.draws import Member, NextLevel, amplitude_draws
-from damping.extrapolation.near import Plan, load_candidates, near_resonance, observe_ranked, plan_loads
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.law import Law
@@ -26,7 +26,7 @@ from damping.infer.observations import Observations
 from damping.predict.measured import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping.ranking.candidates import candidate_laws
+from damping.ranking.candidates import candidate_laws, load_candidates
 from damping.records import Audit
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
@@ -61,26 +61,12 @@ class Input:
 class Task:
     """One law to sample on one record, in a process of its own. ``of_source`` marks a law of the source report."""
 
-    record: int
+    number: int
+    record: Input
     candidate: Candidate
-    data: Observations
-    backbone: Backbone
-    forces: np.ndarray
     level: float
     seed: int
     of_source: bool
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """Predictions of a record as :class:`RecordResult` has them; None where there are none."""
-
-    bands: Loads | None = None
-    design: Loads | None = None
-    curve: Curve | None = None
-    design_curve: Curve | None = None
-    next_level: NextLevel | None = None
-    against: tuple[str, ...] = ()
 
 
 def run_study(
@@ -139,7 +125,7 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
         records = tuple(
-            _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.record == k))
+            _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.number == k))
             for k, record in enumerate(inputs)
         )
         named = {record.name: record.ranking for record in records}
@@ -150,21 +136,17 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
 
 def _weigh(
     pool: Executor, settings: files.StudySettings, inputs: list[Input]
-) -> tuple[list[Ranking], list[Future[Predicted]]]:
+) -> tuple[list[Ranking], list[Future[dict[str, Any]]]]:
     """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
     estimate = remember(evidence)
-    rankings = _rank(inputs, settings.seed, estimate)
-    plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
-    return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
-
-
-def _rank(inputs: list[Input], seed: int, estimate: Estimate) -> list[Ranking]:
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
-    with progress("ranking", sum(len(candidates) for candidates in laws)) as done:
-        return [
-            rank_laws(record.data, seed, candidates, _prefixed(done, record.settings.name), estimate)
+    with progress("ranking", sum(map(len, laws))) as done:
+        rankings = [
+            rank_laws(record.data, settings.seed, candidates, _prefixed(done, record.settings.name), estimate)
             for record, candidates in zip(inputs, laws, strict=True)
         ]
+    plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
+    return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
@@ -200,9 +182,7 @@ def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ra
             of_source = any(candidate is other for other in named)
             leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
             if candidate.evidence is not None and (leads or of_source):
-                forces = np.array(record.settings.design_forces)
-                about = candidate, record.data, record.backbone, forces
-                yield Task(number, *about, settings.level, settings.seed, of_source)
+                yield Task(number, record, candidate, settings.level, settings.seed, of_source)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
@@ -217,25 +197,29 @@ def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]
 
 def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
-    posterior = sample_candidate(task.candidate, task.data, task.forces, task.seed)
+    data, forces = task.record.data, np.array(task.record.settings.design_forces)
+    posterior = sample_candidate(task.candidate, data, forces, task.seed)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
-    amplitude = amplitude_draws(sampled, task.data.tested_force, task.data)
-    groups = inference_data(posterior, task.data)
+    amplitude = amplitude_draws(sampled, data.tested_force, data)
+    groups = inference_data(posterior, data)
     return LawPosterior(
         law=task.candidate.law,
         weight=task.candidate.weight,
         posterior=posterior,
-        leave_one_out=leave_one_out(groups, task.data),
-        check=predictive_check(posterior, task.data, amplitude, task.level, task.seed),
+        leave_one_out=leave_one_out(groups, data),
+        check=predictive_check(posterior, data, amplitude, task.level, task.seed),
         of_source=task.of_source,
-        file=files.to_netcdf(files.add_damping_ratio(groups, posterior, task.data, task.backbone)),
+        file=files.to_netcdf(files.add_damping_ratio(groups, posterior, data, task.record.backbone)),
     )
 
 
-def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> Predicted:
-    """Predictions of one record: in a process of its own, as its draws take as much memory as all else."""
+def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
+    """Predictions of one record by field of `RecordResult`, none without a plan.
+
+    In a process of its own, as its draws take as much memory as all else.
+    """
     if plan is None:
-        return Predicted()
+        return {}
     if ranking.fit.verdict == "none fits":  # every row, not resonances alone
         plan = replace(plan, fit=ranking.fit)
     asked, tested = np.array(record.settings.design_forces), record.data.tested_force
@@ -244,23 +228,22 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     against = compare_with_diagnosis(record.record, record.mode, predicted) if len(asked) else ()
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
     curve = trace_loads(reached, record.backbone, plan.data)
-    result = Predicted(against=against, curve=replace(curve, cautions=_warn(against, curve.cautions)))
+    result: dict[str, Any] = {"against": against, "curve": replace(curve, cautions=_warn(against, curve.cautions))}
     if len(asked):
         grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
         design_curve = trace_loads(predicted.loads, record.backbone, plan.data)
-        result = replace(
-            result,
-            bands=predicted.predict_at(grid),
-            design=replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
-            design_curve=design_curve,
-            next_level=predicted.choose_next_level(),
-        )
+        result |= {
+            "bands": predicted.predict_at(grid),
+            "design": replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
+            "design_curve": design_curve,
+            "next_level": predicted.choose_next_level(),
+        }
     give_back_memory()
     return result
 
 
 def _record_result(
-    record: Input, ranking: Ranking, predicted: Future[Predicted], posteriors: tuple[LawPosterior, ...]
+    record: Input, ranking: Ranking, predicted: Future[dict[str, Any]], posteriors: tuple[LawPosterior, ...]
 ) -> RecordResult:
     """All of one record together."""
     return RecordResult(
@@ -275,7 +258,7 @@ def _record_result(
         findings=record.audit.findings,
         backbone=record.backbone,
         note=record.settings.note,
-        **vars(predicted.result()),
+        **predicted.result(),
     )
 
 

@@ -199,10 +199,12 @@ class LoadsResult(PredictedResult):
         return forms.tabulate_loads(self.loads, self.curve)
 
     def to_json(self) -> dict[str, Any]:
-        """The form ``loads/1``."""
+        """The form ``loads/1``; of forces with other priors, and the level that would most shrink the band, too."""
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
         if self.loads.amplitude is None:
-            form |= forms.what_if_keys(self.extrapolation.vary_priors(), self.extrapolation.choose_next_level())
+            further = self.extrapolation.choose_next_level()
+            form["sensitivity"] = self.extrapolation.vary_priors().to_dict("records")
+            form["next_level"] = further and {**vars(further), "others": further.others.to_dict("records")}
         return complete_form(form, self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:

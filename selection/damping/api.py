@@ -14,7 +14,6 @@ from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, predict_record
-from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import observe_ranked
 from damping.predict.measured import as_driven_by_force, prepare
@@ -114,8 +113,7 @@ def extrapolate(
     if len(at):
         predicted = replace(predicted, loads=predict_forces(predicted, at))
     against = compare_with_diagnosis(rests.record, rests.mode, predicted)
-    backbone = find_backbone(rests.record, rests.mode, findings.implied)
-    return LoadsResult(predicted, rests.mode, findings, rests.said, against, data=rests.data, backbone=backbone)
+    return LoadsResult(predicted, rests.mode, findings, rests.said, against, data=rests.data, backbone=rests.backbone)
 
 
 @single_threaded
@@ -151,8 +149,7 @@ def curve(
     asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
     against = compare_with_diagnosis(rests.record, rests.mode, compared)
-    backbone = find_backbone(rests.record, rests.mode, findings.implied)
-    traced = join_curves([trace_loads(loads, backbone, rests.data) for loads in asked])
+    traced = join_curves([trace_loads(loads, rests.backbone, rests.data) for loads in asked])
     return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
 
 

@@ -111,8 +111,9 @@ class DiagnosisResult(Result):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row for each explanation, most probable first: ``effects, probability``."""
-        return forms.tabulate_explanations(self.diagnosis)
+        """One row for each explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
+        rows = [(" + ".join(e.effects) or "none", e.probability) for e in self.diagnosis.explanations]
+        return pd.DataFrame(rows, columns=["effects", "probability"])
 
     def to_json(self) -> dict[str, Any]:
         """The form ``gap/1``."""

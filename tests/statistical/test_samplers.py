@@ -68,7 +68,7 @@ def largest_difference(a: dict[str, Estimate], b: dict[str, Estimate]) -> float:
 def chains_of(log_density, dimension, start, names, seed):
     """Run a target in plain variables and estimate them."""
     target = Target(log_density, dimension, lambda x: dict(zip(names, x.T, strict=True)))
-    found = run(target, start, lambda x: {}, seed)
+    found = run(target, start, seed)
     assert found.converged, found.failure
     return {name: of_chains(found.x[..., i]) for i, name in enumerate(names)}
 
@@ -173,7 +173,7 @@ def test_a_wrong_target_fails(wrong, nested):
     c, data, other, _, _ = nested
     start = evidence(c, data)
     target = Target(partial(wrong, c=c, data=data), c.dimension, c.parameters)
-    found = run(target, start, lambda x: {}, seed=5)
+    found = run(target, start, seed=5)
     assert found.converged, found.failure
     values = c.parameters(found.x)
     assert largest_difference({n: of_chains(v) for n, v in values.items()}, other) > 2.0 * LARGEST

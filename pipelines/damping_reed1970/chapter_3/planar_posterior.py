@@ -172,7 +172,7 @@ def planar_posterior(prior: PlanarPrior, seed: int, settings: Settings | None = 
     """Sample the planar oscillator until every parameter is known (see ``chains.Settings``)."""
     evidence = planar_evidence(prior, seed)
     target = Target(partial(log_posterior, prior=prior), prior.dimension, prior.parameters)
-    chains = run(target, evidence, lambda x: {}, seed, settings)
+    chains = run(target, evidence, seed, settings)
     return PlanarPosterior(prior, chains.x.reshape(-1, chains.x.shape[-1]), evidence, chains)
 
 

@@ -109,6 +109,12 @@ class Terms:
         longer: dict[str, Any] = {name: (*getattr(self, name), part) for name, part in parts.items()}
         return replace(self, **longer)
 
+    def tuned(self, drive: Drive) -> Terms:
+        """The terms with omega_n as it is at each row: of its state, and drifting."""
+        if not self.detuned and np.all(drive.ratio == 1.0):
+            return self
+        return replace(self, omega_n=self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive)), detuned=())
+
     @property
     def viscous(self) -> tuple[Force, ...]:
         """The simulation's viscous damping; all its damping where none is viscous."""

@@ -40,10 +40,7 @@ _RINGS = 0.01
 
 @dataclass(frozen=True)
 class Prediction:
-    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n).
-
-    The last is that of every so many of the models, as it was asked for.
-    """
+    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n)."""
 
     P: ComplexArray
     by_u: ComplexArray
@@ -68,7 +65,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _pass([reading.unread for reading in reversed(terms.readings)], u - gain)
     A = np.exp(v)
-    terms = tuned(terms, drive)
+    terms = terms.tuned(drive)
     receptance = _receptance(terms, drive, (A, A), every)
     if (terms.plane is not None or terms.compliance) and not terms.linear:
         for _ in range(_REFINEMENTS):
@@ -101,13 +98,6 @@ def _join(real: Floats, imaginary: Floats) -> ComplexArray:
     joined = np.empty(np.shape(real) if same else np.broadcast(real, imaginary).shape, dtype=np.complex128)
     joined.real, joined.imag = real, imaginary
     return joined
-
-
-def tuned(terms: Terms, drive: Drive) -> Terms:
-    """The terms with omega_n as it is at each row: of its state, and drifting."""
-    if not terms.detuned and np.all(drive.ratio == 1.0):
-        return terms
-    return replace(terms, omega_n=terms.omega_n * drive.ratio * np.exp(add_parts(terms.detuned, drive)), detuned=())
 
 
 def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -196,7 +186,7 @@ def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive)
 
     That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
     """
-    terms = tuned(terms, drive)
+    terms = terms.tuned(drive)
     harmonic = sum((force.third(A, drive.omega) for force in terms.forces), start=np.zeros(np.shape(A), complex))
     M = terms.M * drive.mass
     stiffness = M * (np.square(terms.omega_n) - 9.0 * np.square(drive.omega)) - 9.0 * drive.added * drive.omega**2
@@ -207,7 +197,7 @@ def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
     """Phasor of the motion across the drive, F sin(theta) cos(theta) (H_1 - H_2) (3.1.24-3.1.27); 0 in one plane."""
     if terms.plane is None:
         return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
-    receptance = _receptance(tuned(terms, drive), drive, (A, A))
+    receptance = _receptance(terms.tuned(drive), drive, (A, A))
     t = np.asarray(terms.plane.weight)
     first, second = receptance.paths[0] * (1.0 + t), receptance.paths[1] * (1.0 + t) / t
     return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))

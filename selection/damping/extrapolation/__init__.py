@@ -17,6 +17,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.draws import (
     Member,
     NextLevel,
@@ -31,7 +32,6 @@ from damping.extrapolation.near import (
     Plan,
     Planned,
     judge_rows,
-    load_candidates,
     near_resonance,
     observe_ranked,
     plan_loads,
@@ -47,6 +47,7 @@ from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.predict.measured import prepare
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
+from damping.ranking.candidates import load_candidates
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -161,10 +162,11 @@ def extrapolate_loads(
 
 
 class Rests(NamedTuple):
-    """What predictions rest on: steady states under a force, the mode of them, rows near resonance, what was done."""
+    """What predictions rest on: steady states under a force, their mode and backbone, rows near it, what was done."""
 
     record: Record
     mode: Mode
+    backbone: Backbone
     data: Observations
     said: tuple[str, ...]
 
@@ -191,7 +193,7 @@ def predict_record(
     every, _ = observe_ranked(measured.record, findings)
     first = forces if len(forces) else np.array(times) * data.tested_force.max()
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, every=every, progress=progress)
-    return predicted, Rests(measured.record, mode, data, said)
+    return predicted, Rests(measured.record, mode, find_backbone(measured.record, mode, findings.implied), data, said)
 
 
 #: What is asked, as messages name it.
@@ -246,24 +248,16 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
     levels = number_levels(data.tested_force)
-    rows = []
+    tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
         lower = data.keep_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
         predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode)
-        rows.append(_tabulate_compared(predicted, data, higher).assign(levels=below))
-    return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
-
-
-def _tabulate_compared(predicted: Extrapolation, data: Observations, higher: np.ndarray) -> pd.DataFrame:
-    """Predictions beside the measured amplitudes of the sweeps ``higher``."""
-    loads, plan = predicted.loads, predicted.plan
-    measured = data.tested_amplitude[higher]
-    linear = plan.data.tested_amplitude[plan.data.top] * loads.ratio
-    return pd.DataFrame(
-        {
-            "levels": 0,
+        loads, plan, measured = predicted.loads, predicted.plan, data.tested_amplitude[higher]
+        linear = plan.data.tested_amplitude[plan.data.top] * loads.ratio
+        columns = {
+            "levels": below,
             "laws": len(plan.laws),
             "exponents": ", ".join(f"{p:.2f}" for p in plan.trend.p),
             "sweep": [data.sweeps[i] for i in higher],
@@ -277,4 +271,5 @@ def _tabulate_compared(predicted: Extrapolation, data: Observations, higher: np.
             "refused": np.isnan(loads.average.median),
             "linear_over_percent": 100.0 * (linear / measured - 1.0),
         }
-    )
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()

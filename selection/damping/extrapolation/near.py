@@ -21,7 +21,7 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
 from damping.ranking import rank_laws
-from damping.ranking.candidates import FitVerdict, candidate_laws, fit_distinct, judge_fit
+from damping.ranking.candidates import FitVerdict, candidate_laws, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -132,11 +132,6 @@ class Trend:
         """Whether p falls at the top of the test: amplitudes grow faster than below."""
         return bool(self.z < -CHANGES)
 
-    @property
-    def words(self) -> str:
-        """The exponents, lowest level first."""
-        return ", then ".join(f"{p:.2f}" for p in self.p)
-
 
 def trend(data: Observations, scatter: float) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
@@ -240,11 +235,6 @@ class Plan:
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
-def load_candidates(data: Observations) -> list[Law]:
-    """The candidates that predict differently on the rows near resonance."""
-    return [fit.law for fit in fit_distinct(candidate_laws(), data)]
-
-
 def judge_rows(plan: Plan, every: Observations) -> Plan:
     """The plan with the verdict that no law fits where none fits ``every`` row, though one may its resonances."""
     if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
@@ -257,7 +247,7 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
 
 def plan_loads(
     data: Observations,
-    laws: Sequence[Law] | None = None,
+    laws: Sequence[Law],
     seed: int = 0,
     done: Callable[[str], None] = lambda name: None,
     mode: Mode | None = None,
@@ -266,14 +256,13 @@ def plan_loads(
     """Choose and weigh laws for predictions beyond the test.
 
     Args:
-        data: rows near resonance (``near_resonance``). laws: candidates, by default ``load_candidates``. done: called
+        data: rows near resonance (``near_resonance``). laws: candidates. done: called
             with each candidate's name. mode: its mass tells whether the mode is bistable and whether a joint slips.
             estimate: of marginal likelihoods and posteriors.
 
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
-    laws = load_candidates(data) if laws is None else laws
     resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
 
     def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit) -> Evidence:

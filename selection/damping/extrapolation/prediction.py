@@ -55,7 +55,8 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
     elif p.falling or p.rising:
         way = "falling" if p.falling else "rising"
         allowed = ": damping may stop growing, and the band allows for it" if p.falling else ""
-        said.append(f"force grows as a {way} power of amplitude ({p.words}, from level to level){allowed}")
+        exponents = ", then ".join(f"{value:.2f}" for value in p.p)
+        said.append(f"force grows as a {way} power of amplitude ({exponents}, from level to level){allowed}")
     return [sentence for sentence in said if sentence]
 
 

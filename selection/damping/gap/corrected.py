@@ -144,7 +144,7 @@ def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     k = leading.model.size
     start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
     target = Target(density, k, partial(parameters, leading))
-    chains = run(target, start, lambda x: {}, seed)
+    chains = run(target, start, seed)
     values = parameters(leading, chains.x.reshape(-1, k))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)

@@ -142,11 +142,8 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     order = np.lexsort((np.arange(n), omega, sweep))
     time = _order_taken(record)
 
-    def optional(name: str, default: float = 0.0) -> FloatArray:
-        if name not in record.table.columns:
-            return np.full(n, default)[order]
-        values = record.column(name)[order]
-        return np.where(np.isfinite(values), values, default)
+    def optional(name: str, default: float) -> FloatArray:
+        return record.column(name, default)[order]
 
     third, cross = (optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in "3y")
     rate = optional("sweep_rate", mode.rig.rate or 0.0)
@@ -200,7 +197,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     (first, base), *_ = states
     if len(states) == 1:
         return first
-    rows = [first]
+    parts = [first]
     for number, (own, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
             raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
@@ -214,12 +211,8 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         for name in list(base.damping)[:1]:  # damping of the state over that of the first, by its first force
             leading = next(iter(base.damping[name]))
             place["own"] = np.full(n, mode.damping[name][leading] / base.damping[name][leading])
-        rows.append(own.taken(np.arange(n), **place))
-    return _joined(rows)
-
-
-def _joined(parts: list[Rows]) -> Rows:
-    """Records one after the other; sweeps are named by their state too."""
+        parts.append(own.taken(np.arange(n), **place))
+    # one after the other; sweeps are named by their state too
     before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
     numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
     names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)

@@ -84,7 +84,10 @@ class Simulation:
             for number, (build, leading, parameters) in enumerate(self._damping)
         ]
         first = 2 + len(forces)
-        own = [(state, deviation[:, first + k]) for k, state in enumerate(self.further)]
+        detuned = tuple(
+            lambda drive, of=state, by=deviation[:, first + k]: by * (drive.state == of)
+            for k, state in enumerate(self.further)
+        )
         first += len(self.further)
         rates: dict[str, Any] = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
         first += len(self.swept)
@@ -93,16 +96,11 @@ class Simulation:
             omega_n=self.mode.omega_n * factor[:, 0],
             forces=tuple(forces),
             simulated=len(forces),
-            detuned=tuple(_of_state(state, value) for state, value in own),
+            detuned=detuned,
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
             law=rates.get("law", 0.0),
             ringing=rates.get("ringing", 0.0),
         )
-
-
-def _of_state(state: int, deviation: FloatArray) -> OfDrive:
-    """The frequency of one state changed."""
-    return lambda drive: deviation * (drive.state == state)
 
 
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.

@@ -122,9 +122,7 @@ def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray,
 
 def _column(record: Record, name: str, row: IntArray) -> FloatArray:
     """A column in the order of the rows, NaN where it is absent or not above zero (none stated)."""
-    if name not in record.table.columns:
-        return np.full(len(row), np.nan)
-    values = record.column(name)[row]
+    values = record.column(name, np.nan)[row]
     return np.where(values > 0.0, values, np.nan)
 
 

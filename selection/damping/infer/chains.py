@@ -229,17 +229,16 @@ def sample(
 
     target = Target(posterior.log_density, coordinates.dimension, inform)
     begin = replace(start, draws=posterior.find_variables(start.draws))
-    chains = run(target, begin, lambda z: {}, seed, settings)
+    chains = run(target, begin, seed, settings)
     x = posterior.find_points(chains.x.reshape(-1, coordinates.dimension)).reshape(chains.x.shape)
     return Posterior(coordinates=coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 
 
-def run(target: Target, start: Evidence, quantities: Quantities, seed: int, settings: Settings | None = None) -> Chains:
+def run(target: Target, start: Evidence, seed: int, settings: Settings | None = None) -> Chains:
     """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:
         start: draws of the density, on which the walkers begin and which the proposal is fitted to.
-        quantities: what must have converged beside the parameters themselves.
         seed: of the moves and of the choice of starting points.
     """
     import emcee  # noqa: PLC0415 - bands of importance draws need no chains
@@ -264,9 +263,9 @@ def run(target: Target, start: Evidence, quantities: Quantities, seed: int, sett
         state = sampler.run_mcmc(state, steps - sampler.iteration, skip_initial_state_check=True)
         x = sampler.get_chain(discard=int(BURN_IN * steps))
         flat = x.reshape(-1, target.dimension)
-        values = {**target.parameters(flat), **quantities(flat)}
         diagnoses = tuple(
-            assess_convergence(name, value.reshape(x.shape[:-1]), settings.ensembles) for name, value in values.items()
+            assess_convergence(name, value.reshape(x.shape[:-1]), settings.ensembles)
+            for name, value in target.parameters(flat).items()
         )
         failure = _describe_failure(diagnoses, settings)
         if not failure or steps == settings.budget:

@@ -131,14 +131,14 @@ def rank_laws(
         AnalysisError: no candidate could be fitted.
     """
     fits, failed = _fit_laws(candidate_laws() if laws is None else laws, data, done)
-    if not fits:
-        raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in failed for c in row.cautions))
-    groups = [[fit] for fit in fits] if distinct else group_equivalents(fits, data, learn_noise(fits, data))
+    alone = distinct or not fits
+    groups = [[fit] for fit in fits] if alone else group_equivalents(fits, data, learn_noise(fits, data))
     prior = prior_masses([group[0].law for group in groups])
     rows = [_weigh(group, mass, data, seed, estimate) for group, mass in zip(groups, prior, strict=True)]
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
-        raise AnalysisError("no damping law could be fitted: " + "; ".join(c for row in rows for c in row.cautions))
+        reasons = "; ".join(c for row in rows or failed for c in row.cautions)
+        raise AnalysisError(f"no damping law could be fitted: {reasons}")
     scores = np.array([row.score for row in ranked])
     weights = np.exp(-0.5 * (scores - scores[0]))
     held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)

@@ -54,11 +54,14 @@ def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
     return [*laws, *(law for law in named if frozenset(law.components) not in known)]
 
 
-def fit_distinct(laws: Sequence[Law], data: Observations) -> list[BestFit]:
-    """The best fits of the laws that predict differently, of each kind the one with the fewest terms; maybe none."""
-    tried = fit_laws([law for law in laws if law.has_resonance], data)
+def load_candidates(data: Observations) -> list[Law]:
+    """The candidates that predict loads differently on rows near resonance, of each kind the one with fewest terms.
+
+    There may be none.
+    """
+    tried = fit_laws([law for law in candidate_laws() if law.has_resonance], data)
     fits = [fit for fit in tried if isinstance(fit, BestFit) and np.isfinite(fit.squares)]
-    return [group[0] for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
+    return [group[0].law for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
 
 
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:

@@ -75,22 +75,21 @@ class Record:
         order = np.argsort(self.column("time"), kind="stable")
         return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
 
-    def column(self, name: str) -> FloatArray:
-        """A numeric column as a new array (n,)."""
-        return self.table[name].to_numpy(dtype=np.float64, copy=True)
+    def column(self, name: str, default: float | None = None) -> FloatArray:
+        """A numeric column as a new array (n,), with a ``default`` for what may be blank, or be no column at all."""
+        if default is None:
+            return self.table[name].to_numpy(dtype=np.float64, copy=True)
+        own = self.column(name) if name in self.table.columns else np.full(len(self), np.nan)
+        return np.where(np.isnan(own), float(default), own)
 
     def masses(self, mode_mass: float) -> FloatArray:
         """Generalized mass of each row (n,): the row's own where it has one, else ``mode_mass``."""
-        if "mass" not in self.table.columns:
-            return np.full(len(self.table), float(mode_mass))
-        own = self.column("mass")
-        return np.where(np.isnan(own), float(mode_mass), own)
+        return self.column("mass", mode_mass)
 
     @property
     def added_masses(self) -> FloatArray:
         """Known mass added to the structure for each row (n,); 0 where the record names none."""
-        given = "added_mass" in self.table.columns
-        return np.nan_to_num(self.column("added_mass")) if given else np.zeros(len(self.table))
+        return self.column("added_mass", 0.0)
 
     def of(self, sweep: str) -> Record:
         """The rows of one sweep. InputError if the record has no such sweep."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
@@ -70,7 +69,8 @@ class Run:
 
 def runs_of(record: Record) -> list[Run]:
     """The runs of a record: legs of each sweep that go up or down; a sweep without such legs is one run."""
-    return [run for _, table in record.table.groupby("sweep", sort=False) for run in _legs(table)]
+    ordered = [order_rows(table) for _, table in record.table.groupby("sweep", sort=False)]
+    return [_run(table.iloc[leg].sort_values("frequency", kind="stable")) for table, legs in ordered for leg in legs]
 
 
 def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
@@ -83,12 +83,6 @@ def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
     if len(legs) == 1 or min(map(len, legs)) >= FEWEST_ROWS:
         return table, legs
     return table.sort_values(["frequency", "amplitude"]), [np.arange(len(table))]
-
-
-def _legs(table: pd.DataFrame) -> Iterator[Run]:
-    table, legs = order_rows(table)
-    for leg in legs:
-        yield _run(table.iloc[leg].sort_values("frequency", kind="stable"))
 
 
 def _run(table: pd.DataFrame) -> Run:

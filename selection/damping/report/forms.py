@@ -13,7 +13,6 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.draws import NextLevel
 from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.observations import Observations
@@ -152,14 +151,6 @@ def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-#: Keys of a prediction of ``loads/1`` after the parts of its spread.
-_LINEAR_KEYS = (
-    "linear",
-    *(f"linear_overprediction_{end}" for end in ("percent", "low", "high")),
-    "extrapolation_ratio",
-)
-
-
 def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = None) -> Form:
     """The form ``loads/1``; credible bands and the parts of the predictive spread (per cent) are extra keys.
 
@@ -172,7 +163,8 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
             asked: row[asked],
             **{key: row[key] for key in _BAND_KEYS},
             "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
-            **{key: row[key] for key in _LINEAR_KEYS},
+            **{key: value for key, value in row.items() if str(key).startswith("linear")},
+            "extrapolation_ratio": row["extrapolation_ratio"],
             **(_build_ratio(curve, i) if curve else {}),
             "cautions": list(loads.cautions[i]),
             "by_model": [
@@ -210,22 +202,6 @@ def curve_form(curve: Curve) -> Form:
         for i, row in enumerate(table.to_dict("records"))
     ]
     return {"format": "curve/1", "level": curve.level, "rows": rows}
-
-
-def what_if_keys(varied: pd.DataFrame, further: NextLevel | None) -> Form:
-    """Further keys of ``loads/1``: predictions with other priors, and the level that would most shrink the band."""
-    level = {**vars(further), "others": further.others.to_dict("records")} if further else None
-    return {"sensitivity": varied.to_dict("records"), "next_level": level}
-
-
-def tabulate_explanations(diagnosis: Diagnosis) -> pd.DataFrame:
-    """One row for each explanation, most probable first: ``effects`` joined by + (or none), ``probability``."""
-    return pd.DataFrame(
-        {
-            "effects": [" + ".join(e.effects) or "none" for e in diagnosis.explanations],
-            "probability": [e.probability for e in diagnosis.explanations],
-        }
-    )
 
 
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:

@@ -51,9 +51,9 @@ class RecordResult:
     data: Observations
     ranking: Ranking
     posteriors: tuple[LawPosterior, ...]
-    bands: Loads | None  #: predictions on a fine grid of forces, for the figure
-    design: Loads | None  #: at the design forces; None, as the bands, where the study asks for none
-    power_laws: tuple[PowerLaw, ...]  #: of both forms; empty with fewer than two levels
+    bands: Loads | None = None  #: predictions on a fine grid of forces, for the figure
+    design: Loads | None = None  #: at the design forces; None, as the bands, where the study asks for none
+    power_laws: tuple[PowerLaw, ...] = ()  #: of both forms; empty with fewer than two levels
     findings: tuple[Finding, ...] = ()  #: of the audit of the record
     against: tuple[str, ...] = ()  #: where the diagnosis disagrees with the predictions
     curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
