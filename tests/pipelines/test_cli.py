@@ -100,6 +100,12 @@ def test_help_names_every_command(damping):
         assert all(command in run.out for command in COMMANDS)
 
 
+def run_script(script):
+    """Run in a process of its own, which ends with the names of what it should not have loaded."""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_help_loads_nothing_heavy():
     """What makes --help instant, without a clock: no numerical package is imported for it."""
     script = (
@@ -109,8 +115,7 @@ def test_help_loads_nothing_heavy():
         "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'pydantic'}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or None)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_script(script)
 
 
 def test_what_commands_print_needs_no_figures():
@@ -119,8 +124,7 @@ def test_what_commands_print_needs_no_figures():
         "import sys, damping.records, damping.gap.diagnose, damping.report.gap\n"
         "sys.exit(','.join({'matplotlib', 'scipy.signal', 'scipy.stats'} & set(sys.modules)) or None)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_script(script)
 
 
 @pytest.mark.parametrize("command", [("rank",), ("extrapolate", "--force", "20")])
@@ -135,8 +139,7 @@ def test_commands_on_peaks_load_what_they_use(command, saturn_data, tmp_path):
         "heavy |= {f'scipy.{part}' for part in ('stats', 'optimize', 'interpolate', 'integrate', 'signal', 'sparse')}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or None)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_script(script)
     assert (tmp_path / "form.json").exists()
 
 

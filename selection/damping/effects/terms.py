@@ -59,7 +59,7 @@ class _Receptance(NamedTuple):
 def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n).
 
-    ``every``: the derivative by ln omega_n is that of every so many of the models only.
+    ``every``: stride k; the derivative by ln omega_n is given of models 0, k, 2k ... alone.
     """
     offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
@@ -88,7 +88,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
 
 
 def _of_every(values: Any, every: int) -> Any:
-    """Those of every so many models, of values (batch, n); values that all share stay."""
+    """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values that all models share stay."""
     return values[::every] if np.ndim(values) > 1 else values
 
 
@@ -145,7 +145,7 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
 
 
 def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray], every: int = 1) -> _Receptance:
-    """H with each plane's Z at its own amplitude; the change by ln omega_n of ``every`` so many models."""
+    """H with each plane's Z at its own amplitude; ``every``: see `predict`."""
     Z, slope = complex_stiffness(terms, amplitudes[0], drive)
     # dZ/d ln omega_n
     by_stiffness = 2.0 * _of_every(terms.M, every) * drive.mass * np.square(_of_every(terms.omega_n, every))

@@ -119,8 +119,8 @@ class Sensitivity:
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first.
 
-    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``every``: of
-    so many models one has a derivative by ln omega_n.
+    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``every``:
+    stride of the models that have a derivative by ln omega_n.
     """
 
     r: FloatArray
@@ -130,7 +130,7 @@ class Residuals:
     every: int = 1
 
     def by_sweep(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of every so many models."""
+        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of models 0, k, 2k ..., k = ``every``."""
         own, step = self.sensitivity, self.every
         own = replace(own, per_sd=own.per_sd[::step], follow=own.follow[::step])
         by_gain = np.zeros_like(self.r[::step])
@@ -205,8 +205,8 @@ def residuals(
 ) -> Residuals:
     """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
 
-    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``every``: of so
-    many models one is asked how it changes by sweep.
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``every``:
+    stride of the models that are asked how they change by sweep.
     """
     u0 = rows.u if at is None else at
     prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, every)

@@ -101,7 +101,7 @@ class Search:
 
     Attributes:
         problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
-        hypotheses: those fitted so far. units: of each form, the strength that opens a gap as large as the noise.
+        hypotheses: fitted so far. units: of each form, the strength whose gap is as large as the noise.
         choices: how many effects a further one is chosen from; those that the record can show where 0.
     """
 
