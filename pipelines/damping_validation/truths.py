@@ -3,7 +3,8 @@
 Amplitudes come from code of their own: the force is integrated over a closed cycle by quadrature, or stepped through it
 where it has a memory, and C(A) = F is solved on a table of ln A. Nothing here imports a force of the library. The same
 cycle gives the part S of a joint in phase with displacement, which moves the resonance: omega^2 = K/M + S/(M A).
-A force stands as S + iC.
+A force stands as its parts S + iC at ``OMEGA``, by the power of frequency that C grows with: its frequency is that of
+the resonance, omega(A).
 """
 
 from collections.abc import Callable
@@ -21,7 +22,7 @@ OMEGA = 10.0
 #: Damping ratio at A = 1 of structures whose resonance moves, least and most: of large structures to 5 %.
 RATIOS_OF_DAMPING = (0.002, 0.05)
 #: Largest share of the stiffness that a joint carries: when all of it slips the resonance has fallen by 5 %, as of
-#: bolted structures (Kerschen et al. 2006). Damping forces are those at ``OMEGA`` throughout.
+#: bolted structures (Kerschen et al. 2006).
 MOST_IN_JOINTS = 0.1
 #: Share of structures with a geometric spring beside their damping, and how far it moves the resonance from A = 0 to 1
 #: either way, least and most, relative.
@@ -32,6 +33,10 @@ _TABLE = np.linspace(-5.0, 9.0, 281)
 _A = np.exp(_TABLE)[:, None]
 #: Midpoints of a cycle; C by them is right to 1e-4 for a force that jumps.
 _CYCLE = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
+
+
+#: S + iC at the table of ln A, for each power of frequency that C grows with.
+Parts = dict[float, ComplexArray]
 
 
 @dataclass(frozen=True)
@@ -102,16 +107,16 @@ def _bouc_wen(n: float, limit: float) -> ComplexArray:
     return 2.0 * in_phase / 800.0 + 1j * np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
 
 
-def _velocity_power(exponent: float) -> ComplexArray:
-    return _over_a_cycle(lambda q, v: np.sign(v) * np.abs(v) ** exponent)
+def _velocity_power(exponent: float) -> Parts:
+    return {exponent: _over_a_cycle(lambda q, v: np.sign(v) * np.abs(v) ** exponent)}
 
 
-def _slip(limit: float) -> ComplexArray:
+def _slip(limit: float) -> Parts:
     """S + iC of an elastic joint that slips: the loop of one slider, stuck over the angle psi (Caughey 1960)."""
     A = _A[:, 0]
     energy = 4.0 * limit * np.maximum(A - limit, 0.0)
     psi = np.arccos(1.0 - 2.0 * np.minimum(limit / A, 1.0))
-    return A * (psi - 0.5 * np.sin(2.0 * psi)) / np.pi + 1j * energy / (np.pi * A)
+    return {0.0: A * (psi - 0.5 * np.sin(2.0 * psi)) / np.pi + 1j * energy / (np.pi * A)}
 
 
 @cache
@@ -123,12 +128,12 @@ def _joint_with_memory(name: str, number: int) -> ComplexArray:
     return _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
 
 
-def _with_memory(name: str, rng: np.random.Generator) -> ComplexArray:
+def _with_memory(name: str, rng: np.random.Generator) -> Parts:
     """S + iC of a joint with a memory of one of six shapes, its limit of 1 moved by a shift of ln A."""
     joint = _joint_with_memory(name, int(rng.integers(6)))
     moved = _TABLE - np.log(_draw(rng, 0.6, 6.0))
     C = np.exp(np.interp(moved, _TABLE, np.log(np.maximum(joint.imag, 1e-300))))
-    return np.asarray(np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C)
+    return {0.0: np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C}
 
 
 def _draw(rng: np.random.Generator, low: float, high: float) -> float:
@@ -136,34 +141,40 @@ def _draw(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _with_ratio(ratio: FloatArray) -> ComplexArray:
+def _with_ratio(ratio: FloatArray) -> Parts:
     """Of a damping ratio (table, 1) in proportion to which the loss is."""
-    return np.asarray(1j * (ratio * _A)[:, 0])
+    return {0.0: np.asarray(1j * (ratio * _A)[:, 0], dtype=complex)}
 
 
-def _mixed(rng: np.random.Generator, *parts: ComplexArray, least: float = 0.2) -> ComplexArray:
+def _mixed(rng: np.random.Generator, *parts: Parts, least: float = 0.2) -> Parts:
     """Parts that carry random shares of at least ``least`` at A = 1."""
     shares = least + (1.0 - least * len(parts)) * rng.dirichlet(np.ones(len(parts)))
-    return np.asarray(sum(s * _at_one(part) for s, part in zip(shares, parts, strict=True)))
+    return _add(*(_scaled(part, s) for s, part in zip(shares, parts, strict=True)))
 
 
-def _at_one(part: ComplexArray) -> ComplexArray:
-    """The same with C = 1 at A = 1."""
-    return np.asarray(part / part.imag[np.argmin(np.abs(_TABLE))])
+def _add(*parts: Parts) -> Parts:
+    powers = {power for part in parts for power in part}
+    return {power: np.asarray(sum(part[power] for part in parts if power in part)) for power in sorted(powers)}
 
 
-def _with_friction(rng: np.random.Generator, *parts: ComplexArray) -> ComplexArray:
+def _scaled(parts: Parts, C: float = 1.0) -> Parts:
+    """The same with ``C`` at A = 1."""
+    at_one = sum(part.imag[np.argmin(np.abs(_TABLE))] for part in parts.values())
+    return {power: np.asarray(part * (C / at_one)) for power, part in parts.items()}
+
+
+def _with_friction(rng: np.random.Generator, *parts: Parts) -> Parts:
     """The same beside friction that carries up to 0.4 at A = 1: every level has a resonance."""
-    rest, share = _at_one(_mixed(rng, *parts)), rng.uniform(0.1, 0.4)
-    return np.asarray(share * _at_one(_velocity_power(0.0)) + (1.0 - share) * rest)
+    rest, share = _mixed(rng, *parts), rng.uniform(0.1, 0.4)
+    return _add(_scaled(_velocity_power(0.0), share), _scaled(rest, 1.0 - share))
 
 
 #: Truths by name: how S + iC is drawn. Ratios of damping tend to a plateau, fall from one to another, grow ever slower.
-TRUTHS: dict[str, Callable[[np.random.Generator], ComplexArray]] = {
+TRUTHS: dict[str, Callable[[np.random.Generator], Parts]] = {
     "viscous": lambda rng: _velocity_power(1.0),
     "viscous + velocity-squared": lambda rng: _mixed(rng, _velocity_power(1.0), _velocity_power(2.0)),
     "viscous + quadratic-displacement": lambda rng: _mixed(
-        rng, _velocity_power(1.0), _over_a_cycle(lambda q, v: q**2 * v)
+        rng, _velocity_power(1.0), {1.0: _over_a_cycle(lambda q, v: q**2 * v)}
     ),
     "viscous + coulomb": lambda rng: _with_friction(rng, _velocity_power(1.0)),
     "velocity-power": lambda rng: _velocity_power(rng.uniform(0.6, 2.2)),
@@ -179,7 +190,7 @@ TRUTHS: dict[str, Callable[[np.random.Generator], ComplexArray]] = {
     "friction, viscous and drag": lambda rng: _with_friction(rng, _velocity_power(1.0), _velocity_power(2.0)),
     "drag and slip": lambda rng: _mixed(rng, _velocity_power(2.0), _slip(_draw(rng, 0.2, 0.9))),
     "hardening": lambda rng: _mixed(
-        rng, _velocity_power(1.0), _over_a_cycle(lambda q, v: v * np.abs(q)), _velocity_power(3.0), least=0.1
+        rng, _velocity_power(1.0), {1.0: _over_a_cycle(lambda q, v: v * np.abs(q))}, _velocity_power(3.0), least=0.1
     ),
 }
 #: Those of which a law of the library, by the same name, holds: the first six.
@@ -188,12 +199,14 @@ IN_LIBRARY = tuple(TRUTHS)[:6]
 
 def draw_truth(name: str, rng: np.random.Generator) -> Truth:
     """A structure of a kind, its C scaled to 1 at A = 1."""
-    force = TRUTHS[name](rng)
-    log_C = np.log(np.maximum(force.imag, 1e-300))
-    at_one = np.interp(0.0, _TABLE, log_C)
-    # what moves the resonance has draws of its own: amplitudes do not depend on it
+    parts = TRUTHS[name](rng)
+    force = sum(parts.values(), start=np.zeros(len(_TABLE), dtype=complex))
+    at_one = np.interp(0.0, _TABLE, np.log(np.maximum(force.imag, 1e-300)))
+    # what moves the resonance has draws of its own: shares of the parts do not depend on it
     log_omega, mass = _draw_resonance(force.real / _A[:, 0] * np.exp(-at_one), rng.spawn(1)[0])
-    return Truth(name, log_C - at_one, log_omega, mass, Law(tuple(name.split(" + "))) if name in IN_LIBRARY else None)
+    C = sum(part.imag * np.exp(power * (log_omega - np.log(OMEGA))) for power, part in parts.items())
+    log_C = np.log(np.maximum(C, 1e-300)) - at_one
+    return Truth(name, log_C, log_omega, mass, Law(tuple(name.split(" + "))) if name in IN_LIBRARY else None)
 
 
 def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:

@@ -68,7 +68,7 @@ def test_springs_of_joints_are_those_of_sliders():
     """S and C of one slider, of Iwan's, and of Bouc and Wen's law far from its knee, against closed forms."""
     A, x = np.exp(truths._TABLE), (np.arange(60) + 0.5) / 60.0
     C, _, S, _ = Slip(1.0, 0.5).averages(A, OMEGA)
-    np.testing.assert_allclose(truths._slip(0.5), S + A + 1j * C, rtol=1e-9, atol=1e-10)  # differences of A up to e^9
+    np.testing.assert_allclose(truths._slip(0.5)[0.0], S + A + 1j * C, rtol=1e-9, atol=1e-10)  # differences of A up to e^9
     C, _, S, _ = Slip(np.full((60, 1), 1.0 / x.sum()), x[:, None]).averages(A, OMEGA)
     iwan = truths._iwan(0.0, 0.0, 1.0)
     # midpoints of 400 angles: 1e-4 of a loop with kinks
@@ -89,3 +89,12 @@ def test_a_resonance_falls_with_its_joint_alone():
             assert falls.min() > 0.0
             assert falls.sum() < MOST_IN_JOINTS
     assert 4 <= still <= 11  # two in three, one false alarm in a hundred
+
+
+def test_damping_is_that_at_the_frequency_of_the_resonance():
+    """Viscous C = c omega A where a spring moves omega: C/(omega A) is one number."""
+    rng = np.random.default_rng(5)
+    viscous = next(t for t in (draw_truth("viscous", rng) for _ in range(50)) if np.ptp(t.log_omega) > 0.1)
+    ratio = viscous.log_C - viscous.log_omega - truths._TABLE
+    np.testing.assert_allclose(ratio, -np.log(OMEGA), atol=1e-12)
+    np.testing.assert_allclose(viscous.omega(np.array([1.0])), OMEGA, rtol=1e-12)

@@ -17,7 +17,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.extrapolation.backbone import Backbone, find_backbone
+from damping.extrapolation.backbone import Backbone, find_backbone, observe_backbone
 from damping.extrapolation.draws import (
     Member,
     NextLevel,
@@ -146,12 +146,12 @@ def extrapolate_loads(
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
     plan = judge_rows(plan, every) if every else plan
-    members = []
+    members, backbone = [], observe_backbone(data, mode)
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:
             again = fresh and law.weight > LEAST_WEIGHT
             draws = draw_fresh(law, plan.data, seed) if again else law.evidence.draws
-            members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint).thin())
+            members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
             done(law.name)
     design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)

@@ -8,6 +8,7 @@ frequencies of the tested resonances.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -15,8 +16,10 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
-from damping.predict.steady import bisect
+from damping.infer.observations import Observations
+from damping.predict.steady import bisect, resonant_amplitude
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -54,6 +57,17 @@ SCATTER_LOG_SD = 1.5
 _SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
 #: A frequency this many times a tested one, or as many times below, is another mode's: none is predicted.
 FARTHEST = 2.0
+#: Change of the resonance, relative, from which on amplitudes are solved along the backbone: what less of it does is
+#: below what a reading errs.
+MOVED = 0.02
+#: Turns of solving for amplitude and frequency, each going half the way: what is left is 2^-8 of the change at first.
+_TURNS = 8
+#: Farthest from the tested frequencies, in ln omega, that an amplitude is solved at: beyond is no number.
+_FAR = 2.0
+#: Step of points that fill the unit interval evenly, however many they are: the golden ratio.
+_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+#: ln of the amplitude over the largest tested one at which the backbone is tabulated.
+_TABLE = np.linspace(-5.0, 5.0, 201)
 #: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
 _ANYWHERE = 1.0
 
@@ -89,6 +103,38 @@ class Backbone:
         tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
         near = np.isfinite(amplitude) & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
         return Interval(*(np.where(near, f, np.nan) for f in (median, quantile(tail), quantile(1.0 - tail))))
+
+    def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
+        """Amplitude (draws, forces) where C(A, omega(A)) = F: of a ``force`` with draws (draws, 1), F (forces,).
+
+        At the frequency ``omega``, rad/s, of the largest tested force where half of the draws end within ``MOVED`` of
+        it. Otherwise each draw has a backbone of its own, so many standard deviations from the mean, and its ln omega
+        goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this converges for
+        any omega in a power of A below the third.
+        """
+        A = resonant_amplitude(force, F[np.newaxis, :], omega)
+        moved = np.nan_to_num(self._log_omega_at(A) - np.log(omega))  # draws without a resonance do not move
+        if np.abs(np.median(moved, axis=0)).max() <= MOVED:
+            return A
+        own = ndtri((np.arange(len(A)) * _GOLDEN + 0.5) % 1.0)[:, np.newaxis]
+        log_omega = np.full(A.shape, np.log(omega))
+        for _ in range(_TURNS):
+            log_omega += 0.5 * np.nan_to_num(self._log_omega_at(A, own) - log_omega)
+            A = resonant_amplitude(force, F[np.newaxis, :], np.exp(log_omega))
+        return A
+
+    def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
+        """ln omega at amplitudes of any shape: its mean and so many standard deviations, within ``_FAR``."""
+        at = np.log(amplitude / self.amplitude.max())
+        mean, sd = (np.interp(at, _TABLE, values) for values in self._tabulated)
+        tested = np.log(self.omega)
+        return np.asarray(np.clip(mean + deviation * sd, tested.max() - _FAR, tested.min() + _FAR))
+
+    @cached_property
+    def _tabulated(self) -> tuple[FloatArray, FloatArray]:
+        weight, mean, sd = self._mix(self.amplitude.max() * np.exp(_TABLE))
+        middle = weight @ mean
+        return middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
 
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
         """Mass at each amplitude: straight in the logarithms between tested ones, constant beyond."""
@@ -165,3 +211,16 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
         mass_sd=sd,
         scatter=mode.repeatability.frequency or 0.0,
     )
+
+
+def observe_backbone(data: Observations, mode: Mode | None) -> Backbone | None:
+    """The backbone of the levels that laws rest on; None where all have one frequency. Its mass is of no account.
+
+    Frequencies are those of the structure without added mass, where a mode says what it adds to.
+    """
+    omega, scatter = data.tested_omega, (mode.repeatability.frequency if mode else None) or 0.0
+    if mode and data.added_mass is not None:
+        omega = omega * np.sqrt(1.0 + data.added_mass / mode.mass)
+    if not np.ptp(omega) > 0.0:
+        return None
+    return Backbone(data.tested_amplitude, omega, np.ones_like(omega), 0.0, scatter)

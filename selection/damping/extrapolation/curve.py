@@ -36,9 +36,6 @@ STEEPEST = 1.0 / SLOPES[0]
 GRID = 20
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
-#: Change of the resonance from the largest tested force on, relative, from which on it is said that amplitudes are
-#: solved at the frequency there: beyond it damping that grows with velocity moves them by more than a reading errs.
-MOVED = 0.02
 #: Amplitudes within the test of a curve that nobody asked for.
 WITHIN = 9
 #: Amplitudes beyond the test of such a curve.
@@ -178,7 +175,6 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     z = float(ndtri(0.5 * (1.0 + loads.level)))
     zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
-    moved = RAD_S_PER_HZ * f.median / data.tested_omega[data.top] - 1.0
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
     given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
@@ -190,19 +186,8 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         frequency=f,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
-        cautions=tuple((*said, *_describe_move(own)) for said, own in zip(loads.cautions, moved.tolist(), strict=True)),
+        cautions=loads.cautions,
     )
-
-
-def _describe_move(moved: float) -> list[str]:
-    """The caution where the resonance is predicted elsewhere, by ``moved``, than where laws are solved."""
-    if not abs(moved) > MOVED:
-        return []
-    way, then = ("above", "less") if moved > 0.0 else ("below", "more")
-    return [
-        f"the resonance is predicted {100.0 * abs(moved):.0f} % {way} that of the largest tested force, at which laws "
-        f"are solved: damping that grows with velocity leaves {then} amplitude than the band says"
-    ]
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:

@@ -22,7 +22,8 @@ import pandas as pd
 from scipy.special import gammaln
 
 from damping.arrays import BoolArray, FloatArray, IntArray
-from damping.forces.contract import Sum
+from damping.extrapolation.backbone import Backbone
+from damping.forces.contract import Force, Sum
 from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
@@ -43,7 +44,7 @@ _DIGITS = 12
 class Member:
     """A law that takes part: its weight and posterior draws x, (draws, dimension).
 
-    ``joint``: what the resonances say of one.
+    ``joint``: what the resonances say of one. ``backbone``: where they lie; at one frequency where it is not given.
     """
 
     name: str
@@ -51,6 +52,14 @@ class Member:
     coordinates: Coordinates
     draws: FloatArray
     joint: JointEvidence = ANY_JOINT
+    backbone: Backbone | None = None
+
+    def solve(self, damping: Force, force: FloatArray, data: Observations) -> FloatArray:
+        """Resonant amplitudes (draws, forces) of the law with its draws, ``damping``, under ``force`` (forces,)."""
+        omega = float(data.tested_omega[data.top])
+        if self.backbone is None:
+            return resonant_amplitude(damping, force[np.newaxis, :], omega)
+        return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
         """Every k-th draw by rising straying, as many as its share in ``AVERAGE_DRAWS`` asks for.
@@ -130,7 +139,7 @@ def draw_spread(
     new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampled ones stand several times
     draws, which = member.draws[new], np.cumsum(new) - 1
     damping = member.coordinates.force(draws)
-    of_law = np.log(resonant_amplitude(damping, np.exp(z)[None, :], data.tested_omega[data.top]))[which]
+    of_law = np.log(member.solve(damping, np.exp(z), data))[which]
     row, level = member.coordinates.scatter(draws)
     if member.coordinates.with_level_scatter:
         level = np.maximum(level, repeatability)
@@ -171,8 +180,7 @@ def _levels(
 
 def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:
     """Amplitude of each draw at each force, (draws, forces); NaN where a draw has no resonance."""
-    damping = member.coordinates.force(member.draws)
-    return np.asarray(resonant_amplitude(damping, force[None, :], data.tested_omega[data.top]))
+    return member.solve(member.coordinates.force(member.draws), force, data)
 
 
 #: Priors are tried at a third and at three times what they are.
