@@ -157,11 +157,17 @@ for _info in app.registered_commands:
 COLLECT_AFTER = 300_000
 
 
+#: Commands that read or write Parquet.
+USE_PYARROW = (["fleet"], ["export"])
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     if arguments is None and sys.argv[1:2] == ["fleet"]:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if arguments is None and sys.argv[1:2] not in USE_PYARROW:
+        damping_pipelines.leave_pyarrow_out()
     damping_pipelines.QUIET.set(False)
     gc.set_threshold(COLLECT_AFTER)
     try:

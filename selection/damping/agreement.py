@@ -56,8 +56,8 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
 
 
 def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
-    """What the diagnosis says against a ranking in which no law fits; empty where one does, which asks for none."""
-    explained = _explain(record, mode) if fit.verdict == "none fits" else None
+    """What the diagnosis says against a ranking in which no law fits."""
+    explained = _explain(record, mode)
     return describe_misfit(fit, explained) if explained else ()
 
 

@@ -65,15 +65,17 @@ def rank(
     Raises:
         AnalysisError: no candidate could be fitted.
     """
-    from damping.agreement import doubt_misfit  # noqa: PLC0415 - a record without a mode needs no diagnosis to load
-
     check_seed(seed)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
     (data, freed), laws = observe_ranked(measured.record, findings), candidate_laws()
     with progress("ranking", len(laws)) as done:
         ranking = rank_laws(data, seed, laws, done)
-    against = doubt_misfit(measured.record, measured.mode, ranking.fit) if measured.mode else ()
+    against: tuple[str, ...] = ()
+    if measured.mode and ranking.fit.verdict == "none fits":
+        from damping.agreement import doubt_misfit  # noqa: PLC0415 - a record that a law fits needs no diagnosis
+
+        against = doubt_misfit(measured.record, measured.mode, ranking.fit)
     return RankingResult(ranking, measured.mode, findings, (*measured.said, *freed), against)
 
 

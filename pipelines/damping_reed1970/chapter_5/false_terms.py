@@ -22,7 +22,7 @@ from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
 
 #: Responses treated at once, for the sake of memory.
-BLOCK = 500
+BLOCK = 200
 
 
 @dataclass(frozen=True)
