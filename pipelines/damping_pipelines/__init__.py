@@ -1,6 +1,5 @@
 """Settings, files, progress and the command line; everything that computes is in ``damping``."""
 
-import sys
 from contextvars import ContextVar
 from pathlib import Path
 
@@ -9,23 +8,6 @@ from damping.errors import InputError
 
 #: Whether progress is kept to oneself: ``damping --quiet``.
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
-
-
-def leave_pyarrow_out() -> None:
-    """Keep pandas from loading pyarrow in this process, before it is loaded itself.
-
-    Wherever pyarrow is installed pandas loads it, 40 MB and a tenth of a second, for text that is as well kept without.
-    """
-    sys.modules.setdefault("pyarrow", None)  # type: ignore[arg-type]  # the documented way to make an import fail
-
-
-def begin_process(without_pyarrow: bool) -> None:
-    """Initializer of a pool: as `end_with_parent`, and with pyarrow as the parent has it, whose tables come here."""
-    if without_pyarrow:
-        leave_pyarrow_out()
-    from damping_pipelines.terminal import end_with_parent  # noqa: PLC0415 - loads pandas
-
-    end_with_parent()
 
 
 def shipped_folder(package: Path, name: str) -> Path:

@@ -25,6 +25,7 @@ from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
 from damping_pipelines import cli_files as options
 from damping_pipelines.cli_files import delegate
+from damping_pipelines.processes import leave_pyarrow_out
 
 
 def _show_version(wanted: bool) -> None:
@@ -167,7 +168,7 @@ def main(arguments: list[str] | None = None) -> None:
         # what has come is written and the cluster ended in order; other commands end at once, with their processes
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     if arguments is None and sys.argv[1:2] not in USE_PYARROW:
-        damping_pipelines.leave_pyarrow_out()
+        leave_pyarrow_out()
     damping_pipelines.QUIET.set(False)
     gc.set_threshold(COLLECT_AFTER)
     try:

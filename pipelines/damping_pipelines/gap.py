@@ -18,8 +18,9 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import digest_file, versions
+from damping_pipelines.processes import end_with_parent
 from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
-from damping_pipelines.terminal import console, end_with_parent, progress, report_findings
+from damping_pipelines.terminal import console, progress, report_findings
 
 FORMAT = "gap/1"
 

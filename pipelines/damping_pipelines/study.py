@@ -33,10 +33,10 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines import begin_process
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, sole_writer, versions
-from damping_pipelines.terminal import give_back_memory, progress, report_findings
+from damping_pipelines.processes import end_with_parent, give_back_memory, has_left_pyarrow_out
+from damping_pipelines.terminal import progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
@@ -119,8 +119,12 @@ def hashes(path: Path, settings: files.StudySettings) -> dict[str, str]:
 def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
-    without_pyarrow = sys.modules.get("pyarrow", True) is None
-    with ProcessPoolExecutor(cpu_count(), get_context("spawn"), begin_process, (without_pyarrow,)) as pool:
+    with ProcessPoolExecutor(
+        max_workers=cpu_count(),
+        mp_context=get_context("spawn"),
+        initializer=end_with_parent,
+        initargs=(has_left_pyarrow_out(),),
+    ) as pool:
         rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))

@@ -1,16 +1,10 @@
-"""What people see of a command: progress on standard error, tables of text, findings of the audit.
+"""What people see of a command: progress on standard error, tables of text, findings of the audit."""
 
-Also processes that end with their parent, and work with an end.
-"""
-
-import ctypes
 import math
-import multiprocessing
 import os
 import sys
-import threading
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import zip_longest
 from textwrap import wrap
 
@@ -222,51 +216,3 @@ def report_findings(record: Record, mode: Mode | None, despite: Collection[str] 
     for finding in findings.findings:
         print(f"damping: {record.source}: {finding}", file=sys.stderr)
     return findings
-
-
-def end_with_parent() -> None:
-    """Initializer of a pool: when the parent is gone, even killed, this process ends instead of waiting for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)  # nobody is left who could be told
-
-    threading.Thread(target=watch, daemon=True, name="end-with-parent").start()
-
-
-def give_back_memory() -> None:
-    """Return to the system what was freed here, which the C library of Linux keeps for later."""
-    with suppress(AttributeError, OSError):  # another C library
-        ctypes.CDLL(None).malloc_trim(0)
-
-
-class OutOfTimeError(BaseException):
-    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
-
-
-@contextmanager
-def limit_time(seconds: float) -> Iterator[None]:
-    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
-
-    It is raised between two instructions of Python: a single call into native code is waited for.
-    """
-    thread = ctypes.c_ulong(threading.get_ident())
-    over, lock = False, threading.Lock()
-
-    def stop() -> None:
-        with lock:
-            if not over:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
-
-    timer = threading.Timer(seconds, stop)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        with lock:
-            over = True
-        timer.cancel()

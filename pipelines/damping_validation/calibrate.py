@@ -19,7 +19,8 @@ from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT
 from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
-from damping_pipelines.terminal import end_with_parent, progress
+from damping_pipelines.processes import end_with_parent
+from damping_pipelines.terminal import progress
 from damping_validation import calibration as trial
 from damping_validation.truths import IN_LIBRARY, TRUTHS
 

@@ -68,7 +68,7 @@ def test_springs_of_joints_are_those_of_sliders():
     """S and C of one slider, of Iwan's, and of Bouc and Wen's law far from its knee, against closed forms."""
     A, x = np.exp(truths._TABLE), (np.arange(60) + 0.5) / 60.0
     C, _, S, _ = Slip(1.0, 0.5).averages(A, OMEGA)
-    np.testing.assert_allclose(truths._slip(0.5)[0.0], S + A + 1j * C, rtol=1e-9, atol=1e-10)  # differences of A up to e^9
+    np.testing.assert_allclose(truths._slip(0.5)[0.0], S + A + 1j * C, rtol=1e-9, atol=1e-10)  # A up to e^9
     C, _, S, _ = Slip(np.full((60, 1), 1.0 / x.sum()), x[:, None]).averages(A, OMEGA)
     iwan = truths._iwan(0.0, 0.0, 1.0)
     # midpoints of 400 angles: 1e-4 of a loop with kinks

@@ -31,8 +31,8 @@ from damping.report import forms, number, page
 from damping.report.gap import describe_diagnosis, render_gap_page, tabulate_hypotheses
 from damping.report.tables import tabulate_by_model
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
+from damping_pipelines.processes import OutOfTimeError, limit_time
 from damping_pipelines.store import to_json
-from damping_pipelines.terminal import OutOfTimeError, limit_time
 
 #: Forces over which bands are drawn.
 _GRID = 40

@@ -1,0 +1,72 @@
+"""Processes that end with their parent and are small, and work with an end."""
+
+import ctypes
+import multiprocessing
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+
+def leave_pyarrow_out() -> None:
+    """Keep pandas from loading pyarrow in this process, before it is loaded itself.
+
+    Wherever pyarrow is installed pandas loads it, 40 MB and a tenth of a second, for text that is as well kept without.
+    """
+    sys.modules.setdefault("pyarrow", None)  # type: ignore[arg-type]  # the documented way to make an import fail
+
+
+def has_left_pyarrow_out() -> bool:
+    """Whether tables of this process are made without it, so that those of its pools are, too."""
+    return sys.modules.get("pyarrow", True) is None
+
+
+def end_with_parent(without_pyarrow: bool = False) -> None:
+    """Initializer of a pool: when the parent is gone, even killed, this process ends instead of waiting for ever."""
+    if without_pyarrow:
+        leave_pyarrow_out()
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)  # nobody is left who could be told
+
+    threading.Thread(target=watch, daemon=True, name="end-with-parent").start()
+
+
+def give_back_memory() -> None:
+    """Return to the system what was freed here, which the C library of Linux keeps for later."""
+    with suppress(AttributeError, OSError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+class OutOfTimeError(BaseException):
+    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()
