@@ -89,6 +89,7 @@ def run(block: Block, names: dict[str, Any], exit_code: Callable[[str], int]) ->
         Path(block.caption).write_text(block.text)
 
 
+@pytest.mark.slow
 @pytest.mark.sampling
 @pytest.mark.parametrize("page", [page for page in PAGES if EXECUTED[page]], ids=lambda p: str(p.relative_to(DOCS)))
 def test_every_block_of_a_page_runs(page, folder, exit_code):
@@ -200,6 +201,7 @@ def test_pages_link_to_what_is_there(built):
                 assert f'id="{anchor}"' in file.read_text(), f"{page.name}: {target}"
 
 
+@pytest.mark.slow
 def test_pages_are_quiet_load_nothing_fit_and_can_be_read(check_page, built):
     for page in PAGES:
         path = (built / page.relative_to(DOCS)).with_suffix(".html")

@@ -91,6 +91,7 @@ def test_numbers_of_the_pages():
         assert said in " ".join((EXAMPLES / name / "README.md").read_text().split())
 
 
+@pytest.mark.slow
 @pytest.mark.sampling
 def test_a_study_runs_shortened(tmp_path, monkeypatch, damping, check_page, one_process):
     """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""

@@ -193,6 +193,7 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     assert "no prediction" in beyond.cautions[0][0]
 
 
+@pytest.mark.slow
 def test_ratio_and_frequency_hold_the_truth(peaks):
     """A known structure read with 2 % of noise: the ratio that the next test would show, in and beyond the test."""
     rng = np.random.default_rng(3)

@@ -14,6 +14,8 @@ from damping.errors import InputError
 from damping_pipelines.manifest import MANIFEST, digest, open_folder, publish, sole_writer, verify
 
 OLD = {"a.csv": b"old a", "figures/b.svg": b"old b", "only-old.csv": b"x"}
+#: Studies killed.
+KILLS = 10
 NEW = {"a.csv": b"new a", "figures/b.svg": b"new b", "figures/only-new.svg": b"y"}
 
 
@@ -27,8 +29,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.sampling
-@pytest.mark.parametrize("number", [2, pytest.param(10, marks=pytest.mark.slow)])
-def test_studies_are_killed(tmp_path, number, forking, monkeypatch):
+@pytest.mark.slow
+def test_studies_are_killed(tmp_path, forking, monkeypatch):
     """At any moment and while it writes; the assertions are those of the benchmark, which kills fifty."""
 
     class Forked(kills.Studies):
@@ -41,9 +43,9 @@ def test_studies_are_killed(tmp_path, number, forking, monkeypatch):
             return self
 
     monkeypatch.setattr(kills, "Studies", Forked)
-    tally = kills.run(tmp_path, number, seed=3)
-    assert tally.kills == number
-    assert tally.fitting + tally.refused == number
+    tally = kills.run(tmp_path, KILLS, seed=3)
+    assert tally.kills == KILLS
+    assert tally.fitting + tally.refused == KILLS
 
 
 def test_a_run_replaces_another_whole(tmp_path):

@@ -50,7 +50,7 @@ CASES = {
 #: The cases that end well; the others are refused.
 TAKEN = ("table",)
 #: Cases by the process that meets them, one after the other: its peak is the largest of theirs.
-PROCESSES = (("packed", "rows", "commas", "quotes", "wide"), ("table",))
+PROCESSES = (("packed", "rows", "commas", "quotes", "wide"), pytest.param(("table",), marks=pytest.mark.slow))
 COMMANDS = """
 import sys
 from damping_pipelines.cli import main

@@ -30,7 +30,7 @@ SEEDS = (0, 1, 2)
 BY_BEATS = {"4 oct/min", "4 oct/min, no phase"}
 
 
-@pytest.mark.parametrize("benches", [10, pytest.param(64, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("benches", [4, pytest.param(64, marks=pytest.mark.slow)])
 def test_no_right_record_is_refused(benches):
     cautioned, total = [], 0
     for number, bench in enumerate(right_benches(benches, seed=11)):
@@ -46,7 +46,7 @@ def test_no_right_record_is_refused(benches):
     assert len(cautioned) <= MOST_CAUTIONS * total, f"{len(cautioned)} of {total}: " + "\n".join(cautioned)
 
 
-@pytest.mark.parametrize("seed", [*SEEDS[:2], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[2:])])
+@pytest.mark.parametrize("seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[1:])])
 def test_every_wrong_record_is_named_and_refused_where_due(seed):
     missed = []
     for name, (check, table, mode, refuse) in wrong_cases(seed).items():
@@ -67,7 +67,7 @@ def test_one_cause_is_one_finding(name):
     assert [finding.check for finding in audit(record_of(table), mode).findings] == [check]
 
 
-@pytest.mark.parametrize("rows", [4, 6, 9, 15])
+@pytest.mark.parametrize("rows", [4, 15, *(pytest.param(rows, marks=pytest.mark.slow) for rows in (6, 9))])
 @pytest.mark.parametrize("shown", [("force", "amplitude"), ("force", "amplitude", "phase")])
 def test_a_force_that_drops_at_resonance_is_no_mixed_level(rows, shown):
     """A shaker that gives way to the motion: F = F_0 |D|/|D + i b| with D = 1 - r^2 + 2 i zeta r, and A = F/(K |D|)."""

@@ -120,12 +120,9 @@ def test_importance_sampling(components, saturn):
     assert largest_difference(found, other) < LARGEST
 
 
-@pytest.fixture(scope="module", params=[100, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[pytest.param(400, marks=pytest.mark.slow)])
 def nested(saturn, request):
-    """A two-term law: coordinates, data, nested sampling's estimates and log marginal likelihood with its error.
-
-    Four times the live points halve its errors.
-    """
+    """A two-term law: coordinates, data, nested sampling's estimates and log marginal likelihood with its error."""
     from dynesty import NestedSampler
 
     data = saturn("config-2-mode-1")
