@@ -128,6 +128,7 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
         rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
+        give_back_memory()  # before all that is drawn
         records = tuple(
             _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.number == k))
             for k, record in enumerate(inputs)

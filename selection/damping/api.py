@@ -68,15 +68,15 @@ def rank(
     check_seed(seed)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
-    (data, freed), laws = observe_ranked(measured.record, findings), candidate_laws()
-    with progress("ranking", len(laws)) as done:
-        ranking = rank_laws(data, seed, laws, done)
-    against: tuple[str, ...] = ()
-    if measured.mode and ranking.fit.verdict == "none fits":
-        from damping.agreement import doubt_misfit  # noqa: PLC0415 - a record that a law fits needs no diagnosis
+    data, freed = observe_ranked(measured.record, findings)
+    with progress("ranking", len(candidate_laws())) as done:
+        ranking = rank_laws(data, seed, done=done)
+    result = RankingResult(ranking, measured.mode, findings, (*measured.said, *freed))
+    if measured.mode is None or ranking.fit.verdict != "none fits":
+        return result
+    from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-        against = doubt_misfit(measured.record, measured.mode, ranking.fit)
-    return RankingResult(ranking, measured.mode, findings, (*measured.said, *freed), against)
+    return replace(result, against=doubt_misfit(measured.record, measured.mode, ranking.fit))
 
 
 @single_threaded
