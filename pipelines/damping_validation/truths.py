@@ -28,6 +28,9 @@ MOST_IN_JOINTS = 0.1
 #: either way, least and most, relative.
 WITH_SPRING = 1.0 / 3.0
 SPRINGS = (3e-5, 3e-3)
+#: Largest change of stiffness by such a spring, relative; far beyond the test it grows no more: one that softens for
+#: ever leaves viscous damping nothing to balance the drive with.
+MOST_BENT = 0.1
 #: ln A of the tables; the middle of every test lies near A = 1, and slip can reach far at four times the largest force.
 _TABLE = np.linspace(-5.0, 9.0, 281)
 _A = np.exp(_TABLE)[:, None]
@@ -215,7 +218,8 @@ def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[Fl
     if stiffness[0] > 0.0:
         ratio = min(ratio, 0.5 * MOST_IN_JOINTS / stiffness[0])
     spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * _draw(rng, *SPRINGS)
-    bent = 2.0 * ratio * (stiffness - np.interp(0.0, _TABLE, stiffness)) + 2.0 * spring * (_A[:, 0] ** 2 - 1.0)
+    of_spring = MOST_BENT * np.tanh(2.0 * spring * (_A[:, 0] ** 2 - 1.0) / MOST_BENT)
+    bent = 2.0 * ratio * (stiffness - np.interp(0.0, _TABLE, stiffness)) + of_spring
     return np.log(OMEGA) + 0.5 * np.log(np.maximum(1.0 + bent, 0.1)), float(0.5 / (ratio * OMEGA**2))
 
 
