@@ -68,9 +68,9 @@ def rank(
     check_seed(seed)
     findings = check(record, mode).require(despite)
     measured = prepare(record, mode)
-    data, freed = observe_ranked(measured.record, findings)
-    with progress("ranking", len(candidate_laws())) as done:
-        ranking = rank_laws(data, seed, done=done)
+    (data, freed), laws = observe_ranked(measured.record, findings), candidate_laws()
+    with progress("ranking", len(laws)) as done:
+        ranking = rank_laws(data, seed, laws, done)
     result = RankingResult(ranking, measured.mode, findings, (*measured.said, *freed))
     if measured.mode is None or ranking.fit.verdict != "none fits":
         return result
@@ -268,8 +268,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
     check_kind(frame, pd.DataFrame, "table")
     described = read_description(description)
     steps = condition_steps(check_raw(frame, described), described)
-    name = described.title or "conditioned"
-    return ConditionResult(Record(steps[-1].after, name), name, steps)
+    return ConditionResult(Record(steps[-1].after, name := described.title or "conditioned"), name, steps)
 
 
 @single_threaded
