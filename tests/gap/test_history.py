@@ -91,3 +91,8 @@ def test_configuration_2_is_that_of_the_report(second, saturn):
     np.testing.assert_allclose(zeta, expected, rtol=1e-12, atol=0.0)
     assert np.all(np.diff(zeta) > 0.0)
     assert second.gap.after < 1.0 < 2.0 < second.gap.before  # three levels, two parameters
+
+
+def test_the_next_test_of_tables_is_read_from_files_yet_to_be_named(first):
+    """Table 3.III is no file: the command that would read the next test has the names of no other."""
+    assert "damping gap MODEL.toml RECORD.csv" in first.next_test.command

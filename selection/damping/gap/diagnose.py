@@ -107,8 +107,11 @@ class Diagnosis(Explained):
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        files = (Path(self.mode.source or "MODEL.toml").name, Path(self.record.source or "RECORD.csv").name)
-        return rank_tests(self.explanations, f"damping gap {files[0]} {files[1]}")
+        model, record = (
+            Path(source).name if Path(source).suffix == ending else f"{what}{ending}"
+            for source, what, ending in ((self.mode.source, "MODEL", ".toml"), (self.record.source, "RECORD", ".csv"))
+        )
+        return rank_tests(self.explanations, f"damping gap {model} {record}")
 
     @property
     def next_test(self) -> NextTest | None:
