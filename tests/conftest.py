@@ -585,7 +585,9 @@ EXPLAINING = (
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank, two to predict with and six effects: where it is not those that are tested."""
+    """Three laws to rank, two to predict with, a tenth of the draws and six effects: where they are not what is tested."""
+    monkeypatch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
+    monkeypatch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
     for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
         monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
     for module in ("damping.extrapolation", "damping_pipelines.study"):

@@ -107,20 +107,22 @@ class Backbone:
     def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
         """Amplitude (draws, forces) where C(A, omega(A)) = F: of a ``force`` with draws (draws, 1), F (forces,).
 
-        At the frequency ``omega``, rad/s, of the largest tested force where half of the draws end within ``MOVED`` of
-        it. Otherwise each draw has a backbone of its own, so many standard deviations from the mean, and its ln omega
-        goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this converges for
-        any omega in a power of A below the third.
+        At the frequency ``omega``, rad/s, of the largest tested force, where half of the draws end within ``MOVED`` of
+        it. At other forces each draw has a backbone of its own, so many standard deviations from the mean, and its
+        ln omega goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this
+        converges for any omega in a power of A below the third.
         """
         A = resonant_amplitude(force, F[np.newaxis, :], omega)
         moved = np.nan_to_num(self._log_omega_at(A) - np.log(omega))  # draws without a resonance do not move
-        if np.abs(np.median(moved, axis=0)).max() <= MOVED:
+        far = np.abs(np.median(moved, axis=0)) > MOVED
+        if not far.any():
             return A
-        own = ndtri((np.arange(len(A)) * _GOLDEN + 0.5) % 1.0)[:, np.newaxis]
-        log_omega = np.full(A.shape, np.log(omega))
+        own, F, at = ndtri((np.arange(len(A)) * _GOLDEN + 0.5) % 1.0)[:, np.newaxis], F[np.newaxis, far], A[:, far]
+        log_omega = np.full(at.shape, np.log(omega))
         for _ in range(_TURNS):
-            log_omega += 0.5 * np.nan_to_num(self._log_omega_at(A, own) - log_omega)
-            A = resonant_amplitude(force, F[np.newaxis, :], np.exp(log_omega))
+            log_omega += 0.5 * np.nan_to_num(self._log_omega_at(at, own) - log_omega)
+            at = resonant_amplitude(force, F, np.exp(log_omega))
+        A[:, far] = at
         return A
 
     def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
