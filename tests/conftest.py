@@ -585,7 +585,7 @@ EXPLAINING = (
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank, two to predict with, a tenth of the draws and six effects: where they are not what is tested."""
+    """Three laws to rank, two to predict with, a tenth of the draws, six effects: where they are not what is tested."""
     monkeypatch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
     monkeypatch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
     for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):

@@ -27,7 +27,7 @@ def flagship() -> tuple[dp.Record, dp.Mode]:
 
 @pytest.fixture(scope="module", autouse=True)
 def planned_once():
-    """Laws are weighed for the loads of a record once, not for either side of every comparison."""
+    """Laws are weighed for the loads of a record once, not for either side of each comparison, with a tenth of draws."""
     plan, made = extrapolation.plan_loads, {}
 
     def find(data, laws, seed, done, mode, estimate):
@@ -38,6 +38,8 @@ def planned_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(extrapolation, "plan_loads", find)
+        patch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
+        patch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
         yield
 
 

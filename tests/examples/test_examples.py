@@ -107,6 +107,7 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, damping, check_page, one_
     check_page(tmp_path / "out" / "report.html", (390, "dark"), (1280, "light"))
 
 
+@pytest.mark.slow
 def test_the_second_plane_is_found(tmp_path, damping, check_page):
     """On every third row: the effect, its angle and its frequency, and no force; and the page that says so."""
     folder = EXAMPLES / "two-plane-mode"

@@ -194,7 +194,8 @@ def test_unstable_branch_is_left_and_stable_ones_are_kept() -> None:
     assert abs(ends[1] / middle - 1) > 0.1
 
 
-@pytest.mark.parametrize("direction", ["up", pytest.param("down", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["up", "down"])
 def test_sweeps_in_time_jump_where_the_averages_do(direction) -> None:
     omega = np.linspace(10.0, 12.0, 9)
     averaged = sweep(DUFFING, 20.0, omega, M, omega_n, direction).amplitude

@@ -259,7 +259,7 @@ def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit):
     assert rank_laws(swept_misfit, hold_out=False).fit.verdict == "none fits"
 
 
-@pytest.mark.parametrize("gain", [0.99, 0.88, *(pytest.param(gain, marks=pytest.mark.slow) for gain in (1.0, 1.2))])
+@pytest.mark.parametrize("gain", [0.88, *(pytest.param(gain, marks=pytest.mark.slow) for gain in (0.99, 1.0, 1.2))])
 def test_a_level_that_is_off_beside_quiet_rows_is_said(swept, gain):
     """Viscous sweeps with 0.5 % of noise: a level whose gain is 12 % low is named with that number, none of 1 %."""
     record = swept(make("viscous", coefficient=1.5), np.array([1.0, 2.0, 4.0]), noise=0.005)

@@ -83,6 +83,7 @@ def test_band_of_ranks_holds_its_share():
     assert not is_uniform(crowded)
 
 
+@pytest.mark.slow
 def test_the_law_of_clean_data_wins():
     """Half a per cent of noise, eight levels over a factor of four: the true law leads where it can be told."""
     for name in ("viscous", "viscous + velocity-squared", "viscous + coulomb", "viscous + slip"):

@@ -115,6 +115,7 @@ def test_null_cases_leave_nothing_to_explain(kind):
             assert (drawn.bench.scatter[0] > 0) == (kind == "null:scatter")
 
 
+@pytest.mark.slow
 def test_gaps_spread_over_their_range():
     kinds = ("phase-lag", "amplitude-scale", "residual-modes", "planar-coupling")
     gaps = [draw(kinds[n % 4], n % 3 == 0, np.random.default_rng([9, n])).gap for n in range(16)]
