@@ -27,7 +27,7 @@ def flagship() -> tuple[dp.Record, dp.Mode]:
 
 @pytest.fixture(scope="module", autouse=True)
 def planned_once():
-    """Laws are weighed for the loads of a record once, not for either side of each comparison, with a tenth of draws."""
+    """Laws are weighed for the loads of a record once, not for either side of a comparison, with a tenth of draws."""
     plan, made = extrapolation.plan_loads, {}
 
     def find(data, laws, seed, done, mode, estimate):
