@@ -159,16 +159,18 @@ COLLECT_AFTER = 300_000
 
 
 #: Commands that read or write Parquet.
-USE_PYARROW = (["fleet"], ["export"])
+USE_PYARROW = ("fleet", "export")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
-    if arguments is None and sys.argv[1:2] == ["fleet"]:
-        # what has come is written and the cluster ended in order; other commands end at once, with their processes
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-    if arguments is None and sys.argv[1:2] not in USE_PYARROW:
-        leave_pyarrow_out()
+    if arguments is None:  # a process of its own
+        command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")  # after "--quiet", too
+        if command == "fleet":
+            # what has come is written and the cluster ended in order; other commands end at once, with their processes
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+        if command not in USE_PYARROW:
+            leave_pyarrow_out()
     damping_pipelines.QUIET.set(False)
     gc.set_threshold(COLLECT_AFTER)
     try:

@@ -143,6 +143,16 @@ def test_commands_on_peaks_load_what_they_use(command, saturn_data, tmp_path):
     assert (tmp_path / "form.json").exists()
 
 
+@pytest.mark.parametrize("words", [("export",), ("--quiet", "export")])
+def test_parquet_is_written_whatever_stands_before_the_command(words, saturn_data, tmp_path):
+    """Other commands leave pyarrow out of their process: which command it is, is seen behind the common options."""
+    out = tmp_path / "record.parquet"
+    words = [*map(str, ("damping", *words, saturn_data / "records" / "config-2-mode-1.csv", "--out", out))]
+    script = f"import sys; from damping_pipelines.cli import main; sys.argv = {words}\nmain()"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, out.exists()) == (0, True), done.stderr
+
+
 @pytest.mark.parametrize(
     "words",
     [
