@@ -32,6 +32,11 @@ POUND_FORCE_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 RAD_S_PER_HZ = 2.0 * pi
 
 
+def differs(values: Floats, number: float) -> bool:
+    """Whether any value is another; of one number without numpy, whose own way is slow in what is asked often."""
+    return values != number if isinstance(values, float) else bool(np.any(values != number))
+
+
 def plain(value: Any) -> Any:
     """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
     if isinstance(value, Mapping):

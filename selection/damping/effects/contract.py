@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import exp, log
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray, Floats
+from damping.arrays import BoolArray, FloatArray, Floats, differs
 from damping.forces.contract import Force
 from damping.forces.shapes import Shape, completed
 
@@ -72,8 +72,7 @@ class Reading(NamedTuple):
     unread: Instrument
 
 
-@dataclass(frozen=True)
-class Terms:
+class Terms(NamedTuple):
     """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
 
     Attributes:
@@ -107,13 +106,13 @@ class Terms:
     def plus(self, **parts: Any) -> Terms:
         """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""
         longer: dict[str, Any] = {name: (*getattr(self, name), part) for name, part in parts.items()}
-        return replace(self, **longer)
+        return self._replace(**longer)
 
     def tuned(self, drive: Drive) -> Terms:
         """The terms with omega_n as it is at each row: of its state, and drifting."""
-        if not self.detuned and np.all(drive.ratio == 1.0):
+        if not self.detuned and not differs(drive.ratio, 1.0):
             return self
-        return replace(self, omega_n=self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive)), detuned=())
+        return self._replace(omega_n=self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive)), detuned=())
 
     @property
     def viscous(self) -> tuple[Force, ...]:

@@ -1,14 +1,13 @@
 """What changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import chain
 from math import log
 
 import numpy as np
 from scipy.special import expit
 
-from damping.arrays import RAD_S_PER_HZ, Floats
+from damping.arrays import RAD_S_PER_HZ, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.forces.shapes import TIME, Shape
 
@@ -83,21 +82,21 @@ def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """
 
     def course(drive: Drive) -> Floats:
-        if np.any(table["sweep"]):
+        if differs(table["sweep"], 0.0):
             return drive.sweep == table["sweep"]
-        if np.any(table["settling"]):
+        if differs(table["settling"], 0.0):
             return 1.0 - np.exp(-(drive.time + 0.5) / table["settling"])
-        if np.any(table["cycles"]):
+        if differs(table["cycles"], 0.0):
             return np.sin(2.0 * np.pi * table["cycles"] * drive.time + table["phase"])
-        if np.any(table["moment"]):
+        if differs(table["moment"], 0.0):
             return np.asarray(expit((drive.time + 0.5 - table["moment"]) / _GIVING_WAY))
         return drive.time
 
     for quantity, field in (("frequency", "detuned"), ("damping", "damped")):
-        if np.any(table[quantity]):
+        if differs(table[quantity], 0.0):
             terms = terms.plus(**{field: lambda drive, size=table[quantity]: size * course(drive)})
     jumps = [(sweep, table[f"frequency_{sweep}"]) for sweep in range(1, _MOST_JUMPS + 1)]
-    if any(np.any(jump) for _, jump in jumps):
+    if any(differs(jump, 0.0) for _, jump in jumps):
         terms = terms.plus(detuned=lambda drive: sum(jump * (drive.sweep == sweep) for sweep, jump in jumps))
     return terms
 
@@ -181,7 +180,7 @@ def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
     """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
     centre = terms.omega_n
     moved = terms.plus(moving=lambda drive: rate * drive.up * (drive.omega / centre) ** law)
-    return replace(moved, ringing=ringing)
+    return moved._replace(ringing=ringing)
 
 
 SWEEP_RATE = Effect(

@@ -3,7 +3,6 @@ a force that drops out near resonance, a frequency that moves too fast.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from math import log
 
 import numpy as np
@@ -38,10 +37,10 @@ AMPLITUDE_SCALE: Effect = Effect(
     # strength: |ln(factor)|, at most that of a factor 3, above or below 1
     forms=lambda scales: AMPLITUDE_SCALE.either_sign(
         lambda size: {"factor": np.exp(size)},
-        change=lambda terms, size: replace(terms, gain=terms.gain + size),
+        change=lambda terms, size: terms._replace(gain=terms.gain + size),
         largest=log(3.0),
     ),
-    simulate=lambda terms, table: replace(terms, gain=terms.gain + log(table["factor"])),
+    simulate=lambda terms, table: terms._replace(gain=terms.gain + log(table["factor"])),
     shapes=(Shape("factor", above=0.0),),
 )
 
@@ -51,7 +50,7 @@ PHASE_LAG: Effect = Effect(
     sentence="all phases are off by one constant",
     # strength: |lag|, at most 1 rad
     forms=lambda scales: PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0),
-    simulate=lambda terms, table: replace(terms, lag=terms.lag + table["lag"]),
+    simulate=lambda terms, table: terms._replace(lag=terms.lag + table["lag"]),
     shapes=(Shape("lag"),),
     need="phase",
 )

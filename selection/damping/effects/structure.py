@@ -43,7 +43,7 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
     """The viscous force times 1 + ``relative``."""
     factor = 1.0 + table["relative"]
     forces = (replace(f, coefficient=f.coefficient * factor) if isinstance(f, Viscous) else f for f in terms.forces)
-    return replace(terms, forces=tuple(forces))
+    return terms._replace(forces=tuple(forces))
 
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
@@ -54,7 +54,7 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
 
     def change(terms: Terms, beyond: Floats) -> Terms:
         c = Viscous(scales.viscous * np.exp(beyond + np.copysign(least, beyond)))
-        return replace(terms, forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
+        return terms._replace(forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": np.expm1(beyond + np.copysign(least, beyond))}
@@ -80,7 +80,7 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
     least = 3.0 * scales.frequency
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        return replace(terms, omega_n=scales.omega_n * (1.0 + (beyond + np.copysign(least, beyond))))
+        return terms._replace(omega_n=scales.omega_n * (1.0 + (beyond + np.copysign(least, beyond))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": beyond + np.copysign(least, beyond)}
@@ -94,7 +94,7 @@ NATURAL_FREQUENCY = Effect(
     kind="parameter",
     sentence="the natural frequency is off by more than its tolerance",
     forms=frequency_forms,
-    simulate=lambda terms, table: replace(terms, omega_n=terms.omega_n * (1.0 + table["relative"])),
+    simulate=lambda terms, table: terms._replace(omega_n=terms.omega_n * (1.0 + table["relative"])),
     shapes=(RELATIVE,),
     corrects="frequency",
     need="sweep",
@@ -113,7 +113,7 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
 
 def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
-        return replace(terms, plane=Plane(weight, 1.0 + sign * distance, in_both, damping))
+        return terms._replace(plane=Plane(weight, 1.0 + sign * distance, in_both, damping))
 
     def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
         plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
@@ -129,8 +129,7 @@ PLANAR_COUPLING = Effect(
     sentence="the drive excites two close modes in principal planes at an angle",
     forms=planar_forms,
     # with ``alike`` other than 0 all forces act in it too
-    simulate=lambda terms, table: replace(
-        terms,
+    simulate=lambda terms, table: terms._replace(
         plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], table["alike"] != 0.0, table["damping_ratio"]),
     ),
     shapes=(
@@ -164,7 +163,7 @@ def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
     def part(drive: Drive) -> Floats:
         x = drive.omega / centre
-        if not np.all(np.isfinite(ratio)):
+        if not np.isfinite(ratio).all():
             return compliance * (1.0 + table["slope"] * (x - 1.0))
         return np.asarray(compliance / (np.square(ratio) - x * x + 1j * loss * ratio * x))
 

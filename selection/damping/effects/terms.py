@@ -15,13 +15,13 @@ solution of the steady state; with P'(u) its own steady amplitude follows to fir
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import wofz
 
-from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats
+from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats, differs
 from damping.effects.contract import Drive, Instrument, Terms, add_parts
 
 #: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
@@ -100,9 +100,9 @@ def _join(real: Floats, imaginary: Floats) -> ComplexArray:
     return joined
 
 
-def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, Floats]:
     """What instruments make of ln amplitudes, one after the other, and the slope of all of them."""
-    slope = np.ones(1)
+    slope: Floats = 1.0
     for instrument in instruments:
         v, own = instrument(v)
         slope = slope * own
@@ -125,7 +125,7 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     """Z and dZ/d ln A at amplitude A."""
     detuning = np.square(terms.omega_n) - np.square(drive.omega)
     # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
-    if not np.all(detuning):
+    if not detuning.all():
         detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
     real = terms.M * drive.mass * detuning - drive.added * np.square(drive.omega)
     imaginary: Floats = 0.0
@@ -154,7 +154,7 @@ def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatA
     paths: tuple[ComplexArray, ...] = (H,)
     if terms.plane is not None:
         t, ratio, in_both, damping = terms.plane
-        other = terms if in_both else replace(terms, forces=terms.viscous)
+        other = terms if in_both else terms._replace(forces=terms.viscous)
         Z, slope = complex_stiffness(other, amplitudes[1], drive)
         Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
         stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
@@ -216,7 +216,7 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     beyond resonance; so may what an instrument that tracks the frequency reads of a motion that rings beside it.
     ``terms.ringing`` is 0 for the motion itself, 1 for that envelope.
     """
-    if not terms.moving and not np.any(drive.rate):
+    if not terms.moving and not differs(drive.rate, 0.0):
         H = 1.0 / Z
         return H, H * H
     alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -94,8 +95,7 @@ class Part:
         return [strength, *(np.asarray(value) for value in shapes)]
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+class Sensitivity(NamedTuple):
     """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
 
     A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T;
@@ -132,7 +132,7 @@ class Residuals:
     def by_sweep(self) -> tuple[FloatArray, FloatArray]:
         """Derivatives by ln of the gain and of omega_n, (batch, m) each, of models 0, k, 2k ..., k = ``every``."""
         own, step = self.sensitivity, self.every
-        own = replace(own, per_sd=own.per_sd[::step], follow=own.follow[::step])
+        own = own._replace(per_sd=own.per_sd[::step], follow=own.follow[::step])
         by_gain = np.zeros_like(self.r[::step])
         by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * own.per_sd
         return by_gain, own.columns(self.prediction.by_frequency)
@@ -147,7 +147,7 @@ class Model:
     scatter: Scatter
     at: FloatArray | None = field(default=None, compare=False)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of variables x."""
         return len(self.problem.simulation.names) + sum(part.size for part in self.parts)
@@ -262,7 +262,7 @@ def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms
     sweeps = len(rows.sweeps)
     gain = terms.gain + (scatter.amplitude * z[:, :sweeps]).take(rows.sweep, axis=1)
     factor = np.exp(scatter.frequency * z[:, sweeps:]).take(rows.sweep, axis=1)
-    return replace(terms, gain=gain, omega_n=terms.omega_n * factor)
+    return terms._replace(gain=gain, omega_n=terms.omega_n * factor)
 
 
 class Motion(NamedTuple):

@@ -132,7 +132,7 @@ DESIGNS = (
         "the highest sweep again, each frequency held until the motion is steady",
         "what a moving frequency does is gone",
         ("sweep_rate",),
-        change=lambda terms: replace(terms, moving=()),
+        change=lambda terms: terms._replace(moving=()),
     ),
     ProposedTest(
         "the third harmonic of the displacement at the highest force",

@@ -239,4 +239,4 @@ def _order_taken(record: Record) -> FloatArray:
 
 def wrapped(angle: FloatArray) -> FloatArray:
     """An angle between -pi and pi."""
-    return np.asarray(angle - 2.0 * pi * np.round(angle / (2.0 * pi)))
+    return np.asarray(angle - 2.0 * pi * np.rint(angle / (2.0 * pi)))

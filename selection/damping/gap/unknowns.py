@@ -193,7 +193,7 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     root = np.sqrt(weights)
     J = fit.J / own * root[:, np.newaxis]
     start = fit.r * root - J @ (fit.y * own)  # residuals at x = 0, b = 0
-    scale = np.stack([np.repeat([1.0, a, f], [k, sweeps, sweeps]) for a, f in unknown.scatters])
+    scale = np.hstack([np.ones((len(unknown.scatters), k)), np.repeat(unknown.scatters, sweeps, axis=1)])
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
     regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0

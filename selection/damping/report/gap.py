@@ -194,7 +194,7 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     dense = rows.taken(nearest, F=F, sweep=np.zeros(_POINTS, dtype=np.int64), **filled)
     tables = []
     for name, terms in _list_models(leading, lambda fit: fitted_terms(fit, deviations=False)).items():
-        flat = replace(terms, gain=np.ravel(terms.gain)[:1], omega_n=np.ravel(terms.omega_n)[:1])
+        flat = terms._replace(gain=np.ravel(terms.gain)[:1], omega_n=np.ravel(terms.omega_n)[:1])
         A = np.exp(steady(flat, dense, dense.u).u)
         tables.append(pd.DataFrame({"model": name, "force": F, "amplitude": A}))
     return pd.concat(tables, ignore_index=True)
@@ -256,7 +256,7 @@ def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
         terms = fitted_terms(fit, deviations=False)
         M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
         drive = Drive(np.ones(80), np.full(80, omega_n))
-        Z = complex_stiffness(replace(terms, M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
+        Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
         frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
         damping = Z.imag / (2.0 * M * omega_n**2)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
