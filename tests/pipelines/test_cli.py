@@ -129,15 +129,10 @@ def test_what_commands_print_needs_no_figures():
 
 @pytest.mark.parametrize("command", [("rank",), ("extrapolate", "--force", "20")])
 def test_commands_on_peaks_load_what_they_use(command, saturn_data, tmp_path):
-    """Start-up is most of what they take: of scipy special functions alone, no figures, no schema of good rows.
-
-    Each force alone and one sum, whose fits and draws go the way of all, stand for every sum.
-    """
+    """Start-up is most of what they take: of scipy special functions alone, no figures, no schema of good rows."""
     words = [*map(str, ("damping", command[0], *files(saturn_data), *command[1:], "--json", tmp_path / "form.json"))]
     script = (
         f"import sys; from damping_pipelines.cli import main; sys.argv = {words}\n"
-        "from damping.forces import CATALOGUE\n"
-        "for name, force in CATALOGUE.items(): force.sums = name in ('viscous', 'slip')\n"
         "try: main()\n"
         "except SystemExit as end: assert not end.code\n"
         "heavy = {'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'jinja2', 'damping.formats', 'pyarrow'}\n"
@@ -217,7 +212,7 @@ def test_bad_level(level, damping, saturn_data):
     assert "expected a probability" in run.err
 
 
-def test_unwritable_output_leaves_one_line(damping, saturn_data, tmp_path, few_laws):
+def test_unwritable_output_leaves_one_line(damping, saturn_data, tmp_path):
     run = damping("rank", *files(saturn_data), "--json", tmp_path)
     assert run.code == 2
     assert "cannot be written" in run.err
