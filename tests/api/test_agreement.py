@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 import damping as dp
-from damping import extrapolation
+from damping import agreement, extrapolation
 from damping.agreement import describe_misfit, simulate_resonance
+from damping.gap import diagnose
 from damping.infer.observations import observe
 from damping.ranking.candidates import FitVerdict
 from damping.records.resonance import find_resonance
@@ -26,18 +27,27 @@ def flagship() -> tuple[dp.Record, dp.Mode]:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def planned_once():
-    """Laws are weighed for the loads of a record once, not for either side of a comparison, with a tenth of draws."""
-    plan, made = extrapolation.plan_loads, {}
+def made_once():
+    """Laws are weighed and a gap is explained once a record, not for either side of a comparison; a tenth of draws."""
+    plan, explain, made = extrapolation.plan_loads, agreement.explain, {}
 
-    def find(data, laws, seed, done, mode, estimate):
+    def plan_once(data, laws, seed, done, mode, estimate):
         key = (data.A.tobytes(), data.D.tobytes(), tuple(laws), seed, mode.mass, mode.tolerance, estimate)
         if key not in made:
             made[key] = plan(data, laws, seed, done, mode, estimate)
         return made[key]
 
+    def explain_once(record, mode, *others):
+        assert not any(others)
+        key = (record.table.to_csv(), repr(mode), *diagnose.CATALOGUE)
+        if key not in made:
+            made[key] = explain(record, mode)
+        return made[key]
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(extrapolation, "plan_loads", find)
+        patch.setattr(extrapolation, "plan_loads", plan_once)
+        patch.setattr(agreement, "explain", explain_once)
+        patch.setattr(diagnose, "explain", explain_once)
         patch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
         patch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
         yield
@@ -145,7 +155,7 @@ def test_loads_for_amplitudes_are_compared_as_amplitudes(flagship):
     assert dp.extrapolate(record, mode, amplitudes=[2.0]).against == ()
 
 
-def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_ranked():
+def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_ranked(few_laws):
     """Viscous damping c read 0.25 rad late: ranked with the offset no law fits."""
     c, omega_n = 4.0, 2.0 * np.pi * 20.0
     frequency, force = np.tile(np.linspace(19.4, 20.6, 15), 2), np.repeat([1.0, 2.0], 15)

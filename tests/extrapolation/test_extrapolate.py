@@ -10,6 +10,7 @@ from benchmarks._structures import structures
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.near import near_resonance
 from damping.forces import CubicStiffness, Sum
+from damping.infer.law import Law
 from damping.predict.steady import phase_resonance
 from damping.records.record import record_to_csv
 from damping_reed1970 import data_folder
@@ -55,12 +56,17 @@ def test_bands_from_whole_sweeps_with_faults(swept):
     np.testing.assert_allclose(band.median, true, rtol=0.1)  # what is asked of a structure that no candidate is
 
 
-def test_rounding_of_a_force_moves_no_band(peaks):
+#: One that lets go, one of a free power and one of two terms, for all.
+FEW = (Law(("viscous", "slip")), Law(("velocity-power",)), Law(("viscous", "velocity-squared")))
+
+
+@pytest.mark.parametrize("laws", [FEW, pytest.param(None, marks=pytest.mark.slow)], ids=["few", "all"])
+def test_rounding_of_a_force_moves_no_band(peaks, laws):
     """In pounds the points between the test and 60 N round otherwise than in newtons: the draws must be the same."""
     force, amplitude = np.array([10.0, 20.0, 40.0]), np.array([1.0, 1.7, 2.9])
     lb = 4.4482216152605
-    newtons = extrapolate_loads(peaks(amplitude, force, OMEGA_N), [60.0]).loads.average
-    pounds = extrapolate_loads(peaks(amplitude, force / lb, OMEGA_N), [60.0 / lb]).loads.average
+    newtons = extrapolate_loads(peaks(amplitude, force, OMEGA_N), [60.0], laws=laws).loads.average
+    pounds = extrapolate_loads(peaks(amplitude, force / lb, OMEGA_N), [60.0 / lb], laws=laws).loads.average
     for end in ("low", "median", "high"):  # 1e-6 where weights agree to as much; other draws move ends by 3e-3
         np.testing.assert_allclose(getattr(pounds, end), getattr(newtons, end), rtol=1e-6)
 

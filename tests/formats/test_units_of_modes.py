@@ -83,8 +83,16 @@ def test_there_and_back(mode, tmp_path):
             )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_steps():
+    """Between three frequencies 20 steps follow a branch as 2000 do: one state is at each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("damping.predict.branches._FEWEST_STEPS", 20)
+        yield
+
+
 @pytest.fixture(scope="module")
-def plain():
+def plain(few_steps):
     """The motion of the mode itself."""
     return swept(MODE, F, OMEGA)
 

@@ -142,7 +142,7 @@ def test_every_force_of_the_catalogue_is_compared() -> None:
     assert set(CATALOGUE) <= set(AGREEMENT)
 
 
-@pytest.mark.parametrize("ratio", [0.9, 0.99, 1.0, 1.05])
+@pytest.mark.parametrize("ratio", [0.9, 1.0, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.99, 1.05))])
 @pytest.mark.parametrize("name", AGREEMENT)
 def test_averages_agree_with_time(name: str, ratio: float) -> None:
     force, of_amplitude, of_phase = AGREEMENT[name]

@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.integrate import solve_ivp
 
 from damping.forces import CubicStiffness, Sum, from_damping
-from damping.predict.branches import sweep
+from damping.predict.branches import branches, followed
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -74,15 +74,16 @@ def force_of(bench: Bench) -> Sum:
 
 
 def clean(bench: Bench) -> pd.DataFrame:
-    """Steady states without noise."""
+    """Steady states without noise, as a slow sweep passes them in at least 200 steps."""
     force, w = force_of(bench), 2.0 * pi * bench.f
-    low, high = bench.span
-    omega = w * (1.0 + bench.zeta * np.linspace(low, high, bench.rows))
+    between = -(-200 // (bench.rows - 1))
+    fine = w * (1.0 + bench.zeta * np.linspace(*bench.span, (bench.rows - 1) * between + 1))
+    omega = fine[::between]
     tables = []
     for level in range(bench.levels):
         A = bench.A * (level + 1.0) / bench.levels
         F = float(force.quadrature(A, w))
-        found = sweep(force, F, omega, bench.M, w, "down" if bench.down else "up")
+        found = followed(branches(force, F, fine, bench.M, w), between, "down" if bench.down else "up")
         kept = np.isfinite(found.amplitude)
         tables.append(
             pd.DataFrame(

@@ -32,10 +32,8 @@ def html(rendered: Rendered, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", WIDTHS)
-def test_page_is_quiet_fits_and_can_be_read(check_page, html, width, scheme):
-    check_page(html, (width, scheme))
+def test_page_is_quiet_fits_and_can_be_read(check_page, html):
+    check_page(html, *((width, scheme) for scheme in ("light", "dark") for width in WIDTHS))
 
 
 @pytest.mark.parametrize("path", COMMITTED, ids=lambda path: str(path.relative_to(ROOT)))

@@ -11,6 +11,7 @@ whose Jacobian at a steady state has the trace -(dC/dA + C/A)/(2 M omega) and th
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -154,14 +155,10 @@ def by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
 
 def _follow(states: Branches, forward: range) -> IntArray:
     """Column of the state that the sweep is on at each row, -1 where there is none."""
-    phasor = states.amplitude * np.exp(-1j * states.phase)
-    choice = np.full(states.omega.size, -1)
-    here: complex | None = None
-    for i in forward:
-        stable = np.flatnonzero(states.stable[i])
-        if stable.size == 0:
-            here = None
-            continue
-        choice[i] = stable[0] if here is None else stable[np.argmin(np.abs(phasor[i, stable] - here))]
-        here = complex(phasor[i, choice[i]])
+    phasor, count = states.amplitude * np.exp(-1j * states.phase), states.stable.sum(axis=1)
+    choice = np.where(count > 0, np.argmax(states.stable, axis=1), -1)
+    for before, i in pairwise(forward):
+        if count[i] > 1 and choice[before] >= 0:
+            stable = np.flatnonzero(states.stable[i])
+            choice[i] = stable[np.argmin(np.abs(phasor[i, stable] - phasor[before, choice[before]]))]
     return choice

@@ -91,8 +91,8 @@ def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) 
     The force amplitude that holds A is F = |Z| A = hypot(X, C) (Eq 4.2.4).
     """
     linear = M * (omega_n**2 - omega**2) * A
-    S, slope_S = force.restoring(A, omega)
-    return linear + S, linear + slope_S, force.quadrature(A, omega), force.slope(A, omega)
+    C, slope, S, slope_S = force.averages(A, omega)
+    return linear + S, linear + slope_S, C, slope
 
 
 def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> FloatArray:
