@@ -16,7 +16,7 @@ from benchmarks._rows import middle, timed
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.near import plan_loads
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import log_posterior
+from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 from damping.infer.proposal import Proposal
 from damping.ranking import rank_laws
@@ -63,7 +63,7 @@ def points(rows: int) -> Callable[[], object]:
     data = peaks(A**1.5, A)
     coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
     x = np.random.default_rng(0).standard_normal((256, coordinates.dimension))
-    return partial(log_posterior, x, coordinates, data)
+    return partial(Balanced(coordinates, data).log_density, x)
 
 
 def levels(number: int) -> Callable[[], object]:

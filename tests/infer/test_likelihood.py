@@ -11,9 +11,9 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import (
     BLOCK,
     REACH,
+    Balanced,
     by_blocks,
     log_likelihood,
-    log_posterior,
     log_prior,
     pointwise_log_likelihood,
     residuals,
@@ -157,7 +157,7 @@ def test_prior_is_standard_normal_and_cut_off(peaks):
     np.testing.assert_allclose(log_prior(x), norm.logpdf(x).sum(axis=1), rtol=1e-13)
     data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
     c = undoubted(Law(("viscous",)), data)
-    assert log_posterior(np.array([[0.0, REACH + 1.0]]), c, data)[0] == -np.inf
+    assert Balanced(c, data).log_density(np.array([[0.0, REACH + 1.0]]))[0] == -np.inf
 
 
 def test_a_law_that_cannot_carry_the_force_is_impossible(peaks):

@@ -127,22 +127,12 @@ def energy_per_cycle(force: Force, A: Floats, omega: Floats) -> Floats:
     return pi * A * force.quadrature(A, omega)
 
 
-def energy_content(force: Force, A: Floats, omega: Floats, M: Floats) -> Floats:
-    """Psi = Delta W/(M (A omega)^2), the loss over twice the largest kinetic energy (Eq 2.3.5, Table 2.II)."""
-    return energy_per_cycle(force, A, omega) / (M * (A * omega) ** 2)
-
-
 def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
     """G = Delta W/(pi M omega_n^2 A^2) = C/(M omega_n^2 A), the damping term of Eq 4.2.4 and Table 4.III.
 
     The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); this is what Table 4.III holds.
     """
     return force.quadrature(A, omega) / (M * omega_n**2 * A)
-
-
-def equivalent_viscous(force: Force, A: Floats, omega: Floats) -> Floats:
-    """The viscous coefficient of equal energy per cycle, Delta W/(pi A^2 omega) = C/(A omega) (Eq 4.3.1)."""
-    return force.quadrature(A, omega) / (A * omega)
 
 
 def energy_factor(kind: type[Force], **others: Floats) -> Floats:
@@ -169,6 +159,5 @@ __all__ = [
     "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Displacement", "DisplacementVelocity",
     "DisplacementVelocityPower", "EnergyTerm", "Force", "PowerStiffness", "QuadraticDisplacement", "Slip", "Sum",
     "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_term",
-    "energy_content", "energy_factor", "energy_per_cycle", "equivalent_viscous", "force_class", "from_damping",
-    "list_parameter_names", "make", "shapes_of",
+    "energy_factor", "energy_per_cycle", "force_class", "from_damping", "list_parameter_names", "make", "shapes_of",
 ]  # fmt: skip

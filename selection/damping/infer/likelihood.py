@@ -214,14 +214,6 @@ def log_prior(x: FloatArray) -> FloatArray:
     return result
 
 
-def log_posterior(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Unnormalised log posterior density at points (points, dimension); ``-inf`` beyond ``REACH``."""
-    x = np.atleast_2d(x)
-    inside = np.all(np.abs(x) < REACH, axis=-1)
-    x = np.clip(x, -REACH, REACH)
-    return np.where(inside, log_prior(x) + log_likelihood(x, coordinates, data), -np.inf)
-
-
 @dataclass(frozen=True)
 class Balanced:
     """The posterior of a law over variables z in which a few ellipsoids cover it.
