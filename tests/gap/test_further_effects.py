@@ -82,7 +82,7 @@ def test_a_swept_motion_remembers_the_damping_of_the_rows_before():
     damping = make("displacement-velocity", coefficient=1.0)
     A = np.abs(a)
     per_loss = damping.quadrature(1.0, OMEGA) / OMEGA  # of c q' with c = A, which the law is on average
-    terms = replace(TERMS, forces=(*TERMS.forces, replace(damping, coefficient=VISCOUS * growth / per_loss)))
+    terms = TERMS._replace(forces=(*TERMS.forces, replace(damping, coefficient=VISCOUS * growth / per_loss)))
     drive = Drive(np.full(31, 2.0 * MASS), omega, sweep=np.ones(31), rate=rate * omega)
     P = np.ravel(predict(terms, np.log(A), drive).P)
     # the amplitude is read off at 31 rows and taken to change evenly between them
