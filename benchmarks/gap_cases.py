@@ -14,9 +14,9 @@ from benchmarks._rows import Row, Time, timed
 from damping_pipelines.gap import diagnose_case
 from damping_validation.blind import make_cases
 
-CASES = 12
+CASES = 24
 SEED = 7
-GOAL_S = 2.0
+GOAL_S = 1.5
 
 
 def measure() -> list[Row]:
