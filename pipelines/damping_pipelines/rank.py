@@ -12,8 +12,8 @@ from typing import Any
 import damping
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.errors import InputError
-from damping.extrapolation import LEAST_WEIGHT, check_loads
-from damping.extrapolation.draws import Member
+from damping.extrapolation import check_loads
+from damping.extrapolation.draws import LEAST_WEIGHT, Member
 from damping.extrapolation.prediction import PARTS, Band
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record

@@ -14,10 +14,10 @@ import numpy as np
 
 from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
-from damping.extrapolation import LEAST_WEIGHT, extrapolate_loads, sample_candidate
+from damping.extrapolation import extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.draws import Member, amplitude_draws
+from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
 from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember

@@ -19,6 +19,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.extrapolation.backbone import Backbone, find_backbone, observe_backbone
 from damping.extrapolation.draws import (
+    LEAST_WEIGHT,
     Member,
     NextLevel,
     Spread,
@@ -53,8 +54,6 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels
 
-#: Laws with less weight are not drawn from again and not shown in short tables; they are part of every average.
-LEAST_WEIGHT = 0.01
 #: Levels below a held-out one, at least.
 FEWEST_BELOW = 2
 #: Fresh draws of a law for each hundredth of its weight, and once more: the upper end of the Saturn V's band at three

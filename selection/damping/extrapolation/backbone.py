@@ -112,7 +112,7 @@ class Backbone:
         ln omega goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this
         converges for any omega in a power of A below the third.
         """
-        A = resonant_amplitude(force, F[np.newaxis, :], omega)
+        A = resonant_amplitude(force, F[np.newaxis, :], omega, self.amplitude.max())
         moved = np.nan_to_num(self._log_omega_at(A) - np.log(omega))  # draws without a resonance do not move
         far = np.abs(np.median(moved, axis=0)) > MOVED
         if not far.any():
@@ -121,7 +121,7 @@ class Backbone:
         log_omega = np.full(at.shape, np.log(omega))
         for _ in range(_TURNS):
             log_omega += 0.5 * np.nan_to_num(self._log_omega_at(at, own) - log_omega)
-            at = resonant_amplitude(force, F, np.exp(log_omega))
+            at = resonant_amplitude(force, F, np.exp(log_omega), at)
         A[:, far] = at
         return A
 

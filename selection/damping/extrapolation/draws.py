@@ -32,8 +32,11 @@ from damping.predict.steady import resonant_amplitude
 
 #: Draws of the average over models: paths then move its upper end by 0.5 % from seed to seed.
 AVERAGE_DRAWS = 40_000
-#: Draws of a law of little weight, at least: its own band is then known to 5 % of its width.
+#: Laws with less weight are not drawn from again and not shown in short tables; they are part of every average.
+LEAST_WEIGHT = 0.01
+#: Draws of a law, at least: its own band is then known to 5 % of its width; and of one of less than ``LEAST_WEIGHT``.
 FEWEST_DRAWS = 1000
+FEWEST_UNSHOWN = 250
 #: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
 _POINTS = 7
 #: Digits of ln F: forces that rounding alone keeps apart are one point, in any units.
@@ -58,7 +61,7 @@ class Member:
         """Resonant amplitudes (draws, forces) of the law with its draws, ``damping``, under ``force`` (forces,)."""
         omega = float(data.tested_omega[data.top])
         if self.backbone is None:
-            return resonant_amplitude(damping, force[np.newaxis, :], omega)
+            return resonant_amplitude(damping, force[np.newaxis, :], omega, data.tested_amplitude[data.top])
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
@@ -66,7 +69,8 @@ class Member:
 
         In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray alike.
         """
-        wanted = max(FEWEST_DRAWS, int(AVERAGE_DRAWS * self.weight))
+        fewest = FEWEST_DRAWS if self.weight >= LEAST_WEIGHT else FEWEST_UNSHOWN
+        wanted = max(fewest, int(AVERAGE_DRAWS * self.weight))
         draws = self.draws
         if self.coordinates.with_doubt:
             draws = draws[np.argsort(draws[:, self.coordinates.names.index("doubt")], kind="stable")]

@@ -20,7 +20,7 @@ from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, observe
-from damping.ranking import rank_laws
+from damping.ranking import weigh_laws
 from damping.ranking.candidates import FitVerdict, candidate_laws, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
@@ -265,12 +265,12 @@ def plan_loads(
     """
     resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
 
-    def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit) -> Evidence:
-        weighed = estimate(coordinates, data, seed, fit)
+    def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit, floor: float) -> Evidence:
+        weighed = estimate(coordinates, data, seed, fit, floor)
         done(coordinates.law.name)
         return weighed
 
-    ranked = rank_laws(data, seed, resonating or laws, estimate=weigh, hold_out=False, distinct=True)
+    ranked = weigh_laws(data, seed, resonating or laws, lambda name: None, weigh, distinct=True)
     planned = [
         Planned(row.law, row.weight, row.coordinates, row.evidence)
         for row in ranked.candidates

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -117,17 +118,28 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
     together; without dimension, so that units cannot move a fit.
     """
     bare = [record.scaled(FITTED_BITS) for record in records]
-    problems = [(Coordinates.of(law, scaled), scaled) for scaled in bare for law in laws]
-    groups: dict[tuple[int, int, int], list[int]] = {}
-    for i, (pure, scaled) in enumerate(problems):
-        groups.setdefault((len(pure.law.parts), len(pure.law.free_shapes), len(scaled.A)), []).append(i)
-    fits: dict[int, BestFit | AnalysisError] = {}
+    found = [_remember_fits(scaled.content) for scaled in bare]
+    groups: dict[tuple[int, int, int], list[tuple[int, Coordinates]]] = {}
+    for i, scaled in enumerate(bare):
+        for law in laws:
+            if law not in found[i]:
+                alike = len(law.parts), len(law.free_shapes), len(scaled.A)
+                groups.setdefault(alike, []).append((i, Coordinates.of(law, scaled)))
     for members in groups.values():
-        for i, searched in zip(members, _search_shapes([problems[i] for i in members]), strict=True):
-            pure, record = problems[i][0], records[i // len(laws)]
-            never = AnalysisError(f"{pure.law.name}: a part of it is never met at the tested amplitudes")
-            fits[i] = _restore_units(pure, searched, record) if searched else never
-    return [fits[i] for i in range(len(problems))]
+        searched = _search_shapes([(pure, bare[i]) for i, pure in members])
+        for (i, pure), fit in zip(members, searched, strict=True):
+            found[i][pure.law] = fit
+    return [
+        _restore_units(Coordinates.of(law, scaled), known[law], record)
+        for record, scaled, known in zip(records, bare, found, strict=True)
+        for law in laws
+    ]
+
+
+@lru_cache(maxsize=2)
+def _remember_fits(record: tuple[object, ...]) -> dict[Law, Searched | None]:
+    """Fits of a record without dimension, empty at first: a ranking and predictions of loads ask for the same ones."""
+    return {}
 
 
 #: A law and a record, both without dimension.
@@ -136,8 +148,10 @@ Problem = tuple[Coordinates, Observations]
 Searched = tuple[FloatArray, FloatArray, float]
 
 
-def _restore_units(pure: Coordinates, searched: Searched, data: Observations) -> BestFit:
+def _restore_units(pure: Coordinates, searched: Searched | None, data: Observations) -> BestFit | AnalysisError:
     """A fit that was sought without dimension."""
+    if searched is None:
+        return AnalysisError(f"{pure.law.name}: a part of it is never met at the tested amplitudes")
     point, solved, squares = searched
     coordinates = Coordinates.of(pure.law, data)
     x = coordinates.place(point)

@@ -36,25 +36,31 @@ STARTS = 512
 BARRIER = 1e8
 
 Negative = Callable[[FloatArray], FloatArray]
-#: A way to the marginal likelihood and draws of a law on observations, with a seed and the best fit where it is known.
+#: A way to the marginal likelihood and draws of a law on observations: with a seed, the best fit where it is known, and
+#: ln of a marginal likelihood below which a law does not matter.
 Estimate = Callable[..., Evidence]
 
 
 def evidence(
-    coordinates: Coordinates, data: Observations, seed: int = 0, fit: BestFit | None = None, wanted: float = FULL_DRAWS
+    coordinates: Coordinates,
+    data: Observations,
+    seed: int = 0,
+    fit: BestFit | None = None,
+    floor: float = -np.inf,
+    wanted: float = FULL_DRAWS,
 ) -> Evidence:
     """Marginal likelihood of a law, with weighted draws of its posterior, drawn over balanced variables.
 
     Args:
-        fit: the law's best fit on these observations, where it is known. wanted: effective draws, by default enough
-            for the digits that are shown.
+        fit: the law's best fit on these observations, where it is known. floor: ln of a marginal likelihood below which
+            a law does not matter. wanted: effective draws, by default enough for the digits that are shown.
 
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
     start = start_at(fit or fit_law(coordinates.law, data), coordinates)
     posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
-    drawn = importance(posterior.log_density, *find_mode(posterior, start), seed, wanted=wanted)
+    drawn = importance(posterior.log_density, *find_mode(posterior, start), seed, wanted=wanted, floor=floor)
     return replace(drawn, draws=posterior.find_points(drawn.draws))
 
 
@@ -147,16 +153,19 @@ def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, F
 def remember(estimate: Estimate) -> Estimate:
     """The same estimate, computed once for equal arguments: rankings and plans of peaks ask for the same ones.
 
-    Arguments are equal where they are so in single precision: a force that was multiplied by pi A and divided again
-    differs in its last bit.
+    Observations are equal where they are drawn for alike: a force that was multiplied by pi A and divided again differs
+    in its last bit.
     """
-    known: dict[tuple[object, ...], Evidence] = {}
+    known: dict[tuple[object, ...], tuple[float, Evidence]] = {}
 
-    def estimated(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None = None) -> Evidence:
-        arrays = (value for value in vars(data).values() if isinstance(value, np.ndarray))
-        key = (coordinates, seed, data.sweeps, *(value.astype(np.float32).tobytes() for value in arrays))
-        if key not in known:
-            known[key] = estimate(coordinates, data, seed, fit)
-        return known[key]
+    def estimated(
+        coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None = None, floor: float = -np.inf
+    ) -> Evidence:
+        key = coordinates, seed, *data.scaled().content
+        before, drawn = known.get(key, (np.inf, None))
+        if drawn is None or (floor < before and drawn.falls_below(before) and not drawn.falls_below(floor)):
+            drawn = estimate(coordinates, data, seed, fit, floor)
+            known[key] = floor, drawn
+        return drawn
 
     return estimated

@@ -25,6 +25,9 @@ FITTED_TO = 20.0
 #: (a slip force that is all but used up) is found step by step.
 LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
+#: How far ln of an evidence may lie above its estimate by ``FITTED_TO`` effective draws or more, and by fewer: 2.0 and
+#: 10.5 at most of 340 laws on simulated levels, but for laws that ended e^-13 of the best one or less.
+MISSED, MISSED_BY_FEW = 3.0, 12.0
 #: Halvings of the interval in which a temper is sought: to 1e-6.
 _HALVINGS = 20
 
@@ -49,6 +52,11 @@ class Evidence:
         """Fitted to the draws."""
         return Proposal.through(self.draws, self.effective_draws)
 
+    def falls_below(self, log_z: float) -> bool:
+        """Whether the marginal likelihood is less, however much of it the draws have missed."""
+        missed = MISSED if self.effective_draws >= FITTED_TO else MISSED_BY_FEW
+        return self.log_z + missed < log_z
+
 
 def importance(
     log_density: Callable[[FloatArray], FloatArray],
@@ -57,6 +65,7 @@ def importance(
     seed: int = 0,
     least_rounds: int = 2,
     wanted: float = FULL_DRAWS,
+    floor: float = -np.inf,
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
@@ -69,7 +78,7 @@ def importance(
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
             first and enough later. wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they
-            are ``LEAST_DRAWS``.
+            are ``LEAST_DRAWS``. floor: ln of a marginal likelihood below which no further round is worth its time.
     """
     proposals, proposal, sizes = [], Proposal.around(mode, covariance), np.empty(0)
     x, log_p = np.empty((0, len(mode))), np.empty(0)
@@ -84,7 +93,7 @@ def importance(
         log_mixture = np.log(q @ (sizes / len(x)))
         weighed = _weigh(x, log_p - log_mixture, seed)
         enough = wanted if round_ < rounds - 1 else min(wanted, LEAST_DRAWS)
-        if round_ >= least_rounds - 1 and weighed.effective_draws > enough:
+        if weighed.falls_below(floor) or (round_ >= least_rounds - 1 and weighed.effective_draws > enough):
             break
         proposal = (weighed if weighed.effective_draws >= FITTED_TO else _temper(x, log_p - log_mixture, seed)).proposal
     return weighed

@@ -10,7 +10,7 @@ while ``R = sqrt(F^2 - D^2) = |F cos(phi)|`` is taken by stiffness and inertia a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -96,6 +96,12 @@ class Observations:
             float(np.exp(np.mean(np.log(x)))) for x in (self.tested_amplitude, self.tested_omega, self.tested_force)
         ]
         return means[0], means[1], means[2]
+
+    @property
+    def content(self) -> tuple[object, ...]:
+        """Everything that is held, as a key: equal of observations that are equal bit by bit."""
+        held = (getattr(self, field.name) for field in fields(self))
+        return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in held)
 
     @property
     def top(self) -> int:

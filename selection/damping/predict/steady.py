@@ -110,7 +110,7 @@ def backbone(force: Force, A: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     return np.asarray(np.sqrt(np.where(squared > 0.0, squared, np.nan)))
 
 
-def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
+def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.0) -> FloatArray:
     """Amplitude at phase resonance under the force F: the solution of C(A, omega) = F (Eqs 4.1.7, 4.2.7, 4.3.9).
 
     NaN where there is no resonance: friction holds (C >= F down to A = 0), or damping saturates and never reaches F
@@ -119,7 +119,8 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
 
     Args:
         force: damping force; its parameters may be arrays, such as posterior draws of shape (draws, 1).
-        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s.
+        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s. near: amplitude(s) > 0 where the search begins,
+            NaN where none is known; where it ends does not hang on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
     with np.errstate(all="ignore"):
@@ -138,7 +139,8 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats) -> FloatArray:
             return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(slope / C, shape)
 
         # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
-        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), np.zeros(shape) if grows else None))
+        start = np.broadcast_to(np.nan_to_num(np.log(near)), shape) if grows else None
+        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:

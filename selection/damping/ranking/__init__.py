@@ -34,6 +34,8 @@ CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half 
 #: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
 #: then are nearest to those of a fitter who knows it.
 FURTHER = 0.5
+#: Weight of a law below which it is not drawn for further: it is not shown, and moves no average by a digit that is.
+NEGLIGIBLE = 1e-3
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
 #: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
@@ -118,34 +120,44 @@ def rank_laws(
     done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
     hold_out: bool = True,
-    distinct: bool = False,
 ) -> Ranking:
     """Fit and rank candidates.
 
     Args:
         laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
         estimate: of the marginal likelihood. hold_out: whether held-out errors are wanted; else they are NaN.
-        distinct: whether the laws are known to predict differently.
 
     Raises:
         AnalysisError: no candidate could be fitted.
     """
-    fits, failed = _fit_laws(candidate_laws() if laws is None else laws, data, done)
+    ranking = weigh_laws(data, seed, candidate_laws() if laws is None else laws, done, estimate)
+    ranked = [row for row in ranking.candidates if row.rank]
+    held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
+    described = [_describe(row, data, *out) for row, out in zip(ranked, held_out, strict=True)]
+    return replace(ranking, candidates=(*described, *ranking.candidates[len(ranked) :]))
+
+
+def weigh_laws(
+    data: Observations,
+    seed: int,
+    laws: Sequence[Law],
+    done: Callable[[str], None],
+    estimate: Estimate = evidence,
+    distinct: bool = False,
+) -> Ranking:
+    """The same without coefficients and errors. ``distinct``: whether the laws are known to predict differently."""
+    fits, failed = _fit_laws(laws, data, done)
     alone = distinct or not fits
     groups = [[fit] for fit in fits] if alone else group_equivalents(fits, data, learn_noise(fits, data))
-    prior = prior_masses([group[0].law for group in groups])
-    rows = [_weigh(group, mass, data, seed, estimate) for group, mass in zip(groups, prior, strict=True)]
+    rows = _weigh(groups, data, seed, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
         reasons = "; ".join(c for row in rows or failed for c in row.cautions)
         raise AnalysisError(f"no damping law could be fitted: {reasons}")
     scores = np.array([row.score for row in ranked])
     weights = np.exp(-0.5 * (scores - scores[0]))
-    held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
-    ranked = [
-        replace(_describe(row, data, *out), rank=i + 1, weight=float(w))
-        for i, (row, w, out) in enumerate(zip(ranked, weights / weights.sum(), held_out, strict=True))
-    ]
+    weights /= weights.sum()
+    ranked = [replace(row, rank=i + 1, weight=float(weights[i])) for i, row in enumerate(ranked)]
     best = [row.fit for row in ranked if row.fit is not None]
     unranked = [row for row in rows if not np.isfinite(row.score)]
     return Ranking(CRITERION, (*ranked, *unranked, *failed), data, judge_fit(best[0], best[1:], data, seed))
@@ -176,22 +188,33 @@ def _fit_laws(
     return fits, failed
 
 
-def _weigh(group: Sequence[BestFit], prior: float, data: Observations, seed: int, estimate: Estimate) -> Candidate:
-    """The row of a group of equivalent laws with its score; what cannot be done becomes a caution."""
-    fit, names = group[0], tuple(other.law.name for other in group[1:])
-    try:
-        weighed = estimate(fit.coordinates, data, seed, fit)
-    except AnalysisError as error:
-        return Candidate(fit.law, cautions=(str(error),), equivalents=names)
-    return Candidate(
-        fit.law,
-        score=-2.0 * (weighed.log_z + float(np.log(prior))),
-        physical=True,
-        equivalents=names,
-        fit=fit,
-        evidence=weighed,
-        coordinates=fit.coordinates,
-    )
+def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, estimate: Estimate) -> list[Candidate]:
+    """The row of each group of equivalent laws with its score; what cannot be done becomes a caution.
+
+    Laws that fit best come first: beside them it shows early which of the others are ``NEGLIGIBLE``.
+    """
+    prior = np.log(prior_masses([group[0].law for group in groups]))
+    misfit = [round(group[0].squares, 3) + len(group[0].law.parts) for group in groups]  # in any units the same order
+    rows, best = dict[int, Candidate](), -np.inf
+    for i in sorted(range(len(groups)), key=misfit.__getitem__):
+        fit, names = groups[i][0], tuple(other.law.name for other in groups[i][1:])
+        try:
+            weighed = estimate(fit.coordinates, data, seed, fit, best + np.log(NEGLIGIBLE) - prior[i])
+        except AnalysisError as error:
+            rows[i] = Candidate(fit.law, cautions=(str(error),), equivalents=names)
+            continue
+        posterior = float(weighed.log_z + prior[i])
+        best = max(best, posterior)
+        rows[i] = Candidate(
+            fit.law,
+            score=-2.0 * posterior,
+            physical=True,
+            equivalents=names,
+            fit=fit,
+            evidence=weighed,
+            coordinates=fit.coordinates,
+        )
+    return [rows[i] for i in range(len(groups))]
 
 
 def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[str, ...]) -> Candidate:

@@ -84,12 +84,18 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    beyond = {id(fit): float(np.log(resonant_amplitude(fit.force, force, omega))) for fit in fits}
+    known: dict[int, float] = {}
+
+    def predict_beyond(fit: BestFit) -> float:
+        if id(fit) not in known:
+            known[id(fit)] = float(np.log(resonant_amplitude(fit.force, force, omega)))
+        return known[id(fit)]
 
     def predict_alike(fit: BestFit, other: BestFit) -> bool:
-        ends = beyond[id(fit)], beyond[id(other)]
-        alike = abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
-        return alike and bool(np.all(np.abs(fit.n - other.n) < INDISTINCT * noise))
+        if not np.all(np.abs(fit.n - other.n) < INDISTINCT * noise):
+            return False
+        ends = predict_beyond(fit), predict_beyond(other)
+        return abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
 
     groups: list[list[BestFit]] = []
     for fit in sorted(fits, key=lambda fit: len(fit.law.parts)):
