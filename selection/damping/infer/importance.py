@@ -25,9 +25,11 @@ FITTED_TO = 20.0
 #: (a slip force that is all but used up) is found step by step.
 LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
-#: How far ln of an evidence may lie above its estimate by ``FITTED_TO`` effective draws or more, and by fewer: 2.0 and
-#: 10.5 at most of 340 laws on simulated levels, but for laws that ended e^-13 of the best one or less.
-MISSED, MISSED_BY_FEW = 3.0, 12.0
+#: How far ln of an evidence may lie above its estimate by ``FITTED_TO`` effective draws or more, and by fewer. 4 % of
+#: 2855 estimates on simulated levels were farther off, but none of the 664 laws whose weight was a thousandth or more
+#: was held for less.
+MISSED = 3.0
+MISSED_BY_FEW = 12.0
 #: Halvings of the interval in which a temper is sought: to 1e-6.
 _HALVINGS = 20
 
