@@ -212,6 +212,7 @@ PACKAGES = ("numpy", "scipy", "pandas", "statsmodels", "emcee", "arviz", "matplo
 SHIPPED = ("damping", "damping_pipelines", "damping_reed1970", "damping_validation")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions a result depends on, as shown beside it."""
     packages = {name: importlib.metadata.version(name) for name in PACKAGES}

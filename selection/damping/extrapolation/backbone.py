@@ -150,18 +150,16 @@ class Backbone:
         middle = float(np.mean(y))
         shapes = [(None, 0.0), *((p, s) for p in POWERS for s in CHANGES)]
         prior = [CONSTANT, *([(1.0 - CONSTANT) / (len(shapes) - 1)] * (len(shapes) - 1))]
-        log_z, means, sds = [], [], []
+        log_z, means, sds, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
         for (power, size), mass in zip(shapes, prior, strict=True):
             X, at = _design(self.amplitude, power, top), _design(amplitude, power, top)
             V = np.array([_ANYWHERE, size][: X.shape[1]]) ** 2
-            for own in _SCATTERS:
-                s = float(np.hypot(own, self.scatter))
-                z, mean, sd = _regress(X, y - middle, V, s, at)
-                log_z.append(np.log(mass) + z)
-                means.append(middle + mean)
-                sds.append(sd)
-        weight = np.exp(np.array(log_z) - logsumexp(log_z))
-        return weight, np.array(means), np.array(sds)
+            z, mean, sd = _regress(X, y - middle, V, s, at)
+            log_z.append(np.log(mass) + z)
+            means.append(middle + mean)
+            sds.append(sd)
+        evidences = np.concatenate(log_z)
+        return np.exp(evidences - logsumexp(evidences)), np.concatenate(means), np.concatenate(sds)
 
 
 def _design(amplitude: FloatArray, power: float | None, top: float) -> FloatArray:
@@ -174,15 +172,20 @@ def _design(amplitude: FloatArray, power: float | None, top: float) -> FloatArra
 
 
 def _regress(
-    X: FloatArray, y: FloatArray, V: FloatArray, s: float, at: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
-    """Log evidence of y = X b + noise of deviation s with b ~ N(0, V); mean and deviation of a further y at ``at``."""
-    precision = X.T @ X / s**2 + np.diag(1.0 / V)
-    b = np.linalg.solve(precision, X.T @ y / s**2)
-    left = y - X @ b
-    log_z = -0.5 * (left @ left / s**2 + b @ (b / V) + np.linalg.slogdet(precision)[1] + np.sum(np.log(V)))
-    variance = s**2 + np.einsum("ij,ij->i", at @ np.linalg.inv(precision), at)
-    return float(log_z - len(y) * np.log(s)), at @ b, np.sqrt(variance)
+    X: FloatArray, y: FloatArray, V: FloatArray, s: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Regression y = X b + noise of each deviation s (k,), with b ~ N(0, V).
+
+    Returns:
+        Log evidence (k,); mean and deviation of a further y at ``at``, (k, rows) each.
+    """
+    over = 1.0 / s[:, None] ** 2
+    precision = X.T @ X * over[:, None] + np.diag(1.0 / V)
+    b = np.linalg.solve(precision, (X.T @ y * over)[..., None])[..., 0]
+    misfit = np.sum((y - b @ X.T) ** 2 * over, axis=1) + np.sum(b**2 / V, axis=1)
+    log_z = -0.5 * (misfit + np.linalg.slogdet(precision)[1] + np.sum(np.log(V))) - len(y) * np.log(s)
+    variance = s[:, None] ** 2 + np.einsum("ij,kjl,il->ki", at, np.linalg.inv(precision), at)
+    return log_z, b @ at.T, np.sqrt(variance)
 
 
 def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = None) -> Backbone:
