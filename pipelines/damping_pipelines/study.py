@@ -19,9 +19,11 @@ from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
 from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
+from damping.infer.best_fit import BestFit
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
-from damping.infer.law import Law
+from damping.infer.importance import Evidence
+from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.predict.measured import prepare
 from damping.progress import Advance
@@ -143,7 +145,7 @@ def _weigh(
     pool: Executor, settings: files.StudySettings, inputs: list[Input]
 ) -> tuple[list[Ranking], list[Future[dict[str, Any]]]]:
     """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
-    estimate = remember(evidence)
+    estimate = remember(_estimate_fully)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
         rankings = [
@@ -152,6 +154,13 @@ def _weigh(
         ]
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
     return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
+
+
+def _estimate_fully(
+    coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None, floor: float
+) -> Evidence:
+    """The evidence of a law however little it weighs: the weights of several studies are multiplied by ``compare``."""
+    return evidence(coordinates, data, seed, fit)
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_info
 
 import damping as dp
 from damping import api, ranking
+from damping.infer.importance import LEAST_DRAWS
 from damping.records.record import record_to_csv
 from damping_reed1970 import data_folder
 
@@ -124,6 +125,16 @@ def test_laws_of_a_ranking_are_sampled_and_go_to_arviz(record):
     np.testing.assert_array_equal(data.posterior["viscous"], again.posterior["viscous"])
     with pytest.raises(dp.InputError, match=r"no law 'viscos'.*viscous"):
         result["viscos"]
+
+
+@pytest.mark.sampling
+def test_a_law_that_was_left_as_negligible_is_sampled_all_the_same():
+    table = pd.DataFrame({"sweep": list("abcd"), "force": [1.0, 2.0, 4.0, 8.0], "frequency": 2.0})
+    read = np.array([1.0, 2.0, 4.0, 8.0]) * np.exp(0.004 * np.array([1.0, -1.0, -1.0, 1.0]))
+    law = dp.rank(dp.Record(table.assign(amplitude=read), "viscous"))["quadratic-displacement"]
+    assert law.candidate.evidence.effective_draws < LEAST_DRAWS
+    assert any("negligible" in caution for caution in law.candidate.cautions)
+    assert law.sample(seed=1).posterior.converged
 
 
 @pytest.mark.sampling

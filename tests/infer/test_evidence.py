@@ -9,8 +9,8 @@ from scipy.integrate import simpson
 from benchmarks import _contender
 from damping.errors import AnalysisError
 from damping.infer.best_fit import fit_law
-from damping.infer.evidence import brief_evidence, evidence, find_mode, start_at
-from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, draw_again, importance
+from damping.infer.evidence import brief_evidence, evidence, find_mode, remember, start_at
+from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, MISSED, TOLD_BY, Evidence, draw_again, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import Balanced, log_likelihood, log_prior
 from damping.infer.observations import Observations
@@ -99,6 +99,33 @@ def test_fewer_draws_give_the_same_within_their_error(saturn):
     brief, full = brief_evidence(c, data), evidence(c, data, seed=5, wanted=4.0 * FULL_DRAWS)
     assert len(brief.draws) < len(full.draws)
     assert abs(brief.log_z - full.log_z) < 5.0 * np.hypot(brief.standard_error, full.standard_error)
+
+
+def test_a_negligible_law_is_left_early(saturn):
+    """The rounds are the same as without a floor, up to one that says enough; a floor below the evidence stops none."""
+    data = saturn("config-2-mode-1")
+    c = Coordinates.of(Law(("slip",)), data)
+    full = evidence(c, data)
+    left, kept = evidence(c, data, floor=full.log_z + 2.0 * MISSED), evidence(c, data, floor=full.log_z - 1.0)
+    assert left.falls_below(full.log_z + 2.0 * MISSED)
+    assert left.effective_draws >= TOLD_BY
+    assert len(left.draws) < len(full.draws)
+    assert abs(left.log_z - full.log_z) < MISSED
+    assert (kept.log_z, len(kept.draws)) == (full.log_z, len(full.draws))
+
+
+def test_an_estimate_that_was_left_is_made_again_for_a_lower_floor(saturn):
+    asked = []
+
+    def estimate(coordinates, data, seed, fit, floor):
+        asked.append(floor)
+        return Evidence(log_z=-20.0, standard_error=0.1, draws=np.zeros((1, 1)), effective_draws=TOLD_BY)
+
+    data = saturn("config-2-mode-1")
+    c, known = Coordinates.of(Law(("viscous",)), data), remember(estimate)
+    for floor in (-10.0, -5.0, -12.0, -30.0, -30.0, -np.inf):  # -20 + 6 is below the first three only
+        known(c, data, 0, None, floor)
+    assert asked == [-10.0, -30.0]
 
 
 def test_points_fill_the_cube_evenly():

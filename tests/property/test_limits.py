@@ -31,6 +31,16 @@ SMALL = st.floats(1e-9, 1e-3)
 SIGNED = st.tuples(SMALL, st.sampled_from([-1.0, 1.0])).map(lambda pair: pair[0] * pair[1])
 
 
+@pytest.mark.parametrize("near", [0.0, 1e-200, 1e-9, 3.0, 1e9, np.inf, np.nan])
+def test_where_a_resonance_is_sought_from_does_not_matter(near):
+    """c1 omega A + c2 omega^2 A^2 8/(3 pi) = F in closed form, from anywhere; to the 1e-12 that the search ends at."""
+    c1, c2, F = 0.7, 0.3, np.array([1e-6, 1.0, 1e6])
+    b, a = c1 * OMEGA_N, c2 * OMEGA_N**2 * 8.0 / (3.0 * np.pi)
+    exact = 2.0 * F / (b + np.sqrt(b**2 + 4.0 * a * F))
+    found = resonant_amplitude(Sum((Viscous(c1), VelocitySquared(c2))), F, OMEGA_N, near)
+    np.testing.assert_allclose(found, exact, rtol=1e-12, atol=0.0)
+
+
 @few
 @given(C1, A, OMEGA, SIGNED)
 def test_power_of_velocity_near_one_is_viscous(c: float, amplitude: float, omega: float, d: float) -> None:

@@ -15,10 +15,11 @@ from damping.errors import AnalysisError
 from damping.forces import CATALOGUE, Sum, VelocityPower, Viscous, make
 from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
-from damping.infer.best_fit import fit_law, fit_laws
+from damping.infer.best_fit import BestFit, _remember_fits, fit_law, fit_laws
+from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import observe
-from damping.ranking import prior_masses, rank_laws
+from damping.ranking import NEGLIGIBLE, prior_masses, rank_laws, weigh_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
 from damping.records.record import Record
 
@@ -300,3 +301,40 @@ def test_a_law_that_is_never_met_does_not_spoil_the_others(peaks):
         raise stuck
     alone = fit_law(Law(("velocity-power",)), below)
     np.testing.assert_array_equal(fitted.coefficients, alone.coefficients)
+
+
+def test_a_fit_does_not_depend_on_what_was_fitted_before_or_with_it(saturn):
+    """On every row of a sweep, where searches of many laws run together: every digit is the same."""
+    data, laws = saturn("config-1-mode-2-rough"), candidate_laws()
+    for few in (laws[::7], laws):
+        _remember_fits.cache_clear()
+        for law, together in zip(few, fit_laws(few, data), strict=True):
+            _remember_fits.cache_clear()
+            (alone,) = fit_laws([law], data)
+            assert isinstance(together, BestFit) == isinstance(alone, BestFit)
+            if isinstance(alone, BestFit):
+                np.testing.assert_array_equal(together.coefficients, alone.coefficients)
+                assert together.shapes == alone.shapes
+
+
+def test_a_law_changed_in_the_library_is_fitted_anew(monkeypatch, peaks):
+    data = levels_of([make("viscous", coefficient=1.5)], peaks)
+    before = fit_law(Law(("viscous",)), data)
+    monkeypatch.setitem(CATALOGUE, "viscous", CATALOGUE["velocity-squared"])
+    other = fit_law(Law(("viscous",)), data)
+    assert other.squares > 10.0 * max(before.squares, 1.0)
+
+
+def test_negligible_laws_do_not_move_the_weights_of_others():
+    """Laws left early against all of them drawn for in full: those with weight have the same digits but for the sum."""
+    data = simulated_levels(structures()[0], 4, 4.0, 0.02, np.random.default_rng(0))
+    quick = weigh_laws(data, 0, candidate_laws(), lambda name: None)
+    full = weigh_laws(data, 0, candidate_laws(), lambda name: None, lambda c, d, s, f, floor: evidence(c, d, s, f))
+    left = 0
+    for row in quick.weighted():
+        other = full.find(row.law)
+        same = row.score == other.score
+        left += not same
+        assert same or max(row.weight, other.weight) < NEGLIGIBLE
+        np.testing.assert_allclose(row.weight, other.weight, rtol=1e-3, atol=NEGLIGIBLE)
+    assert left

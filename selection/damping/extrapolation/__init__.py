@@ -228,13 +228,15 @@ def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.nd
     """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
     assert law.coordinates is not None  # a law with a weight was fitted
     assert law.evidence is not None
-    name, coordinates = law.name, law.coordinates
+    name, coordinates, begun = law.name, law.coordinates, law.evidence
+    if begun.effective_draws < LEAST_DRAWS:  # a law that was left as negligible
+        begun = evidence(coordinates, data, seed)
 
     def amplitudes(x: np.ndarray) -> dict[str, np.ndarray]:
         draws = amplitude_draws(Member(name, 1.0, coordinates, x), forces, data)
         return {f"amplitude at {force:g}": a for force, a in zip(forces, draws.T, strict=True) if np.isfinite(a).all()}
 
-    return sample(coordinates, data, law.evidence, amplitudes, seed)
+    return sample(coordinates, data, begun, amplitudes, seed)
 
 
 def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mode: Mode | None = None) -> pd.DataFrame:

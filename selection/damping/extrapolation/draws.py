@@ -34,9 +34,10 @@ from damping.predict.steady import resonant_amplitude
 AVERAGE_DRAWS = 40_000
 #: Laws with less weight are not drawn from again and not shown in short tables; they are part of every average.
 LEAST_WEIGHT = 0.01
-#: Draws of a law, at least: its own band is then known to 5 % of its width; and of one of less than ``LEAST_WEIGHT``.
+#: Draws of a law, at least: its own band is then known to 5 % of its width.
 FEWEST_DRAWS = 1000
-FEWEST_UNSHOWN = 250
+#: Draws of a law of at most ``LEAST_WEIGHT``, whose own band is known to 10 % of its width.
+FEWEST_OF_LITTLE = 250
 #: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
 _POINTS = 7
 #: Digits of ln F: forces that rounding alone keeps apart are one point, in any units.
@@ -69,7 +70,7 @@ class Member:
 
         In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray alike.
         """
-        fewest = FEWEST_DRAWS if self.weight >= LEAST_WEIGHT else FEWEST_UNSHOWN
+        fewest = FEWEST_DRAWS if self.weight > LEAST_WEIGHT else FEWEST_OF_LITTLE
         wanted = max(fewest, int(AVERAGE_DRAWS * self.weight))
         draws = self.draws
         if self.coordinates.with_doubt:

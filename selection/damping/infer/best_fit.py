@@ -16,13 +16,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.special import ndtri
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import FloatArray, Floats, IntArray
 from damping.errors import AnalysisError
+from damping.forces import Component
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
@@ -115,29 +116,33 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
     """The best fit of each law to each record, or why there is none: a part is never met at the tested amplitudes.
 
     All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
-    together; without dimension, so that units cannot move a fit.
+    together; without dimension, so that units cannot move a fit. Fits of one record alone are remembered.
     """
     bare = [record.scaled(FITTED_BITS) for record in records]
-    found = [_remember_fits(scaled.content) for scaled in bare]
+    found = [_remember_fits(bare[0].content)] if len(bare) == 1 else [dict[_Key, Searched | None]() for _ in bare]
     groups: dict[tuple[int, int, int], list[tuple[int, Coordinates]]] = {}
     for i, scaled in enumerate(bare):
         for law in laws:
-            if law not in found[i]:
+            if (law, law.parts) not in found[i]:
                 alike = len(law.parts), len(law.free_shapes), len(scaled.A)
                 groups.setdefault(alike, []).append((i, Coordinates.of(law, scaled)))
     for members in groups.values():
         searched = _search_shapes([(pure, bare[i]) for i, pure in members])
         for (i, pure), fit in zip(members, searched, strict=True):
-            found[i][pure.law] = fit
+            found[i][pure.law, pure.law.parts] = fit
     return [
-        _restore_units(Coordinates.of(law, scaled), known[law], record)
+        _restore_units(Coordinates.of(law, scaled), known[law, law.parts], record)
         for record, scaled, known in zip(records, bare, found, strict=True)
         for law in laws
     ]
 
 
+#: A law with its forces, which the library may have under the same name later than others.
+_Key: TypeAlias = tuple[Law, tuple[Component, ...]]
+
+
 @lru_cache(maxsize=2)
-def _remember_fits(record: tuple[object, ...]) -> dict[Law, Searched | None]:
+def _remember_fits(record: tuple[object, ...]) -> dict[_Key, Searched | None]:
     """Fits of a record without dimension, empty at first: a ranking and predictions of loads ask for the same ones."""
     return {}
 
@@ -229,6 +234,10 @@ class _Rows(NamedTuple):
         known = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
         return cls(data.D, data.R**2, known, data.sd_amplitude**2)
 
+    def take(self, problems: IntArray) -> _Rows:
+        """Those of some problems."""
+        return _Rows(*(own[problems] for own in self))
+
     def find_variance(self, g: FloatArray) -> FloatArray:
         """Variance of D - C: circular scatter of the phasor, and the record's own uncertainties."""
         spread = np.maximum(g**2 + self.across, 1e-12 * self.D**2)
@@ -246,16 +255,20 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
     scale = np.where(met, scale, 1.0)
     columns = np.where(met[:, None, :], columns / scale[:, None, :], 1.0)  # so that equations can be solved
     slopes = slopes / scale[:, None, :]
-    variance = rows.find_variance(np.abs(rows.D))
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
+    moving, variance = np.arange(len(scale)), rows.find_variance(np.abs(rows.D))
     for _ in range(REWEIGHTINGS):
-        weight = 1.0 / np.sqrt(variance)
-        carried = solve_nonnegative(columns * weight[:, :, None], rows.D * weight)
-        carried[carried < NOTHING * carried.max(axis=1, keepdims=True)] = 0.0
-        variance = rows.find_variance(np.einsum("kij,kj->ki", slopes, carried))
-        left = rows.D - np.einsum("kij,kj->ki", columns, carried)
-        previous, squares = squares, np.sum(left**2 / variance, axis=1)
-        if np.all((np.abs(squares - previous) <= steady * squares) | ~np.isfinite(squares)):
+        X, own, weight = columns[moving], rows.take(moving), 1.0 / np.sqrt(variance)
+        fit = solve_nonnegative(X * weight[:, :, None], own.D * weight)
+        fit[fit < NOTHING * fit.max(axis=1, keepdims=True)] = 0.0
+        variance = own.find_variance(np.einsum("kij,kj->ki", slopes[moving], fit))
+        left = own.D - np.einsum("kij,kj->ki", X, fit)
+        previous, now = squares[moving], np.sum(left**2 / variance, axis=1)
+        carried[moving], squares[moving] = fit, now
+        # each problem stops for itself, so that its fit does not depend on which others are solved with it
+        still = (np.abs(now - previous) > steady * now) & np.isfinite(now)
+        moving, variance = moving[still], variance[still]
+        if not moving.size:
             break
     squares = np.where(np.isfinite(squares), squares, np.inf)
     return carried / scale, np.where(met.all(axis=1), squares, np.nan)

@@ -151,7 +151,9 @@ def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, F
 
 
 def remember(estimate: Estimate) -> Estimate:
-    """The same estimate, computed once for equal arguments: rankings and plans of peaks ask for the same ones.
+    """The same estimate, computed once for equal arguments, and again where a ``floor`` that stopped it has fallen.
+
+    Rankings and plans of peaks ask for the same ones.
 
     Observations are equal where they are drawn for alike: a force that was multiplied by pi A and divided again differs
     in its last bit.

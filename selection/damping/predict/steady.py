@@ -119,8 +119,8 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
 
     Args:
         force: damping force; its parameters may be arrays, such as posterior draws of shape (draws, 1).
-        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s. near: amplitude(s) > 0 where the search begins,
-            NaN where none is known; where it ends does not hang on it.
+        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s. near: amplitude(s) where the search begins, NaN
+            where none is known; the result does not depend on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
     with np.errstate(all="ignore"):
@@ -139,7 +139,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(slope / C, shape)
 
         # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
-        start = np.broadcast_to(np.nan_to_num(np.log(near)), shape) if grows else None
+        start = np.broadcast_to(np.clip(np.nan_to_num(np.log(near)), -_WIDEST, _WIDEST), shape) if grows else None
         return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start))
 
 

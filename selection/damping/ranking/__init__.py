@@ -34,7 +34,7 @@ CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half 
 #: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
 #: then are nearest to those of a fitter who knows it.
 FURTHER = 0.5
-#: Weight of a law below which it is not drawn for further: it is not shown, and moves no average by a digit that is.
+#: Weight of a law below which it is not drawn for further: its own numbers are then rough, those of others are not.
 NEGLIGIBLE = 1e-3
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
@@ -145,7 +145,10 @@ def weigh_laws(
     estimate: Estimate = evidence,
     distinct: bool = False,
 ) -> Ranking:
-    """The same without coefficients and errors. ``distinct``: whether the laws are known to predict differently."""
+    """Rank candidates as `rank_laws` does, without their coefficients and errors.
+
+    ``distinct``: whether the laws are known to predict differently.
+    """
     fits, failed = _fit_laws(laws, data, done)
     alone = distinct or not fits
     groups = [[fit] for fit in fits] if alone else group_equivalents(fits, data, learn_noise(fits, data))
@@ -270,7 +273,9 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
             cautions.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
         cautions.append(f"{_count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
-    if row.evidence.effective_draws < FEW_DRAWS:
+    if row.weight < NEGLIGIBLE and row.evidence.effective_draws < FEW_DRAWS:
+        cautions.append("negligible beside the others and drawn for no further: its numbers are rough")
+    elif row.evidence.effective_draws < FEW_DRAWS:
         doubt = 200 * row.evidence.standard_error
         cautions.append(f"marginal likelihood uncertain by {doubt:.0f} % (2 standard errors)")
     return tuple(cautions)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.draws import NextLevel
+from damping.extrapolation.draws import LEAST_WEIGHT, NextLevel
 from damping.extrapolation.prediction import Loads
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
@@ -131,10 +131,6 @@ def find_largest(loads: Loads | None) -> int | None:
     if loads is None or not np.isfinite(loads.average.median).any():
         return None
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
-
-
-#: Cautions of laws with less weight change nothing.
-LEAST_WEIGHT = 0.01
 
 
 def collect_holders(
