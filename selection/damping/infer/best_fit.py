@@ -36,8 +36,12 @@ NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops, at the end and while shapes are searched.
 STEADY = 1e-12
 SEARCHED = 1e-7
-#: Binary digits of the squares by which points are compared in that search: of equal ones the first.
+#: Binary digits of the squares by which points are compared in that search: of equal ones the most probable before the
+#: test, whichever way the rows stand.
 SEARCHED_BITS = 20
+#: Squares that are rounding: of a row that is 1e-8 off. Many shapes of a law leave no more where it can pass through
+#: every point.
+EXACT = 1e-12
 #: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 #: Prior probabilities between which a shape is refined; width at which its search ends, standard
@@ -176,17 +180,21 @@ def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
     free = len(problems[0][0].law.free_shapes)
     axes = {i: [ndtri(SHAPE_GRID)] * free for i in range(len(problems))}
     best: dict[int, Searched | None] = {}
+    least: dict[int, float] = {}
     low, high = ndtri(EXTREME[0]), ndtri(EXTREME[1])
     while axes:
         points = {i: np.array(list(product(*axis)), dtype=float) for i, axis in axes.items()}
         for i, (solved, squares) in _solve_all(points, problems, STEADY if not free else SEARCHED).items():
-            k, before = int(np.argmin(round_bits(squares, SEARCHED_BITS))), best.get(i)
             if np.isnan(squares).any():
                 best[i] = None
                 del axes[i]
                 continue
-            if before is None or squares[k] < before[2]:
+            before, rounded = best.get(i), round_bits(np.maximum(squares, EXACT), SEARCHED_BITS)
+            alike = np.flatnonzero(rounded == rounded.min())
+            k = int(alike[np.argmin(np.sum(points[i][alike] ** 2, axis=1))])
+            if before is None or rounded[k] < least[i]:
                 best[i] = before = points[i][k], solved[k], float(squares[k])
+                least[i] = float(rounded[k])
             # the neighbours of the best on each axis, and how far off the farther is
             spans = [
                 (axis[axis < value].max(initial=low), axis[axis > value].min(initial=high))
