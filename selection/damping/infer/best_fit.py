@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, product
+from itertools import product
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -26,6 +26,7 @@ from damping.errors import AnalysisError
 from damping.forces import Component
 from damping.forces.contract import Sum
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
+from damping.infer.least_squares import solve_nonnegative
 from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
 
@@ -50,12 +51,8 @@ EXTREME = (0.001, 0.999)
 SHAPE_STEP = 2e-3
 #: Points of each axis that a refinement tries at once, from one neighbour of the best to the other.
 REFINED_POINTS = 9
-#: Terms up to which all sets of them are tried.
-FEW_TERMS = 3
 #: Rows times points of shapes that are solved at once: their arrays stay within tens of megabytes.
 MOST = 250_000
-#: Relative ridge of normal equations, which keeps columns that are multiples of each other apart from an error.
-DEPENDENT = 1e-13
 
 
 @dataclass(frozen=True)
@@ -295,32 +292,3 @@ def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observat
         np.stack([np.broadcast_to(part, size) for part in of], axis=-1) for of in zip(*grown, strict=True)
     )
     return columns, columns if data.amplitude_is_input else slopes
-
-
-def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Least squares with coefficients >= 0 of many problems, (k, terms); NaN where none exist.
-
-    Args:
-        columns: (k, rows, terms). target: (k, rows).
-    """
-    terms = columns.shape[2]
-    if terms > FEW_TERMS:
-        from scipy.optimize import nnls  # noqa: PLC0415 - a third of a second to import
-
-        return np.array([nnls(X, y)[0] for X, y in zip(columns, target, strict=True)])
-    product = columns.transpose(0, 2, 1) @ columns
-    moment = (columns.transpose(0, 2, 1) @ target[..., None])[..., 0]
-    best, most = np.zeros(moment.shape), np.zeros(len(moment))
-    for size in range(terms, 0, -1):
-        for chosen in combinations(range(terms), size):
-            among = list(chosen)
-            ridge = DEPENDENT * np.eye(size) * np.diagonal(product, axis1=1, axis2=2)[:, among, None]
-            fit = np.linalg.solve(product[:, among][:, :, among] + ridge, moment[:, among, None])[..., 0]
-            explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
-            better = explained > most
-            if size == terms and better.all():  # the best of all, wherever its coefficients are >= 0
-                return np.asarray(fit, dtype=np.float64)
-            most = np.where(better, explained, most)
-            best[better] = 0.0
-            best[np.flatnonzero(better)[:, None], among] = fit[better]
-    return best
