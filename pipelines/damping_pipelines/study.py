@@ -145,7 +145,7 @@ def _weigh(
     pool: Executor, settings: files.StudySettings, inputs: list[Input]
 ) -> tuple[list[Ranking], list[Future[dict[str, Any]]]]:
     """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
-    estimate = remember(_estimate_fully)
+    estimate = remember(estimate_fully)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
         rankings = [
@@ -156,7 +156,7 @@ def _weigh(
     return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
 
 
-def _estimate_fully(
+def estimate_fully(
     coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None, floor: float
 ) -> Evidence:
     """The evidence of a law however little it weighs: the weights of several studies are multiplied by ``compare``."""
