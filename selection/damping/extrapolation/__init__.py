@@ -57,7 +57,7 @@ from damping.records.resonance import number_levels
 #: Levels below a held-out one, at least.
 FEWEST_BELOW = 2
 #: Fresh draws of a law for each hundredth of its weight, and once more: the upper end of the Saturn V's band at three
-#: times the tested force then differs by 0.8 % from seed to seed.
+#: times the tested force then differs by 1.0 % from seed to seed.
 FRESH_DRAWS = 1536
 
 

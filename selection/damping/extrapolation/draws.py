@@ -66,7 +66,7 @@ class Member:
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
-        """Every k-th draw by rising straying, as many as its share in ``AVERAGE_DRAWS`` asks for.
+        """Draws evenly apart by rising straying, as many as its share in ``AVERAGE_DRAWS`` asks for.
 
         In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray alike.
         """
@@ -75,7 +75,9 @@ class Member:
         draws = self.draws
         if self.coordinates.with_doubt:
             draws = draws[np.argsort(draws[:, self.coordinates.names.index("doubt")], kind="stable")]
-        return replace(self, draws=draws[:: max(1, len(draws) // wanted)])
+        if len(draws) > wanted:
+            draws = draws[np.arange(wanted) * len(draws) // wanted]
+        return replace(self, draws=draws)
 
 
 @dataclass(frozen=True)
