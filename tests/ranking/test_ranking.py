@@ -337,8 +337,8 @@ def test_a_law_changed_in_the_library_is_fitted_anew(monkeypatch, peaks):
 def test_negligible_laws_do_not_move_the_weights_of_others():
     """Laws left early against all of them drawn for in full: those with weight have the same digits but for the sum."""
     data = simulated_levels(structures()[0], 4, 4.0, 0.02, np.random.default_rng(0))
-    quick = weigh_laws(data, 0, candidate_laws(), lambda name: None)
-    full = weigh_laws(data, 0, candidate_laws(), lambda name: None, lambda c, d, s, f, floor: evidence(c, d, s, f))
+    quick = weigh_laws(data, 0, candidate_laws())
+    full = weigh_laws(data, 0, candidate_laws(), estimate=lambda c, d, s, f, floor: evidence(c, d, s, f))
     left = 0
     for row in quick.weighted():
         other = full.find(row.law)

@@ -108,8 +108,8 @@ class Backbone:
         """Amplitude (draws, forces) where C(A, omega(A)) = F: of a ``force`` with draws (draws, 1), F (forces,).
 
         At the frequency ``omega``, rad/s, of the largest tested force, where half of the draws end within ``MOVED`` of
-        it. At other forces each draw has a backbone of its own, so many standard deviations from the mean, and its
-        ln omega goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this
+        it. At other forces each draw has a backbone of its own, a fixed number of standard deviations from the mean,
+        and its ln omega goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this
         converges for any omega in a power of A below the third.
         """
         A = resonant_amplitude(force, F[np.newaxis, :], omega, self.amplitude.max())
@@ -126,7 +126,7 @@ class Backbone:
         return A
 
     def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
-        """ln omega at amplitudes of any shape: its mean and so many standard deviations, within ``_FAR``."""
+        """ln omega at amplitudes of any shape: its mean plus ``deviation`` standard deviations, within ``_FAR``."""
         at = np.log(amplitude / self.amplitude.max())
         mean, sd = (np.interp(at, _TABLE, values) for values in self._tabulated)
         tested = np.log(self.omega)

@@ -270,7 +270,7 @@ def plan_loads(
         done(coordinates.law.name)
         return weighed
 
-    ranked = weigh_laws(data, seed, resonating or laws, lambda name: None, weigh, distinct=True)
+    ranked = weigh_laws(data, seed, resonating or laws, estimate=weigh, distinct=True)
     planned = [
         Planned(row.law, row.weight, row.coordinates, row.evidence)
         for row in ranked.candidates

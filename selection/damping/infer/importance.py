@@ -69,10 +69,10 @@ def importance(
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
-    Draws of all rounds are kept and weighed against the mixture of all proposals so far (adaptive multiple importance
-    sampling: Cornuet, Marin, Mira and Robert 2012), so that none has a large weight that any proposal was likely to
-    draw. While few draws carry the weight, the next proposal is fitted to weights tempered,
-    w^beta, which lead from the proposals to the density step by step.
+    Draws of all rounds are kept. Their weights are taken over the mixture of all proposals so far (adaptive multiple
+    importance sampling: Cornuet, Marin, Mira and Robert 2012): where one proposal draws often, no draw weighs much.
+    While few draws carry the weight, the next proposal is fitted to weights tempered, w^beta, which lead from the
+    proposals to the density step by step.
 
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).

@@ -109,7 +109,7 @@ class Observations:
         return int(np.argmax(self.tested_force))
 
     def scaled(self, bits: int = DRAWN_BITS) -> Observations:
-        """The same without dimension: over the ``reference``, to so many binary digits."""
+        """The same without dimension: over the ``reference``, rounded to ``bits`` binary digits."""
         amplitude, omega, force = self.reference
         return replace(
             self,

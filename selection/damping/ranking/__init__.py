@@ -141,7 +141,7 @@ def weigh_laws(
     data: Observations,
     seed: int,
     laws: Sequence[Law],
-    done: Callable[[str], None],
+    done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
     distinct: bool = False,
 ) -> Ranking:

@@ -161,7 +161,7 @@ PEAKS_IN_PHASE = 0.5
 GROWS = 0.3
 #: Without phases they are peaks where it grows by more than this, which no rig makes of one resonance,
 GROWS_AS_FORCE = 0.75
-#: or where so many times the inertia that the frequencies span does not explain how much F/A changes;
+#: or where F/A changes by more than this many times the inertia that the frequencies span;
 BEYOND_INERTIA = 2.0
 LIGHTEST = 5e-4  #: a mass that nobody states is that of a damping ratio of this
 
