@@ -83,9 +83,9 @@ def in_part(x: np.ndarray, used: float, how: str) -> Sampled:
 
 def ours(wanted: int) -> Sampled:
     """Importance draws of the library: the proposal adapted on 8192 draws, then as many as are wanted."""
+    from damping.infer.balanced import Balanced  # noqa: PLC0415 - as above
     from damping.infer.evidence import evidence  # noqa: PLC0415 - as above
     from damping.infer.importance import draw_again  # noqa: PLC0415 - as above
-    from damping.infer.likelihood import Balanced  # noqa: PLC0415 - as above
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)

@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks._rows import middle, timed
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.near import plan_loads
+from damping.infer.balanced import Balanced
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 from damping.infer.proposal import Proposal
 from damping.ranking import rank_laws

@@ -8,11 +8,12 @@ from scipy.integrate import simpson
 
 from benchmarks import _contender
 from damping.errors import AnalysisError
+from damping.infer.balanced import Balanced
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, remember, start_at
 from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, MISSED, TOLD_BY, Evidence, draw_again, importance
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import Balanced, log_likelihood, log_prior
+from damping.infer.likelihood import log_likelihood, log_prior
 from damping.infer.observations import Observations
 from damping.infer.proposal import fill_cube
 

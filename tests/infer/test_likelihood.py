@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from damping.infer.balanced import Balanced
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import (
     BLOCK,
     REACH,
-    Balanced,
     by_blocks,
     log_likelihood,
     log_prior,

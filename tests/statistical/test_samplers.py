@@ -9,11 +9,12 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import kurtosis, norm
 
+from damping.infer.balanced import Balanced
 from damping.infer.chains import Target, run, sample
 from damping.infer.evidence import evidence
 from damping.infer.importance import draw_again, importance
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import Balanced, log_likelihood, log_prior
+from damping.infer.likelihood import log_likelihood, log_prior
 
 pytestmark = pytest.mark.sampling
 

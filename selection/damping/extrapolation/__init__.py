@@ -38,11 +38,11 @@ from damping.extrapolation.near import (
     plan_loads,
 )
 from damping.extrapolation.prediction import Loads, predict
+from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import LEAST_DRAWS, draw_again
 from damping.infer.law import Law
-from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.predict.measured import prepare

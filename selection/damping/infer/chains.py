@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.infer.balanced import Balanced
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates
-from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations
 from damping.infer.proposal import Proposal
 

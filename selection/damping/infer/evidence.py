@@ -12,10 +12,10 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
+from damping.infer.balanced import Balanced
 from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, importance
 from damping.infer.law import Coordinates
-from damping.infer.likelihood import Balanced
 from damping.infer.observations import Observations, round_bits
 
 #: First step of a difference quotient, and the least and largest: of a standard normal variable.
@@ -32,6 +32,8 @@ STILL = 1e-2
 START_BITS = 12
 #: Prior points of which the best begins the search where the best fit lies out of the prior's range.
 STARTS = 512
+#: Scatters and doubt where the search for the mode may begin.
+SCORES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 #: Stands for an impossible law in the search, which needs finite numbers.
 BARRIER = 1e8
 
@@ -85,7 +87,7 @@ def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Float
         AnalysisError: the law cannot carry the measured forces at any parameter value tried.
     """
     negative = make_negative(posterior.log_density)
-    z = posterior.find_variables(start[None])[0]
+    z = _try_scatters(posterior.find_variables(start[None])[0], posterior.coordinates, negative)
     if not negative(z[None, :])[0] < BARRIER:
         points = np.random.default_rng(0).standard_normal((STARTS, start.size))
         values = negative(points)
@@ -93,6 +95,16 @@ def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Float
         if not values.min() < BARRIER:
             raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
     return descend(z, negative)
+
+
+def _try_scatters(z: FloatArray, coordinates: Coordinates, negative: Negative) -> FloatArray:
+    """The best of z (d,) and of z with other scatters and doubt: what a law leaves over, either may explain."""
+    vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
+    scores = np.array(np.meshgrid(*[SCORES] * len(vary))).reshape(len(vary), -1).T
+    tried = np.repeat(z[None], 1 + len(scores), axis=0)
+    tried[1:, 0] = 0.0
+    tried[1:, vary] = scores
+    return np.asarray(tried[np.argmin(negative(tried))])
 
 
 def make_negative(log_density: Negative) -> Negative:

@@ -15,15 +15,14 @@ moves its rows by h = g / sqrt(g^2 + R^2) each:
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.forces.contract import Force, Sum
+from damping.forces.contract import Force
 from damping.infer.doubt import stray_covariance
-from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
+from damping.infer.law import Coordinates
 from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
@@ -38,11 +37,11 @@ _FEW = 32
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
     """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
-    n, h, known = _residuals(*_averages(force, data), data)
+    n, h, known = _residuals(*find_averages(force, data), data)
     return n, h, np.zeros(n.shape) if known is None else known
 
 
-def _averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
+def find_averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
     """C and what it grows with amplitude at each row, (..., rows) each."""
     with np.errstate(all="ignore"):
         if data.amplitude_is_input:
@@ -78,10 +77,10 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     parts, row = coordinates.find_parts(x), coordinates.scatter(x)[0]
 
     def weigh(points: slice) -> FloatArray:
-        return _sum_rows(*_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
+        return sum_rows(*find_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
     sums = by_blocks(weigh, len(x), len(data.A))
-    return _weigh_levels(sums, x, coordinates.join(parts), coordinates, data)
+    return weigh_levels(sums, x, coordinates.doubt(x, coordinates.join(parts)), coordinates, data)
 
 
 def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
@@ -92,7 +91,7 @@ def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> Fl
     return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)])
 
 
-def _sum_rows(
+def sum_rows(
     C: FloatArray, grown: FloatArray, row: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
     """What rows with averages ``C`` and ``grown`` and scatters ``row`` (points,) come to, (points, 1 + sums).
@@ -112,15 +111,15 @@ def _sum_rows(
     return np.column_stack([value, *sums])
 
 
-def _weigh_levels(
-    sums: FloatArray, x: FloatArray, force: Sum, coordinates: Coordinates, data: Observations
+def weigh_levels(
+    sums: FloatArray, x: FloatArray, doubt: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """Log likelihood (points,) of :func:`_sum_rows`; ``force``: of the law at ``x``, up to a factor."""
+    """Log likelihood (points,) of :func:`sum_rows`; ``doubt``: standard deviation of the straying slope, (points,)."""
     value, nn = sums[:, 0], sums[:, 1 : 1 + len(data.sweeps)]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
             hh, hn = sums[:, 1 + nn.shape[1] : 1 + 2 * nn.shape[1]], sums[:, 1 + 2 * nn.shape[1] :]
-            value = value + _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, force))
+            value = value + _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, doubt))
         else:
             value = value - 0.5 * np.sum(nn, axis=1)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -133,14 +132,18 @@ def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> F
     return by_sweep(values / variance, data)
 
 
-def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, force: Sum) -> FloatArray:
+def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, doubt: FloatArray) -> FloatArray:
     """Covariance of ln A of the levels about the law: their scatter and straying of the exponent, (points, s, s).
 
-    ``force``: of the law at ``x``, up to a factor.
+    ``doubt``: standard deviation of the straying slope, (points,).
     """
-    strays = _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
     shared = scatter_covariance(*coordinates.scatter(x), data)
-    return shared + coordinates.doubt(x, force)[:, None, None] ** 2 * strays
+    return shared + doubt[:, None, None] ** 2 * stray_levels(coordinates, data)
+
+
+def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Covariance of ln A of the levels where the slope strays by 1, (s, s)."""
+    return _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
 
 
 @lru_cache(maxsize=256)  # the same of every law of a record
@@ -212,78 +215,3 @@ def log_prior(x: FloatArray) -> FloatArray:
     """Standard normal in every variable, shape (points,)."""
     result: FloatArray = -0.5 * np.sum(x**2 + np.log(2.0 * np.pi), axis=-1)
     return result
-
-
-@dataclass(frozen=True)
-class Balanced:
-    """The posterior of a law over variables z in which a few ellipsoids cover it.
-
-    z is x but for the first, x_1 = t + s z_1, with t and s functions of x_2, x_3, ... : at x_1 = t the law carries the
-    measured forces as nearly as it can, sum w C D/sum w C^2 = 1 with w = 1/(D^2 + R^2), and s is the relative scatter
-    of a resonance over its prior's median. Data fix the total force to within scatter, whatever the others are: a thin
-    bent sheet over x, a straight one over z. The density is p(z) = p(x) s.
-    """
-
-    coordinates: Coordinates
-    data: Observations
-
-    def log_density(self, z: FloatArray) -> FloatArray:
-        """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
-        x, parts, row, s = self._prepare(z)
-
-        def weigh(points: slice) -> FloatArray:
-            C, grown = _averages(self.coordinates.join(parts, points), self.data)
-            x_1 = self._balance(C) + s[points] * z[points, 0]
-            factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
-            sums = _sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
-            return np.column_stack([x_1, sums])
-
-        sums = by_blocks(weigh, len(z), len(self.data.A))
-        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
-        x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
-        force = self.coordinates.join(parts)
-        value = log_prior(x) + _weigh_levels(sums[:, 1:], x, force, self.coordinates, self.data) + np.log(s)
-        return np.where(inside, value, -np.inf)
-
-    def find_points(self, z: FloatArray) -> FloatArray:
-        """x at z, (points, dimension)."""
-        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
-        x, s = self._find_total(z[new])
-        x[:, 0] += s * z[new, 0]
-        return np.asarray(x[np.cumsum(new) - 1])
-
-    def find_variables(self, x: FloatArray) -> FloatArray:
-        """z at x, (points, dimension)."""
-        without, s = self._find_total(x)
-        return np.column_stack([(x[:, 0] - without[:, 0]) / s, x[:, 1:]])
-
-    def _find_total(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
-        x, parts, _, s = self._prepare(z)
-
-        def balance(points: slice) -> FloatArray:
-            return self._balance(_averages(self.coordinates.join(parts, points), self.data)[0])
-
-        x[:, 0] = by_blocks(balance, len(z), len(self.data.A))
-        return x, s
-
-    def _prepare(self, z: FloatArray) -> tuple[FloatArray, list[Part], FloatArray, FloatArray]:
-        """x at z but for x_1 = 0; the law's parts there, which lack exp(x_1); scatters of rows; and s."""
-        x = np.clip(z, -REACH, REACH)
-        x[:, 0] = 0.0
-        row, level = self.coordinates.scatter(x)
-        return x, self.coordinates.find_parts(x), row, np.sqrt(row**2 + level**2 + self._of_rows[2]) / SCATTER_MEDIAN
-
-    @cached_property
-    def _of_rows(self) -> tuple[FloatArray, FloatArray, float]:
-        """w D and w of each row, (rows,); mean known variance of a row."""
-        data, weight = self.data, 1.0 / (self.data.D**2 + self.data.R**2)
-        return weight * data.D, weight, float(np.mean(data.sd_amplitude**2 + data.sd_force**2 + data.sd_phase**2))
-
-    def _balance(self, C: FloatArray) -> FloatArray:
-        """t (points,) of a law with averages C (points, rows)."""
-        weighted, weight, _ = self._of_rows
-        with np.errstate(all="ignore"):
-            t = np.log((C @ weighted) / ((C * C) @ weight)) / TOTAL_LOG_SD
-        t[np.isnan(t)] = 0.0
-        return np.asarray(np.clip(t, -REACH, REACH))

@@ -27,11 +27,12 @@ from scipy.special import logsumexp, ndtri
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.forces.shapes import PURE
+from damping.infer.balanced import Balanced
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import descend, make_negative, start_at
 from damping.infer.importance import BRIEF_DRAWS, importance
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import Balanced, log_prior
+from damping.infer.likelihood import log_prior
 from damping.infer.observations import Observations
 from damping.ranking import prior_masses
 

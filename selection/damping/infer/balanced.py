@@ -1,0 +1,136 @@
+"""The posterior of a law over variables in which a few ellipsoids cover it: what importance draws and chains move in.
+
+Data fix the total force to within what levels scatter and stray by, whatever the other parameters are: a thin bent
+sheet over the variables x of a law (:mod:`damping.infer.law`), a straight one over z, which is x but for the first:
+
+    x_1 = t + s z_1,      t = sum_l a_l t_l,      a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
+
+At x_1 = t_l the law carries the measured forces of level l as nearly as it can, sum w C D/sum w C^2 = 1 over its rows,
+w = 1/(D^2 + R^2). S is the covariance of the levels, scatter and straying of the slope (generalised least squares):
+where a law strays, the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
+from damping.infer.likelihood import (
+    REACH,
+    by_blocks,
+    by_sweep,
+    find_averages,
+    log_prior,
+    stray_levels,
+    sum_rows,
+    weigh_levels,
+)
+from damping.infer.observations import Observations
+
+#: ln of the force by which a level may move t: one that the law misses by more says nothing of the others.
+FARTHEST = 3.0
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """x but for x_1 = 0; the law's parts there, which lack exp(x_1); doubt; a (points, levels) and s (points,)."""
+
+    x: FloatArray
+    parts: list[Part]
+    doubt: FloatArray
+    a: FloatArray
+    s: FloatArray
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """The posterior of a law on observations over the variables z."""
+
+    coordinates: Coordinates
+    data: Observations
+
+    def log_density(self, z: FloatArray) -> FloatArray:
+        """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
+        balance = self._balance_around(z)
+        row = self.coordinates.scatter(balance.x)[0]
+
+        def weigh(points: slice) -> FloatArray:
+            C, grown = find_averages(self.coordinates.join(balance.parts, points), self.data)
+            x_1 = self._find_total(C, balance.a[points]) + balance.s[points] * z[points, 0]
+            factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
+            sums = sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
+            return np.column_stack([x_1, sums])
+
+        sums = by_blocks(weigh, len(z), len(self.data.A))
+        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
+        x = balance.x
+        x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
+        likelihood = weigh_levels(sums[:, 1:], x, balance.doubt, self.coordinates, self.data)
+        return np.where(inside, log_prior(x) + likelihood + np.log(balance.s), -np.inf)
+
+    def find_points(self, z: FloatArray) -> FloatArray:
+        """x at z, (points, dimension)."""
+        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
+        x, s = self._find_sheet(z[new])
+        x[:, 0] += s * z[new, 0]
+        return np.asarray(x[np.cumsum(new) - 1])
+
+    def find_variables(self, x: FloatArray) -> FloatArray:
+        """z at x, (points, dimension)."""
+        sheet, s = self._find_sheet(x)
+        return np.column_stack([(x[:, 0] - sheet[:, 0]) / s, x[:, 1:]])
+
+    def _find_sheet(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
+        balance = self._balance_around(z)
+
+        def find_total(points: slice) -> FloatArray:
+            C, _ = find_averages(self.coordinates.join(balance.parts, points), self.data)
+            return self._find_total(C, balance.a[points])
+
+        balance.x[:, 0] = by_blocks(find_total, len(z), len(self.data.A))
+        return balance.x, balance.s
+
+    def _balance_around(self, z: FloatArray) -> _Balance:
+        """What is the same for every z_1."""
+        x = np.clip(z, -REACH, REACH)
+        x[:, 0] = 0.0
+        parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
+        doubt = self.coordinates.doubt(x, self.coordinates.join(parts))
+        strays, directions = self._of_levels
+        variance = (level**2 + self._per_level * (row**2 + self._known))[:, None] + doubt[:, None] ** 2 * strays
+        of_direction = directions.sum(axis=0) / variance
+        told = of_direction @ directions.sum(axis=0)
+        return _Balance(
+            x, parts, doubt, of_direction @ directions.T / told[:, None], np.sqrt(len(strays) / told) / SCATTER_MEDIAN
+        )
+
+    @cached_property
+    def _of_levels(self) -> tuple[FloatArray, FloatArray]:
+        """Principal variances and directions of levels that stray, (levels,) and (levels, levels)."""
+        variance, directions = np.linalg.eigh(stray_levels(self.coordinates, self.data))
+        return np.maximum(variance, 0.0), directions
+
+    @cached_property
+    def _per_level(self) -> float:
+        """Mean over levels of one over their rows."""
+        return float(np.mean(1.0 / np.bincount(self.data.sweep, minlength=len(self.data.sweeps))))
+
+    @cached_property
+    def _known(self) -> float:
+        """Mean variance of a row that the record states."""
+        return float(np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2))
+
+    def _find_total(self, C: FloatArray, a: FloatArray) -> FloatArray:
+        """t (points,) of a law with averages C (points, rows)."""
+        data = self.data
+        weight = 1.0 / (data.D**2 + data.R**2)
+        with np.errstate(all="ignore"):
+            over, under = by_sweep(C * (weight * data.D), data), by_sweep(C * C * weight, data)
+            whole = np.log(over.sum(axis=1) / under.sum(axis=1))
+            beside = np.nan_to_num(np.log(over / under) - whole[:, None])
+            t = (whole + np.sum(a * np.clip(beside, -FARTHEST, FARTHEST), axis=1)) / TOTAL_LOG_SD
+        t[np.isnan(t)] = 0.0
+        return np.asarray(np.clip(t, -REACH, REACH))
