@@ -7,15 +7,27 @@ import pytest
 from scipy.integrate import simpson
 
 from benchmarks import _contender
+from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.infer.balanced import Balanced
 from damping.infer.best_fit import fit_law
 from damping.infer.evidence import brief_evidence, evidence, find_mode, remember, start_at
-from damping.infer.importance import FULL_DRAWS, LEAST_DRAWS, MISSED, TOLD_BY, Evidence, draw_again, importance
+from damping.infer.importance import (
+    FULL_DRAWS,
+    IMPORTANT,
+    LEAST_DRAWS,
+    LEAST_TOLD,
+    MISSED,
+    OF_UNIMPORTANT,
+    TOLD_BY,
+    Evidence,
+    draw_again,
+    importance,
+)
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood, log_prior
 from damping.infer.observations import Observations
-from damping.infer.proposal import fill_cube
+from damping.infer.proposal import Proposal, fill_cube
 
 
 def undoubted(law: Law, data: Observations) -> Coordinates:
@@ -66,6 +78,31 @@ def test_mode_is_a_maximum(saturn):
     assert posterior.log_density(mode[None])[0] >= posterior.log_density(around).max() - 0.1
 
 
+@pytest.mark.parametrize("law", ["velocity-squared", "quadratic-displacement", "viscous"])
+def test_the_mode_is_found_where_a_law_misfits(law):
+    """What a law leaves over, scatter or a straying slope explains: the global maximum, of 20 000 draws of the prior.
+
+    Beside ``viscous``, which fits, the others miss by half at the ends of a test of span four.
+    """
+    data = simulated_levels(structures()[0], 4, 4.0, 0.01, np.random.default_rng(3))
+    c = Coordinates.of(Law((law,)), data)
+    posterior = Balanced(c, data)
+    mode, _ = find_mode(posterior, start_at(fit_law(c.law, data), c))
+    anywhere = np.random.default_rng(1).standard_normal((20_000, c.dimension)) * [0.01, 2.0, 2.0]
+    # the search ends where a step gains less than a hundredth; draws seldom come closer than that
+    assert posterior.log_density(mode[None])[0] >= posterior.log_density(anywhere).max() - 0.02
+
+
+@pytest.mark.parametrize("law", ["velocity-squared", "viscous"])
+def test_one_balanced_part_is_close_to_normal(law):
+    """A fifth of the first draws count, of a law that fits and of one whose slope must stray to fit."""
+    data = simulated_levels(structures()[0], 4, 4.0, 0.01, np.random.default_rng(3))
+    c = Coordinates.of(Law((law,)), data)
+    posterior = Balanced(c, data)
+    first = Proposal.around(*find_mode(posterior, start_at(fit_law(c.law, data), c)))
+    assert draw_again(posterior.log_density, first, 2048).effective_draws > 0.2 * 2048
+
+
 def test_balanced_variables_have_the_same_density(saturn):
     """p(z) = p(x) |dx/dz|, the Jacobian by central differences; and the way there is the way back."""
     data = saturn("config-2-mode-2")
@@ -103,14 +140,19 @@ def test_fewer_draws_give_the_same_within_their_error(saturn):
 
 
 def test_a_negligible_law_is_left_early(saturn):
-    """The rounds are the same as without a floor, up to one that says enough; a floor below the evidence stops none."""
+    """The rounds are the same as without a floor, up to one that says enough; a floor far below stops none."""
     data = saturn("config-2-mode-1")
     c = Coordinates.of(Law(("slip",)), data)
     full = evidence(c, data)
-    left, kept = evidence(c, data, floor=full.log_z + 2.0 * MISSED), evidence(c, data, floor=full.log_z - 1.0)
+    little = evidence(c, data, floor=full.log_z - 1.0)
+    left, kept = (
+        evidence(c, data, floor=full.log_z + 2.0 * MISSED),
+        evidence(c, data, floor=full.log_z - IMPORTANT - 1.0),
+    )
     assert left.falls_below(full.log_z + 2.0 * MISSED)
-    assert left.effective_draws >= TOLD_BY
-    assert len(left.draws) < len(full.draws)
+    assert left.effective_draws >= LEAST_TOLD
+    assert len(left.draws) <= len(little.draws) <= len(full.draws)
+    assert little.effective_draws > OF_UNIMPORTANT * FULL_DRAWS
     assert abs(left.log_z - full.log_z) < MISSED
     assert (kept.log_z, len(kept.draws)) == (full.log_z, len(full.draws))
 

@@ -37,7 +37,7 @@ IMPORTANT = 4.6
 OF_UNIMPORTANT = 0.5
 #: Change of ln of an evidence in a round that adds nothing new.
 SETTLED = 0.1
-#: Share of effective draws in a round that leaves nothing to adapt.
+#: Share of effective draws in the first round that leaves nothing to adapt.
 CLOSE = 0.25
 #: Halvings of the interval in which a temper is sought: to 1e-6.
 _HALVINGS = 20
@@ -74,7 +74,7 @@ def importance(
     mode: FloatArray,
     covariance: FloatArray,
     seed: int = 0,
-    least_rounds: int = 2,
+    least_rounds: int = 1,
     wanted: float = FULL_DRAWS,
     floor: float = -np.inf,
 ) -> Evidence:
@@ -108,7 +108,7 @@ def importance(
         enough = OF_UNIMPORTANT * wanted if settled and before < floor + IMPORTANT else wanted
         if round_ >= rounds - 1:
             enough = min(enough, LEAST_DRAWS)
-        adapted = round_ >= least_rounds - 1 or weighed.effective_draws > CLOSE * len(x)
+        adapted = round_ >= least_rounds - 1 and (round_ or weighed.effective_draws > CLOSE * len(x))
         if weighed.falls_below(floor) or (adapted and weighed.effective_draws > enough):
             break
         proposal = (weighed if weighed.effective_draws >= FITTED_TO else _temper(x, log_p - log_mixture, seed)).proposal
