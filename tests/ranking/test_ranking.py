@@ -334,16 +334,17 @@ def test_a_law_changed_in_the_library_is_fitted_anew(monkeypatch, peaks):
     assert other.squares > 10.0 * max(before.squares, 1.0)
 
 
-def test_negligible_laws_do_not_move_the_weights_of_others():
-    """Laws left early against all of them drawn for in full: those with weight have the same digits but for the sum."""
+def test_small_laws_do_not_move_the_weights_of_others():
+    """Laws drawn for as their weight asks against all drawn for in full: those of weight have the same digits but for
+    the sum; others differ by less than the error of a leading weight, 3 %, or are negligible in both."""
     data = simulated_levels(structures()[0], 4, 4.0, 0.02, np.random.default_rng(0))
     quick = weigh_laws(data, 0, candidate_laws())
     full = weigh_laws(data, 0, candidate_laws(), estimate=lambda c, d, s, f, floor: evidence(c, d, s, f))
-    left = 0
+    best, fewer = quick.candidates[0].weight, 0
     for row in quick.weighted():
         other = full.find(row.law)
         same = row.score == other.score
-        left += not same
-        assert same or max(row.weight, other.weight) < NEGLIGIBLE
-        np.testing.assert_allclose(row.weight, other.weight, rtol=1e-3, atol=NEGLIGIBLE)
-    assert left
+        fewer += not same
+        assert same or max(row.weight, other.weight) < 0.12 * best
+        np.testing.assert_allclose(row.weight, other.weight, rtol=1e-3, atol=NEGLIGIBLE if same else 0.03 * best)
+    assert fewer

@@ -14,8 +14,9 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.infer.proposal import Proposal
 
-#: Draws of each round: more where few have not sufficed.
+#: Draws of each round: more where few have not sufficed. Twice as many in the first beyond a number of variables.
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
+FEW_VARIABLES = 4
 #: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
@@ -27,7 +28,6 @@ LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
 #: Effective draws by which a law may be left as negligible, and how far ln of its evidence may lie above the estimate:
 #: in proportion farther where fewer draws count, down to the second number of them.
-#: MISSED_NOTE
 TOLD_BY = 50.0
 LEAST_TOLD = 10.0
 MISSED = 3.0
@@ -97,7 +97,8 @@ def importance(
     rounds, before = max(least_rounds, len(ROUNDS)), -np.inf
     for round_ in range(max(rounds, MOST_ROUNDS)):
         proposals.append(proposal)
-        new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
+        number = ROUNDS[min(round_, len(ROUNDS) - 1)] * (2 if round_ == 0 and len(mode) > FEW_VARIABLES else 1)
+        new = proposal.draw(number, seed + round_)
         of_old = proposal.density(x)[:, None]
         q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))

@@ -16,8 +16,9 @@ from damping.arrays import FloatArray, IntArray
 
 #: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
-#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
-WIDE_SHARE = 0.3
+#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws. Where the mode
+#: is a spike (three forces through three points), what lies beside it is met by this part alone.
+WIDE_SHARE = 0.5
 LEAST_WIDE = 0.2
 #: Share, beside the wide part, of one part over all that was found, and its covariance over that: tails that few draws
 #: have met (a large scatter leaves shares open) are drawn from before their weights are large.
