@@ -3,7 +3,7 @@
 Data fix the total force to within what levels scatter and stray by, whatever the other parameters are: a thin bent
 sheet over the variables x of a law (:mod:`damping.infer.law`), a straight one over z, which is x but for the first:
 
-    x_1 = t + s z_1,      t = sum_l a_l t_l,      a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
+    x_1 = t + s z_1,      t = sum_l a_l t_l,     a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
 
 At x_1 = t_l the law carries the measured forces of level l as nearly as it can, sum w C D/sum w C^2 = 1 over its rows,
 w = 1/(D^2 + R^2). S is the covariance of the levels, scatter and straying of the slope (generalised least squares):
