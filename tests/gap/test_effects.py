@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE, with_effects
+from damping.effects.contract import Scales
 from damping.effects.terms import predict
 from damping.gap.corrected import effect_values
 from damping.gap.model import steady
@@ -122,6 +124,22 @@ def test_parameters_of_the_instruments(lab, fitted):
     assert "lorentzian" not in found  # the dip is a Gaussian one
     # both are known to about 1 % at this noise
     np.testing.assert_allclose([found["depth"], found["width"]], [size, width], rtol=0.005)
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+@pytest.mark.parametrize("sweeps", [1, 3, 6])
+def test_a_model_file_takes_whatever_a_fit_may_say(name, sweeps):
+    """Every form at four standard deviations of each of its shapes: the table that it reports is within its bounds."""
+    scales = Scales(
+        1e-4, 1e-3, 150.0, 40.0, 100.0, bandwidth=0.008, reach=0.05, frequency=0.01, damping=0.1, sweeps=sweeps
+    )
+    bounds = {shape.name: shape for shape in CATALOGUE[name].shapes}
+    for form in CATALOGUE[name].forms(scales):
+        for moved, far in product(range(len(form.shapes) or 1), (-4.0, 4.0)):
+            shapes = [variable.value(far if k == moved else 0.0) for k, variable in enumerate(form.shapes)]
+            for key, value in form.report(form.natural, *shapes).items():
+                bound = bounds[key]
+                assert max(bound.least, np.nextafter(bound.above, np.inf)) <= value < bound.below, key
 
 
 def test_wrong_parameters_of_the_simulation(lab, fitted):

@@ -113,7 +113,7 @@ DRIFT = Effect(
         Shape("settling", least=0.0, default=0.0),
         Shape("cycles", least=0.0, default=0.0),
         Shape("phase", default=0.0),
-        Shape("moment", least=0.0, default=0.0),
+        Shape("moment", default=0.0),  # before the record where the fit has it change at once
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),

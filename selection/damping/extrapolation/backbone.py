@@ -76,8 +76,9 @@ _ANYWHERE = 1.0
 class Backbone:
     """Resonance frequency and mass of a mode against amplitude.
 
-    ln omega is a straight line in a power of amplitude, or constant: Bayesian linear regression for each of ``POWERS``,
-    ``CHANGES`` and scatters, averaged by evidence.
+    A straight line in a power of amplitude, or constant, is omega^2 where it rises, as a spring in that power makes it,
+    and ln omega^2 where it falls, so that a joint never lets go of everything: Bayesian linear regression for each of
+    ``POWERS``, ``CHANGES`` and scatters, averaged by evidence.
 
     Attributes:
         amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
@@ -145,21 +146,22 @@ class Backbone:
 
     def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
-        top = float(self.amplitude.max())
-        y = np.log(self.omega)
-        middle = float(np.mean(y))
+        top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
+        risen = 2.0 * (np.log(self.omega) - lowest)
+        y = np.where(risen > 0.0, np.expm1(risen), risen)
+        per_scatter = 2.0 * np.exp(np.maximum(risen, 0.0))  # dy/d ln omega
         shapes = [(None, 0.0), *((p, s) for p in POWERS for s in CHANGES)]
         prior = [CONSTANT, *([(1.0 - CONSTANT) / (len(shapes) - 1)] * (len(shapes) - 1))]
-        log_z, means, sds, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
+        log_z, means, variances, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
         for (power, size), mass in zip(shapes, prior, strict=True):
             X, at = _design(self.amplitude, power, top), _design(amplitude, power, top)
-            V = np.array([_ANYWHERE, size][: X.shape[1]]) ** 2
-            z, mean, sd = _regress(X, y - middle, V, s, at)
+            V = np.array([_ANYWHERE, 2.0 * size][: X.shape[1]]) ** 2
+            z, mean, variance = _regress(X / per_scatter[:, None], y / per_scatter, V, s, at)
             log_z.append(np.log(mass) + z)
-            means.append(middle + mean)
-            sds.append(sd)
+            means.append(lowest + 0.5 * np.where(mean > 0.0, np.log1p(np.maximum(mean, 0.0)), mean))
+            variances.append(s[:, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, 0.0)) ** 2)
         evidences = np.concatenate(log_z)
-        return np.exp(evidences - logsumexp(evidences)), np.concatenate(means), np.concatenate(sds)
+        return np.exp(evidences - logsumexp(evidences)), np.concatenate(means), np.sqrt(np.concatenate(variances))
 
 
 def _design(amplitude: FloatArray, power: float | None, top: float) -> FloatArray:
@@ -177,15 +179,14 @@ def _regress(
     """Regression y = X b + noise of each deviation s (k,), with b ~ N(0, V).
 
     Returns:
-        Log evidence (k,); mean and deviation of a further y at ``at``, (k, rows) each.
+        Log evidence (k,); mean and variance of X b at ``at``, (k, rows) each.
     """
     over = 1.0 / s[:, None] ** 2
     precision = X.T @ X * over[:, None] + np.diag(1.0 / V)
     b = np.linalg.solve(precision, (X.T @ y * over)[..., None])[..., 0]
     misfit = np.sum((y - b @ X.T) ** 2 * over, axis=1) + np.sum(b**2 / V, axis=1)
     log_z = -0.5 * (misfit + np.linalg.slogdet(precision)[1] + np.sum(np.log(V))) - len(y) * np.log(s)
-    variance = s[:, None] ** 2 + np.einsum("ij,kjl,il->ki", at, np.linalg.inv(precision), at)
-    return log_z, b @ at.T, np.sqrt(variance)
+    return log_z, b @ at.T, np.einsum("ij,kjl,il->ki", at, np.linalg.inv(precision), at)
 
 
 def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = None) -> Backbone:
