@@ -1,6 +1,7 @@
 """Marginal likelihoods against brute-force integration over the prior."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.infer.balanced import Balanced
 from damping.infer.best_fit import fit_law
-from damping.infer.evidence import brief_evidence, evidence, find_mode, remember, start_at
+from damping.infer.evidence import brief_evidence, evidence, find_mode, find_modes, remember, start_at
 from damping.infer.importance import (
     FULL_DRAWS,
     IMPORTANT,
@@ -99,8 +100,21 @@ def test_one_balanced_part_is_close_to_normal(law):
     data = simulated_levels(structures()[0], 4, 4.0, 0.01, np.random.default_rng(3))
     c = Coordinates.of(Law((law,)), data)
     posterior = Balanced(c, data)
-    first = Proposal.around(*find_mode(posterior, start_at(fit_law(c.law, data), c)))
+    first = Proposal.around(*find_modes(posterior, start_at(fit_law(c.law, data), c)))
     assert draw_again(posterior.log_density, first, 2048).effective_draws > 0.2 * 2048
+
+
+def test_a_second_mode_is_found_with_every_seed():
+    """Quick estimates of three forces on six levels agree within five standard errors.
+
+    From one mode alone some seeds miss the other, and 1.1 in ln with it.
+    """
+    rng = np.random.default_rng(7375)
+    data = simulated_levels(structures()[4], 6, rng.uniform(1.5, 4.0), np.exp(rng.uniform(*np.log([0.003, 0.04]))), rng)
+    c = Coordinates.of(Law(("viscous", "velocity-squared", "slip")), data)
+    found = [brief_evidence(c, data, seed) for seed in range(0, 320, 40)]
+    for one, other in pairwise(found):
+        assert abs(one.log_z - other.log_z) < 5.0 * np.hypot(one.standard_error, other.standard_error)
 
 
 def test_balanced_variables_have_the_same_density(saturn):

@@ -14,9 +14,8 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.infer.proposal import Proposal
 
-#: Draws of each round: more where few have not sufficed. Twice as many in the first beyond a number of variables.
+#: Draws of each round: more where few have not sufficed.
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
-FEW_VARIABLES = 4
 #: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
@@ -87,19 +86,19 @@ def importance(
     proposals to the density step by step.
 
     Args:
-        log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d).
+        log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d),
+            or several modes (k, d) and (k, d, d).
         least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
             first and enough later. wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they
             are ``LEAST_DRAWS``. floor: ln of a marginal likelihood below which no further round is worth its time.
     """
-    proposals, proposal, sizes = [], Proposal.around(mode, covariance), np.empty(0)
-    x, log_p = np.empty((0, len(mode))), np.empty(0)
+    proposals, proposal, sizes = [], Proposal.around(np.atleast_2d(mode), covariance), np.empty(0)
+    x, log_p = np.empty((0, mode.shape[-1])), np.empty(0)
     q = np.empty((0, 0))  # density of each draw under each proposal, (draws, proposals)
     rounds, before = max(least_rounds, len(ROUNDS)), -np.inf
     for round_ in range(max(rounds, MOST_ROUNDS)):
         proposals.append(proposal)
-        number = ROUNDS[min(round_, len(ROUNDS) - 1)] * (2 if round_ == 0 and len(mode) > FEW_VARIABLES else 1)
-        new = proposal.draw(number, seed + round_)
+        new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
         of_old = proposal.density(x)[:, None]
         q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))

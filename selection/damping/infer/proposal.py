@@ -16,9 +16,8 @@ from damping.arrays import FloatArray, IntArray
 
 #: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
-#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws. Where the mode
-#: is a spike (three forces through three points), what lies beside it is met by this part alone.
-WIDE_SHARE = 0.5
+#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
+WIDE_SHARE = 0.3
 LEAST_WIDE = 0.2
 #: Share, beside the wide part, of one part over all that was found, and its covariance over that: tails that few draws
 #: have met (a large scatter leaves shares open) are drawn from before their weights are large.
@@ -54,10 +53,12 @@ class Proposal:
     roots: FloatArray
 
     @classmethod
-    def around(cls, mean: FloatArray, covariance: FloatArray) -> Proposal:
-        """A part with this mean and covariance, one that reaches farther, and the wide one."""
-        shares = np.array([1.0 - FAR_SHARE, FAR_SHARE])
-        return cls._with_wide(shares, np.array([mean, mean]), np.array([covariance, FAR * covariance]))
+    def around(cls, means: FloatArray, covariances: FloatArray) -> Proposal:
+        """A part with each mean (k, d) and covariance (k, d, d), one that reaches farther, and the wide one."""
+        k, d = means.shape
+        covariances = covariances.reshape(k, d, d)
+        shares = np.repeat([(1.0 - FAR_SHARE) / k, FAR_SHARE / k], k)
+        return cls._with_wide(shares, np.tile(means, (2, 1)), np.concatenate([covariances, FAR * covariances]))
 
     @classmethod
     def through(cls, draws: FloatArray, worth: float) -> Proposal:
