@@ -50,6 +50,17 @@ def test_a_level_run_twice_tells_of_a_wrong_frequency():
     assert found.sweeps == ("L3",)
 
 
+@pytest.mark.parametrize("column", ["mass", "added_mass"])
+def test_levels_of_other_masses_have_other_frequencies(column):
+    """A tenth more mass at one level: 4.7 % less frequency; a wrong amplitude is told there too."""
+    table = pd.DataFrame({"sweep": list("ABCD"), "force": [4.0, 8.0, 16.0, 24.0]})
+    table = table.assign(frequency=[25.0, 25.0 / 1.1**0.5, 25.0, 25.0], amplitude=6e-5 * table["force"])
+    table[column] = [40.0, 44.0, 40.0, 40.0] if column == "mass" else [0.0, 4.0, 0.0, 0.0]
+    assert "outlier" not in [one.check for one in audit(record_of(table), MODE).findings]
+    table.loc[2, "amplitude"] *= 100.0
+    assert ("C",) in [one.sweeps for one in audit(record_of(table), MODE).findings if one.check == "outlier"]
+
+
 def draw_levels(rng: np.random.Generator) -> FloatArray:
     """Forces of three to eight levels, some of them run twice or more."""
     force = rng.uniform(1.2, 2.2) ** np.arange(rng.integers(3, 9))

@@ -289,7 +289,7 @@ FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at le
 
 
 def check_amplitude_falls(view: View) -> Finding | None:
-    """A resonant amplitude that falls with force: no passive structure does that."""
+    """A resonant amplitude that falls with force, or a decay that loses more as it dies: no one mode does that."""
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
@@ -298,6 +298,15 @@ def check_amplitude_falls(view: View) -> Finding | None:
     if not falling or len(falling) < 0.3 * len(pairs):
         return None
     i, j = min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
+    sweeps = tuple(table["sweep"].iloc[sorted({i, j})])
+    if view.record.is_decay:
+        what = (
+            f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g} to {F[j]:.4g} at {A[j]:.4g}"
+        )
+        advice = (
+            "two close modes beat in it, most likely: take a sensor that shows one of them alone, or dwell or sweep"
+        )
+        return Finding("amplitude-falls", "refuse", what, advice, sweeps)
     what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
     advice = "check the labels and the force of each level, and whether the structure was altered between them"
-    return Finding("amplitude-falls", "refuse", what, advice, tuple(table["sweep"].iloc[sorted({i, j})]))
+    return Finding("amplitude-falls", "refuse", what, advice, sweeps)

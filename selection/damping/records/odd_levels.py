@@ -35,16 +35,17 @@ class OddLevel:
     off: float
 
 
-def find_odd_level(runs: Sequence[Run], mass: float) -> OddLevel | None:
+def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLevel | None:
     """The level whose amplitude does not go with its force, else whose frequency jumps and returns.
 
-    ``mass`` of the mode (NaN: not known) tells how wide the resonances are.
+    ``mass`` of the mode (NaN: not known) tells how wide the resonances are; frequencies are compared where all rows are
+    of ``one_mass``.
     """
     single = [run for run in runs if len(run) == 1]
     F, A, omega = (np.array([getattr(run, name)[0] for run in single]) for name in ("F", "A", "omega"))
     compared = {
         "amplitude": _compare_amplitudes(np.log(F), np.log(A)),
-        "frequency": _compare_frequencies(single, F / (2.0 * mass * omega**2 * A)),
+        "frequency": _compare_frequencies(A, omega, F / (2.0 * mass * omega**2 * A)) if one_mass else {},
     }
     for quantity, misses in compared.items():
         share = {k: others / abs(off) for k, (off, others) in misses.items() if others < OF_OTHERS * abs(off)}
@@ -73,17 +74,17 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray) -> _Misses:
     return misses
 
 
-def _compare_frequencies(single: Sequence[Run], ratio: FloatArray) -> _Misses:
+def _compare_frequencies(A: FloatArray, omega: FloatArray, ratio: FloatArray) -> _Misses:
     """Levels whose frequency lies beyond those of the levels of next less and next more amplitude.
 
     Joints and springs move a resonance steadily with amplitude; the lowest and the highest level are not judged, since
-    a joint that sticks at the one, slips or opens at the other moves that one alone. ``ratio``: damping ratios (n,).
+    a joint that sticks at the one, slips or opens at the other moves that one alone. ``ratio``:
+    damping ratios; all (n,).
     """
-    added = {float(run.added[0]) for run in single}
-    if len(single) < FEWEST_LEVELS - 1 or len(added) > 1:
+    if len(A) < FEWEST_LEVELS - 1:
         return {}
-    order = np.argsort([run.A[0] for run in single], kind="stable")
-    x, y = (np.log([getattr(single[k], name)[0] for k in order]) for name in ("A", "omega"))
+    order = np.argsort(A, kind="stable")
+    x, y = np.log(A[order]), np.log(omega[order])
     scatter = OFF_FREQUENCY if len(x) >= FEWEST_LEVELS else OFF_OF_THREE
     least = max(scatter, float(np.nan_to_num(OFF_BANDWIDTH * np.median(ratio))))
     misses: _Misses = {}

@@ -98,10 +98,11 @@ class View:
 
     @cached_property
     def odd(self) -> OddLevel | None:
-        """Among sweeps of one row: the one that is off the course of the others."""
+        """Among sweeps of one row: the one that is off the course of the others. Nobody reads the levels of a decay one
+        by one: where they come and go two modes beat."""
         mass = self.mode.mass if self.mode and self.mode.drive == "force" else float("nan")
-        single = self.record.table["mass"].nunique() < 2 if "mass" in self.record.table else True
-        return find_odd_level(self.raw, mass) if single else None
+        one_mass = len(set(self.record.masses(0.0) + self.record.added_masses)) == 1
+        return None if self.record.is_decay else find_odd_level(self.raw, mass, one_mass=one_mass)
 
     @cached_property
     def runs(self) -> list[Run]:
