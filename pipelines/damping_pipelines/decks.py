@@ -6,7 +6,7 @@ force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median st
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 
-by non-negative least squares over the load levels.
+by non-negative least squares over the load levels. It follows no damping that falls as the amplitude grows.
 """
 
 from collections import defaultdict
@@ -32,6 +32,9 @@ COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "open
 BOUNDS = ("median", "low")
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
+#: Coefficients that miss the damping of a level by a larger share are said to be of a form that cannot follow it: bands
+#: of damping at tested levels are as wide.
+MOST_MISFIT = 0.05
 #: Ratios on one line of an ANSYS ``MDAMP`` command.
 RATIOS_PER_LINE = 6
 
@@ -73,19 +76,24 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         points.sort(key=lambda point: point.frequency)
         for point in points:
             modes[point.mode].append(point)
+    of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
+    fitted = [(mode, which, points, fit_coefficients(points, which)) for (mode, points), which in of_modes]
     values = {
         "code": code,
         "comment": COMMENTS[code],
         "form": form,
         "digest": digest(content),
         "levels": list(product(levels.items(), BOUNDS)),
-        "modes": list(product(modes.items(), BOUNDS)),
-        "fit_coefficients": fit_coefficients,
+        "fitted": fitted,
         "flank": FLANK,
         "ratios_per_line": RATIOS_PER_LINE,
     }
     write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
-    console().print(f"{out} written: damping for {code}")
+    show = console()
+    show.print(f"{out} written: damping for {code}")
+    for mode, which, _, found in fitted:
+        if abs(found.miss) > MOST_MISFIT:
+            show.print(f"- {mode}, {which}: {found}")
 
 
 def _find_force(row: DampedRow) -> float | None:
@@ -108,7 +116,30 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark)
 
 
-def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]:
+@dataclass(frozen=True)
+class Coefficients:
+    """c1 (``linear``) and c2 (``quadratic``) of one mode at one bound, and where they miss its damping most.
+
+    ``miss``: their damping there over that of the form, less 1; ``force`` of that level; ``equivalent``: F/(omega A) of
+    the form there, the c1 that alone would do; ``falls``: that it is less at the largest amplitude than at the least.
+    """
+
+    linear: float
+    quadratic: float
+    miss: float
+    force: float
+    equivalent: float
+    falls: bool
+
+    def __str__(self) -> str:
+        text = f"misses the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {self.force:g}"
+        if abs(self.miss) <= MOST_MISFIT:
+            return f"{text})"
+        why = "damping that falls as the amplitude grows" if self.falls else "this course of the damping"
+        return f"{text}, where AddBLin alone would be {self.equivalent:.3g}): this form cannot follow {why}"
+
+
+def fit_coefficients(points: Sequence[Point], which: str) -> Coefficients:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
 
     The low bound of damping is the force that the low ratio means: F low/median. AnalysisError: the form holds no
@@ -124,4 +155,13 @@ def fit_coefficients(points: Sequence[Point], which: str) -> tuple[float, float]
     columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]
     scale = columns.max(axis=0)
     linear, quadratic = nnls(columns / scale, np.ones(len(F)))[0] / scale
-    return float(linear), float(quadratic)
+    misses, equivalent = columns @ [linear, quadratic] - 1.0, F / (omega * A)
+    worst = int(np.argmax(np.abs(misses)))
+    return Coefficients(
+        float(linear),
+        float(quadratic),
+        miss=float(misses[worst]),
+        force=points[worst].force,
+        equivalent=float(equivalent[worst]),
+        falls=bool(equivalent[np.argmax(A)] < equivalent[np.argmin(A)]),
+    )

@@ -1,7 +1,7 @@
 """Page of design-load bands on real structures: predictions, goals, higher levels left out, figures with citations."""
 
 import tomllib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -121,9 +121,18 @@ def render_page(results: list[BandResult], seed: int) -> str:
             for band in results
         ],
         "citations": CITATIONS,
+        "titles": title_structures({band.name: band.mode.name for band in results}),
         "parts": PARTS,
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values)
+
+
+def title_structures(modes: Mapping[str, str]) -> dict[str, str]:
+    """Title of each folder by its mode's name: that of a known record, else the mode's, else, where modes share a name
+    or have that of another folder, the folder's."""
+    titles = {name: CITATIONS[name]["title"] if name in CITATIONS else mode for name, mode in modes.items()}
+    taken = [*titles.values(), *titles]
+    return {name: title if taken.count(title) == 1 + (title == name) else name for name, title in titles.items()}
 
 
 _PARTS = {

@@ -12,7 +12,7 @@ from nptdms import ChannelObject, TdmsWriter
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.conversion import time_histories
-from damping.formats.series import ROLES, Stated
+from damping.formats.series import ROLES, Stated, parse_header
 from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits
@@ -113,6 +113,56 @@ def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     stacked(truth, **columns).to_csv(path, index=False)
     close(imported(path).record, truth)
+
+
+@pytest.mark.parametrize(
+    ("force", "motion"),
+    [
+        ("Force RMS [N]", "Displ RMS [mm]"),
+        ("Force [N] rms", "Displacement eff. (mm)"),
+        ("force N rms", "amplitude rms mm"),
+        ("Kraft in N eff", "Weg_rms [mm]"),
+    ],
+)
+def test_a_scaling_beside_the_bracket_is_heeded(truth, tmp_path, imported, force, motion):
+    """sqrt(2) times what is rms, wherever the header says it."""
+    columns = {
+        "Frequency [Hz]": lambda _: truth.f,
+        force: lambda F: np.full(len(truth.f), F / 2**0.5),
+        motion: lambda F: 1e3 * F * np.abs(truth.H) / 2**0.5,
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    close(imported(path).record, truth)
+    by_title = {"amplitude": motion.rsplit(" ", 1)[0] if "[" in motion or "(" in motion else motion, "force": force}
+    stated = {"columns": by_title, "response": "displacement"}
+    close(imported(path, **stated).record, truth)
+
+
+def test_a_unit_after_a_blank_is_one(truth, tmp_path, imported):
+    columns = {
+        "frequency Hz": lambda _: truth.f,
+        "force mN": lambda F: np.full(len(truth.f), 1e3 * F),
+        "amplitude µm": lambda F: 1e6 * F * np.abs(truth.H),
+        "phase rad": lambda _: truth.lag,
+    }
+    table = stacked(truth, **columns)
+    table.insert(0, "sweep", np.repeat(["a", "b", "c"], len(truth.f)))
+    path = tmp_path / "a.csv"
+    table.to_csv(path, index=False)
+    close(imported(path).record, truth)
+
+
+@pytest.mark.parametrize("text", ["roof N", "roof S [g]", "roof pk", "Level 1", "accel N", "rms", "phase g"])
+def test_names_of_sensors_keep_their_last_word(text):
+    assert parse_header(text).name == text.removesuffix(" [g]")
+
+
+def test_rows_under_names_of_no_role_are_no_missing_rows(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("sweep,speed,load,motion\na,24,1,2\n")
+    with pytest.raises(InputError, match=r"no column has the name of a role; .* it has sweep, speed, load, motion"):
+        read_file(path, Stated())
 
 
 def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, imported):

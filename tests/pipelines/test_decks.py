@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from damping_pipelines.decks import FLANK, Point, fit_coefficients
+from damping_pipelines.decks import BOUNDS, FLANK, Point, fit_coefficients
 
 FORM = {
     "format": "loads/1",
@@ -110,9 +110,40 @@ def test_coefficients_carry_the_forces_they_came_from(deck):
         Point("mode", 1.66, 0.02, 0.02, c1 * omega * A + 8.0 / (3.0 * pi) * c2 * (omega * A) ** 2, A, "")
         for A in (0.8, 1.6, 3.0)
     ]
-    np.testing.assert_allclose(fit_coefficients(points, "median"), (c1, c2), rtol=1e-9)  # linear algebra of two columns
+    found = fit_coefficients(points, "median")
+    np.testing.assert_allclose((found.linear, found.quadratic), (c1, c2), rtol=1e-9)  # linear algebra of two columns
+    assert abs(found.miss) < 1e-9
     text = deck(FORM, "openfast")
     assert text.count("AddBLin") == 2
+
+
+def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping, tmp_path: Path):
+    """Coulomb's damping beside viscous: F = c omega A + 4 R/pi (Table 2.II, case VI); exact c1 by hand with c2 = 0."""
+    f, M, c, R = 25.0, 40.0, 50.0, 2.0
+    omega = 2.0 * pi * f
+    A = np.array([0.0002, 0.0005, 0.001, 0.003])
+    F = c * omega * A + 4.0 * R / pi
+    ratio = F / (2.0 * M * omega**2 * A)
+    rows = [
+        {"amplitude": a, "force": force, "frequency": f, "tested": True, "damping_ratio": dict.fromkeys(BOUNDS, z)}
+        for a, force, z in zip(A, F, ratio, strict=True)
+    ]
+    source, out = tmp_path / "form.json", tmp_path / "deck.txt"
+    source.write_text(json.dumps({"format": "curve/1", "level": 0.9, "rows": rows}))
+    run = damping("export", source, "--to", "openfast", "--out", out)
+    share = omega * A / F  # least squares of c1 share = 1
+    linear = share.sum() / (share @ share)
+    miss = linear * share - 1.0
+    worst = int(np.argmax(np.abs(miss)))
+    text = out.read_text()
+    assert [float(number) for number in re.findall(r"^(\S+)  AddB", text, re.MULTILINE)][:2] == [
+        pytest.approx(linear, rel=1e-8),  # nine digits are written
+        0.0,
+    ]
+    said = f"by up to {100.0 * abs(miss[worst]):.2g} % (at force {F[worst]:g}, where AddBLin alone would be "
+    said += f"{F[worst] / (omega * A[worst]):.3g}): this form cannot follow damping that falls as the amplitude grows"
+    assert said in text
+    assert said in " ".join(run.out.split())
 
 
 @pytest.mark.parametrize(

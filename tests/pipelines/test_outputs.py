@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
+import damping as dp
 from damping.errors import InputError
 from damping_pipelines import manifest
 from damping_pipelines.manifest import (
@@ -138,6 +142,28 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     run = damping("verify", out)
     assert run.code != 0
     assert "one.csv: is not of the run of the manifest" in run.out + run.err
+
+
+def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch):
+    """In the table of goals and in the headings; a name that no other has stays, and so does a known record's title."""
+    names = {"a": "bracket", "b": "bracket", "c": "arm", "d": "a", "eth-beam": "bracket"}
+    titles = {"a": "a", "b": "b", "c": "arm", "d": "d", "eth-beam": bands.CITATIONS["eth-beam"]["title"]}
+    assert bands.title_structures(names) == titles
+    assert bands.title_structures({"a": "bracket"}) == {"a": "bracket"}
+    assert bands.title_structures({"a": "a", "b": "b"}) == {"a": "a", "b": "b"}
+    row = dict.fromkeys((*bands.COLUMNS, "low", "high"), 1.0)
+    monkeypatch.setattr(bands, "tabulate_loads", lambda at: pd.DataFrame([row | {"ratio": r} for r in bands.RATIOS]))
+    columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")
+    left_out = pd.DataFrame([dict.fromkeys(columns, 0)]).astype({"refused": bool})
+    nothing = SimpleNamespace(laws=[], trend=SimpleNamespace(p=[]), cautions=[])
+    results = [
+        bands.BandResult(name, dp.Mode(name=mode, frequency=1.0, mass=1.0), nothing, nothing, nothing, left_out)
+        for name, mode in names.items()
+        if name != "eth-beam"
+    ]
+    page = bands.render_page(results, seed=1)
+    assert re.findall(r"^## (.*)$", page, re.MULTILINE) == ["a", "b", "arm", "d"]
+    assert re.findall(r"^\| (\w+): high/low at 1.5", page, re.MULTILINE) == ["a", "b", "arm", "d"]
 
 
 def test_a_study_writes_over_no_measured_file(tmp_path, damping):

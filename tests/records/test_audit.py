@@ -125,6 +125,7 @@ def _files() -> list[tuple[Path, Path]]:
 def test_real_records_and_examples_pass(record, mode):
     found = audit(read_record(record), read_mode(mode))
     assert found.verdict != "refuse", str(found)
+    assert "outlier" not in [finding.check for finding in found.findings]
 
 
 def test_the_offset_of_the_micro_beam_is_that_of_its_description():
@@ -194,6 +195,18 @@ def test_phases_turned_by_other_modes_are_of_no_fast_sweep():
     found = audit(record_of(table), mode)
     assert found.verdict != "refuse"
     assert "sweep-rate" not in [finding.check for finding in found.findings]
+
+
+def test_a_decay_of_two_modes_is_told_of_beats():
+    """A decay has neither labels nor forces that could be wrong: two modes 4 % apart, cut into levels by ``import``."""
+    amplitude = np.array([0.002577, 0.001591, 0.000954, 0.0006])
+    table = pd.DataFrame({"force": [45.7, 72.0, 66.3, 70.0], "frequency": [25.36, 26.2, 25.04, 25.2]})
+    table = table.assign(amplitude=amplitude, time=[0.46, 0.67, 0.79, 0.9], sweep=[f"r {k}" for k in range(4)])
+    (finding,) = audit(record_of(table), dp.Mode(name="m", frequency=25.0, mass=40.0)).findings
+    assert (finding.check, finding.verdict) == ("amplitude-falls", "refuse")
+    assert finding.what.startswith("the damping force of the decay grows from 45.7 at amplitude 0.002577")
+    assert "two close modes beat" in finding.advice
+    assert "label" not in str(finding)
 
 
 def test_prominent_peaks_are_those_of_scipy():

@@ -148,7 +148,7 @@ def read_columns(
         raise rows.problem or InputError("no header", expected=f"a row of column names after {skip} lines")
     names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
     places, response = _places(names, mapped, known, line)
-    if not places:
+    if not set(places) - {"sweep"}:
         raise _no_role(names, layout, line)
     values = {role: array("d") for role in places if role != "sweep"}
     labels: list[str] | None = [] if "sweep" in places else None
@@ -217,6 +217,8 @@ def _by_name(
 ) -> tuple[dict[str, int], str | None]:
     """Columns by role where their names are those of roles, or else what tables of laboratories call them."""
     lower = [header.name.lower() for header in headers]
+    # amplitude and amplitude_rms side by side are two columns
+    lower = [h.title.lower() if lower.count(name) > 1 else name for h, name in zip(headers, lower, strict=True)]
     matches_of = {role: [name for name in named if name in lower] for role, named in known.items()}
     for first in (matches[0] for matches in matches_of.values() if matches):
         if lower.count(first) > 1 and first != "f":
@@ -240,8 +242,8 @@ def _by_name(
 
 def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
     """The column of a stated name, with or without its unit, or of a number from 1 where no name is that number."""
-    matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.name)]
-    exact = [k for k in matches if headers[k].text == name.strip()]
+    matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
+    exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
     if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
         matches = [int(name) - 1]
     if len(exact or matches) == 1:

@@ -21,8 +21,10 @@ from damping.formats.quantity import unit
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
+_BARE_UNIT = re.compile(r"^(.*?\S)(?:\s+in)?\s+([^\W\d_]\S*|°)$")  # after a blank: force N, Kraft in kN
 _SCALING = re.compile(
-    r"(?i)[\s_,]*(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|eff)|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
+    r"(?i)(?P<apart>[\s_,]*)(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|r\.m\.s|eff)"
+    r"|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
 )
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
@@ -40,16 +42,23 @@ ROLES: dict[str, str] = NAMES["meaning"]
 #: Names of columns by role in tables of laboratories.
 ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
+_KNOWN_NAMES = {
+    name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
+}
 
 
 @dataclass(frozen=True)
 class ColumnHeader:
-    """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``."""
+    """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``.
+
+    ``title`` is the name with the scaling that stands beside it: ``Force RMS`` of ``Force RMS [N]``.
+    """
 
     text: str
     name: str
     unit: str = ""
     scaling: str | None = None
+    title: str = ""
 
     @property
     def angle(self) -> str:
@@ -58,14 +67,43 @@ class ColumnHeader:
 
 
 def parse_header(text: str) -> ColumnHeader:
-    """Name, unit and scaling of a header."""
-    match = _UNIT.match(text)
-    name, within = (match[1].strip(), match[2]) if match else (text.strip(), "")
-    scaled = _SCALING.search(within) if within else None
-    if scaled is None:
-        return ColumnHeader(text, name, within)
+    """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft in kN eff``."""
+    rest, last = _take_scaling(text.strip(), apart=True)
+    match = _UNIT.match(rest) or _BARE_UNIT.match(rest)
+    title, within = (match[1].strip(), match[2]) if match else (rest, "")
+    within, inner = _take_scaling(within, apart=False)
+    name, first = _take_scaling(title, apart=True)
+    known = name.lower() in _KNOWN_NAMES  # any other may be the name of a sensor: roof N, roof pk
+    if match and match.re is _BARE_UNIT and not (known and _is_unit(name.lower(), within)):
+        title, within, name, match = rest, "", rest, None
+    scaling = inner or last or first
+    title = title if match else text.strip()
+    return ColumnHeader(text, name if known else title, within, scaling, title)
+
+
+def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
+    """Text without the scaling at its end, and its name; ``apart``: only of a word of its own beside others."""
+    scaled = _SCALING.search(text)
+    if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
+        return text, None
     kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
-    return ColumnHeader(text, name, within[: scaled.start()].strip(), kind)
+    return text[: scaled.start()].strip(), kind
+
+
+def _is_unit(name: str, text: str) -> bool:
+    """Whether a word is a unit of what a column of a known name holds."""
+    for abscissa in ABSCISSAS:
+        if name in (abscissa, *ROLE_NAMES[abscissa]) and text.lower() in ABSCISSAS[abscissa]:
+            return True
+    if name.startswith(("phase", "lag", "lead", "angle", "theta")):
+        return text.lower() in _ANGLES
+    kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or NAMES["motion"]
+    kinds = ["force"] if name in ROLE_NAMES["force"] else kinds
+    try:
+        unit(text)
+    except InputError:
+        return False
+    return name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
 
 
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
+from damping.records.odd_levels import OddLevel
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -34,18 +35,44 @@ def check_outlier(view: View) -> Finding | None:
     wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
     if not wild:
         return None
+    odd = view.odd.runs if view.odd else ()
+    beside = [row for row in wild if view.wild[row] not in label_sweeps(odd)]
     shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
     told = [
         f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
         f"({table['frequency'][row]:g} Hz, sweep {view.wild[row]})"
-        for row in wild[:3]
+        for row in beside[:3]
     ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
-    taken = not view.record.has_phase and any(row in peaks for row in wild)
-    what = f"{'; '.join(told)}: far off what the rows beside it say"
+    taken = not view.record.has_phase and any(row in peaks for row in beside)
+    what = [f"{'; '.join(told)}: far off what the rows beside it say"] if told else []
     advice = "it is in every fit: correct that reading (gain range, tracking), or run again without the row"
+    if view.odd:
+        what.append(_describe_odd(view.odd))
+        by_frequency = view.odd.quantity == "frequency"
+        taken |= abs(view.odd.off) > NO_RERUN if by_frequency else not view.record.has_phase
+        advice = "it is in every fit: correct that reading, or run again without the row"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
-    return Finding("outlier", "refuse" if taken else "caution", what, advice, sweeps)
+    return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
+
+
+#: A frequency is off by more (ln) than a structure that is set up again, warms or loosens between two levels.
+NO_RERUN = 0.05
+
+
+def _describe_odd(odd: OddLevel) -> str:
+    """What is off in a level of one row beside the others."""
+    told = [
+        f"{odd.quantity} {run.omega[0] / RAD_S_PER_HZ if odd.quantity == 'frequency' else run.A[0]:g} "
+        f"at row {run.rows[0] + 1} (force {run.F[0]:g}, sweep {run.sweep})"
+        for run in odd.runs
+    ]
+    way, size = "high" if odd.off > 0.0 else "low", abs(odd.off)
+    course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
+    if odd.quantity == "amplitude":
+        course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
+    which = "" if len(told) == 1 else "; the levels do not tell which of them is wrong"
+    return f"{' or '.join(told)}: the {odd.quantity} {course}{which}"
 
 
 def check_edge(view: View) -> Finding | None:
@@ -262,7 +289,7 @@ FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at le
 
 
 def check_amplitude_falls(view: View) -> Finding | None:
-    """A resonant amplitude that falls with force: no passive structure does that."""
+    """A resonant amplitude that falls with force, or a decay that loses more as it dies: no one mode does that."""
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
@@ -271,6 +298,15 @@ def check_amplitude_falls(view: View) -> Finding | None:
     if not falling or len(falling) < 0.3 * len(pairs):
         return None
     i, j = min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
+    sweeps = tuple(table["sweep"].iloc[sorted({i, j})])
+    if view.record.is_decay:
+        what = (
+            f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g} to {F[j]:.4g} at {A[j]:.4g}"
+        )
+        advice = (
+            "two close modes beat in it, most likely: take a sensor that shows one of them alone, or dwell or sweep"
+        )
+        return Finding("amplitude-falls", "refuse", what, advice, sweeps)
     what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
     advice = "check the labels and the force of each level, and whether the structure was altered between them"
-    return Finding("amplitude-falls", "refuse", what, advice, tuple(table["sweep"].iloc[sorted({i, j})]))
+    return Finding("amplitude-falls", "refuse", what, advice, sweeps)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from math import log, pi
+from math import pi
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,7 @@ from damping.records.implied import (
     sense_rate,
 )
 from damping.records.mode import Mode
+from damping.records.odd_levels import WILD, OddLevel, find_odd_level
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import (
@@ -33,9 +34,6 @@ from damping.records.runs import (
 )
 
 SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
-WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
-#: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
-FAR_LEVEL = log(3.0)
 #: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
 MOST_OFFSET = 0.25 * pi
 
@@ -93,25 +91,18 @@ class View:
 
     @cached_property
     def wild(self) -> dict[int, str]:
-        """Rows of the record whose amplitude is far off the amplitudes, or phasors, beside it, with their sweep."""
+        """Rows of the record far off the amplitudes, phasors or levels beside them, with their sweep."""
         found = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
-        return {int(run.rows[k]): run.sweep for run, k in found} | self._wild_peaks()
+        found += [(run, 0) for run in (self.odd.runs if self.odd else ())]
+        return {int(run.rows[k]): run.sweep for run, k in found}
 
-    def _wild_peaks(self) -> dict[int, str]:
-        """Among sweeps of one row: the one whose amplitude does not go with its force as the others' do."""
-        single = [run for run in self.raw if len(run) == 1]
-        if len(single) < FEWEST_ROWS:
-            return {}
-        x, y = (np.array([np.log(getattr(run, name)[0]) for run in single]) for name in ("F", "A"))
-        for k, run in enumerate(single):
-            others = np.arange(len(single)) != k
-            if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
-                continue  # no line holds so far beyond the other levels: friction sticks, joints open
-            line = np.polyfit(x[others], y[others], 1 if np.ptp(x[others]) > 0.05 else 0)
-            left = y - np.polyval(line, x)
-            if abs(left[k]) > log(WILD) and np.abs(left[others]).max() < 0.2 * abs(left[k]):
-                return {int(run.rows[0]): run.sweep}
-        return {}
+    @cached_property
+    def odd(self) -> OddLevel | None:
+        """Among sweeps of one row: the one that is off the course of the others. Nobody reads the levels of a decay one
+        by one: where they come and go two modes beat."""
+        mass = self.mode.mass if self.mode and self.mode.drive == "force" else float("nan")
+        one_mass = len(set(self.record.masses(0.0) + self.record.added_masses)) == 1
+        return None if self.record.is_decay else find_odd_level(self.raw, mass, one_mass=one_mass)
 
     @cached_property
     def runs(self) -> list[Run]:

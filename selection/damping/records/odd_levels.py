@@ -1,0 +1,97 @@
+"""Among levels of one row, peaks alone: the one that is off the course of the others, in amplitude or in frequency."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.records.runs import Run
+
+WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
+#: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
+FAR_LEVEL = log(3.0)
+FEWEST_LEVELS = 4  #: amplitudes of fewer levels lie on no line that one of them could be off
+#: What the other levels miss of their own course, over what the odd one misses of it, at most.
+OF_OTHERS = 0.2
+#: The odd level is told from another that may be it where leaving it out leaves so many times less.
+TELLING = 3.0
+#: Least ln of a frequency beyond those of the levels beside it that is no scatter (six times .1 %).
+OFF_FREQUENCY = 0.006
+#: The same in damping ratios: a peak is read to a quarter of its bandwidth.
+OFF_BANDWIDTH = 0.5
+#: The same of three levels, of which only two others agree: a joint and a spring together bend a resonance that far.
+OFF_OF_THREE = 0.05
+
+
+@dataclass(frozen=True)
+class OddLevel:
+    """The ``quantity`` (amplitude or frequency) that is off, the runs of one row that it may be, one where the others
+    tell which, and by how much (ln)."""
+
+    quantity: str
+    runs: tuple[Run, ...]
+    off: float
+
+
+def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLevel | None:
+    """The level whose amplitude does not go with its force, else whose frequency jumps and returns.
+
+    ``mass`` of the mode (NaN: not known) tells how wide the resonances are; frequencies are compared where all rows are
+    of ``one_mass``.
+    """
+    single = [run for run in runs if len(run) == 1]
+    F, A, omega = (np.array([getattr(run, name)[0] for run in single]) for name in ("F", "A", "omega"))
+    compared = {
+        "amplitude": _compare_amplitudes(np.log(F), np.log(A)),
+        "frequency": _compare_frequencies(A, omega, F / (2.0 * mass * omega**2 * A)) if one_mass else {},
+    }
+    for quantity, misses in compared.items():
+        share = {k: others / abs(off) for k, (off, others) in misses.items() if others < OF_OTHERS * abs(off)}
+        if share:
+            best = min(share, key=lambda k: share[k])
+            runs = tuple(single[k] for k in share if share[k] <= TELLING * share[best])
+            return OddLevel(quantity, runs, misses[best][0])
+    return None
+
+
+#: Of each level that may be off (its place): how far it is off the course of the others, and these off their own.
+_Misses = dict[int, tuple[float, float]]
+
+
+def _compare_amplitudes(x: FloatArray, y: FloatArray) -> _Misses:
+    """Levels whose ln amplitude ``y`` is far off the line of the others against ln force ``x``, (n,)."""
+    misses: _Misses = {}
+    for k in range(len(x) if len(x) >= FEWEST_LEVELS else 0):
+        others = np.arange(len(x)) != k
+        if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
+            continue  # no line holds so far beyond the other levels: friction sticks, joints open
+        line = np.polyfit(x[others], y[others], 1 if np.ptp(x[others]) > 0.05 else 0)
+        left = y - np.polyval(line, x)
+        if abs(left[k]) > log(WILD):
+            misses[k] = float(left[k]), float(np.abs(left[others]).max())
+    return misses
+
+
+def _compare_frequencies(A: FloatArray, omega: FloatArray, ratio: FloatArray) -> _Misses:
+    """Levels whose frequency lies beyond those of the levels of next less and next more amplitude.
+
+    Joints and springs move a resonance steadily with amplitude; the lowest and the highest level are not judged, since
+    a joint that sticks at the one, slips or opens at the other moves that one alone. ``ratio``:
+    damping ratios; all (n,).
+    """
+    if len(A) < FEWEST_LEVELS - 1:
+        return {}
+    order = np.argsort(A, kind="stable")
+    x, y = np.log(A[order]), np.log(omega[order])
+    scatter = OFF_FREQUENCY if len(x) >= FEWEST_LEVELS else OFF_OF_THREE
+    least = max(scatter, float(np.nan_to_num(OFF_BANDWIDTH * np.median(ratio))))
+    misses: _Misses = {}
+    for k in range(1, len(x) - 1):
+        beside, others = y[[k - 1, k + 1]], np.arange(len(x)) != k
+        off = float(max(y[k] - beside.max(), 0.0) or min(y[k] - beside.min(), 0.0))
+        if abs(off) > least:
+            line = np.polyfit(x[others], y[others], 1 if len(x) >= FEWEST_LEVELS and np.ptp(x[others]) > 0.05 else 0)
+            misses[int(order[k])] = off, float(np.abs(y - np.polyval(line, x))[others].max())
+    return misses

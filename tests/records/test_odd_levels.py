@@ -1,0 +1,115 @@
+"""One level of peaks that is off the course of the others is named, and levels of right structures never are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from audit_cases import record_of
+
+import damping as dp
+from damping.arrays import FloatArray
+from damping.records import Finding, audit
+from damping_validation.truths import OMEGA, TRUTHS, draw_truth
+
+MODE = dp.Mode(name="bracket", frequency=25.0, mass=40.0)
+STRUCTURES = 200
+
+
+def tell(force: object, frequency: object, amplitude: object, mode: dp.Mode | None = MODE) -> Finding | None:
+    """What the audit says of readings that are off, of peaks one a level."""
+    table = pd.DataFrame({"force": force, "frequency": frequency, "amplitude": amplitude})
+    table.insert(0, "sweep", [f"L{k + 1}" for k in range(len(table))])
+    return next((one for one in audit(record_of(table), mode).findings if one.check == "outlier"), None)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "verdict"),
+    [
+        ((25.0, 31.0, 25.0, 25.0), "refuse"),
+        ((25.0, 31.0, 25.0), "refuse"),
+        ((25.0, 25.4, 25.0, 25.01), "caution"),
+        ((25.01, 24.98, 25.0, 25.3, 25.02), "caution"),
+        ((17.85, 17.17, 17.60, 17.56), "caution"),  # 17.71 of the example bolted-joint
+        ((24.8, 24.4, 42.1, 23.7, 23.3), "refuse"),
+    ],
+)
+def test_a_frequency_that_jumps_and_returns_is_named(frequency, verdict):
+    force = 4.0 * 1.6 ** np.arange(len(frequency))
+    found = tell(force, frequency, 6e-5 * force)
+    off = np.abs(np.array(frequency) - np.median(frequency))
+    assert found is not None
+    assert (found.verdict, found.sweeps) == (verdict, (f"L{np.argmax(off) + 1}",))
+    assert f"frequency {frequency[np.argmax(off)]:g} at row {np.argmax(off) + 1} " in found.what
+
+
+def test_a_level_run_twice_tells_of_a_wrong_frequency():
+    force = [4.0, 8.0, 8.0, 16.0]
+    found = tell(force, [25.0, 25.0, 25.4, 25.0], [2.5e-4, 5e-4, 5.01e-4, 1e-3])
+    assert found is not None
+    assert found.sweeps == ("L3",)
+
+
+@pytest.mark.parametrize("column", ["mass", "added_mass"])
+def test_levels_of_other_masses_have_other_frequencies(column):
+    """A tenth more mass at one level: 4.7 % less frequency; a wrong amplitude is told there too."""
+    table = pd.DataFrame({"sweep": list("ABCD"), "force": [4.0, 8.0, 16.0, 24.0]})
+    table = table.assign(frequency=[25.0, 25.0 / 1.1**0.5, 25.0, 25.0], amplitude=6e-5 * table["force"])
+    table[column] = [40.0, 44.0, 40.0, 40.0] if column == "mass" else [0.0, 4.0, 0.0, 0.0]
+    assert "outlier" not in [one.check for one in audit(record_of(table), MODE).findings]
+    table.loc[2, "amplitude"] *= 100.0
+    assert ("C",) in [one.sweeps for one in audit(record_of(table), MODE).findings if one.check == "outlier"]
+
+
+def draw_levels(rng: np.random.Generator) -> FloatArray:
+    """Forces of three to eight levels, some of them run twice or more."""
+    force = rng.uniform(1.2, 2.2) ** np.arange(rng.integers(3, 9))
+    return np.sort(np.append(force, rng.choice(force, rng.integers(0, 4))))
+
+
+def test_no_frequency_of_a_right_structure_is_accused():
+    """Frequencies that fall or rise steadily by up to a third, with a scatter of up to .1 %, and repeats of levels."""
+    rng = np.random.default_rng(22)
+    for _ in range(STRUCTURES):
+        force = draw_levels(rng)
+        a = (force / force[-1]) ** rng.uniform(0.5, 1.0)
+        slip = a / (a + rng.uniform(0.1, 1.0))
+        course = (a**2, slip, np.log(a / a[0]), np.zeros_like(a))[rng.integers(4)]
+        scatter = rng.choice([0.0, 3e-4, 1e-3]) * rng.standard_normal(len(a))
+        frequency = 25.0 * (1.0 + rng.uniform(-0.33, 0.33) * course / max(course.max(), 1.0)) * np.exp(scatter)
+        amplitude = 1e-3 * a * np.exp(0.02 * rng.standard_normal(len(a)))
+        assert tell(5.0 * force, frequency, amplitude) is None, (frequency, amplitude)
+
+
+def test_no_frequency_of_a_drawn_truth_is_accused():
+    """Joints with a memory and springs beside every kind of damping."""
+    rng = np.random.default_rng(23)
+    for _ in range(STRUCTURES):
+        truth = draw_truth(str(rng.choice(sorted(TRUTHS))), rng)
+        force = np.exp(rng.uniform(-1.0, 0.0)) * draw_levels(rng)
+        amplitude = truth.amplitude(force)
+        force, amplitude = force[np.isfinite(amplitude)], amplitude[np.isfinite(amplitude)]
+        frequency = truth.omega(amplitude) * np.exp(1e-3 * rng.standard_normal(len(force))) / (2.0 * np.pi)
+        mode = dp.Mode(name="m", frequency=OMEGA / (2.0 * np.pi), mass=truth.mass)
+        found = tell(force, frequency, amplitude, mode)
+        assert found is None or "frequency jumps" not in found.what, (truth.name, frequency, amplitude)
+
+
+@pytest.mark.parametrize("wrong", range(4))
+@pytest.mark.parametrize("factor", [0.1, 10.0, 1000.0])
+def test_of_four_levels_the_wrong_amplitude_is_named_and_no_other(wrong, factor):
+    """Leaving the wrong one out, the others lie on one line; leaving a right one out they do not."""
+    amplitude = np.array([0.00025, 0.00049, 0.00100, 0.0016])
+    amplitude[wrong] *= factor
+    found = tell([4.0, 8.0, 16.0, 25.0], 25.0, amplitude)
+    assert found is not None
+    assert (found.verdict, found.sweeps) == ("refuse", (f"L{wrong + 1}",))
+    assert f"amplitude {amplitude[wrong]:g} at row {wrong + 1} (" in found.what
+
+
+def test_where_levels_do_not_tell_which_is_wrong_all_are_named():
+    """Of two forces alone any of the three that do not agree may be the wrong one."""
+    found = tell([4.0, 4.0, 8.0, 8.0], 25.0, [0.00025, 0.00025, 0.05, 0.0005])
+    assert found is not None
+    assert found.sweeps == ("L3", "L4")
+    assert "do not tell which of them is wrong" in found.what
