@@ -6,14 +6,15 @@ The band-passed response and its analytic signal are one convolution, with a win
 
 It is taken only where the window lies inside the record, so that no edge enters, and its zero second moment leaves an
 amplitude that changes as a cubic as it is. On a decay x = A exp(-delta t) cos(omega t) it gives A exp((-delta + i
-omega) t) times a known constant, which is divided out; a velocity or acceleration is divided by (-delta + i omega)^n.
+omega) t) times a known constant, which is divided out. A velocity or acceleration has z = A s^n exp(i phase) with s =
+-delta + i omega, so that d ln z/dt = s + n s'/s: n omega'/omega, what the change of frequency adds, is taken off.
 
 Slowly decaying free motion loses action as d/dt (M omega A^2/2) = -A C/2 (the part of the equation of motion in
 quadrature), so with delta = -A'/A
 
     C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),
 
-which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
+with d omega/d ln A = -omega'/delta of each level, which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
 frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
 """
 
@@ -151,7 +152,8 @@ def _levels(
 ) -> tuple[pd.DataFrame, list[str]]:
     """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them.
 
-    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, standard errors of ln A and delta, ``bend`` of ln A.
+    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, ``turn`` d omega/dt, standard errors of ln A and delta,
+    ``bend`` of ln |z|.
     """
     while True:
         edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
@@ -167,7 +169,7 @@ def _levels(
     return kept, notes
 
 
-_LEVEL = ("t", "A", "omega", "delta", "sd_logarithm", "sd_delta", "bend")
+_LEVEL = ("t", "A", "omega", "delta", "turn", "sd_logarithm", "sd_delta", "bend")
 
 
 def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
@@ -177,13 +179,16 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
     fit = np.polynomial.polynomial.polyfit(u, logarithm, 2)
     left = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
-    s = complex(fit[1]) / long
+    rate, turn = complex(fit[1]) / long, 2.0 * float(fit[2].imag) / long**2
+    s = rate - order * turn / rate.imag
     size = float(np.exp(fit[0].real))
-    A = size / abs(window.gain(s)) / abs(s) ** order
+    A = size / abs(window.gain(rate)) / abs(s) ** order
     sd = max(noise / _MEDIAN / size, float(left)) / np.sqrt(max(long / window.correlation, 1.0))
     sd_logarithm = float(1.5 * sd)  # the middle of a parabola: sqrt(9/4) of that of a mean
     bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
-    return float(middle), A, s.imag, -s.real, sd_logarithm, float(sd * np.sqrt(12.0) / long), bend
+    # of the slope, and of the bend of the phase: delta has n omega'/omega of it, the force half more
+    sd_delta = float(sd * np.sqrt(12.0) / long * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * long)))
+    return float(middle), A, s.imag, -s.real, turn, sd_logarithm, sd_delta, bend
 
 
 def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
@@ -202,10 +207,9 @@ def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 
 def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> Decay:
-    time, A, omega, delta, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
+    time, A, omega, delta, turn, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
     resonant = np.sqrt(omega**2 + delta**2)
-    change = np.gradient(omega, np.log(A)) if len(A) > 1 else np.zeros(1)
-    force = 2.0 * mass * delta * A * (resonant + 0.5 * change)
+    force = 2.0 * mass * A * (delta * resonant - 0.5 * turn)
     return Decay(
         time=time,
         amplitude=A,
