@@ -16,11 +16,14 @@ from damping.arrays import BoolArray, ComplexArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation import Extrapolation, extrapolate_loads
+from damping.extrapolation.near import near_resonance, observe_ranked
 from damping.formats.quantity import unit
+from damping.infer.best_fit import BestFit, fit_laws
+from damping.infer.observations import Observations
 from damping.predict.measured import prepare
+from damping.ranking.candidates import judge_fit
+from damping.records import audit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 
@@ -67,6 +70,11 @@ class DrivenMode:
     cautions: tuple[str, ...]
     record: Record
     mode: Mode
+
+    def residues_at(self, level: Level) -> tuple[FloatArray, FloatArray]:
+        """Residues as one level has them, and their relative standard errors, NaN of a sensor left out."""
+        own = np.where(np.isfinite(self.residues), level.fit.residues[:, self.number], np.nan)
+        return own, level.fit.residues_sd[:, self.number] / np.abs(own)
 
 
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
@@ -237,15 +245,36 @@ def _rows_near(level: Level, k: int) -> np.ndarray:
     return rows[::step]
 
 
-def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str, tuple[str, ...]]:
-    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions from the record of a mode, the rows they rest on, what was done, and which level lies apart."""
 
-    Also the name of the law with the largest weight, and what was done about the sweep rate.
+    extrapolation: Extrapolation
+    data: Observations
+    said: tuple[str, ...]
+    apart: str
+
+    @property
+    def law(self) -> str:
+        """Name of the law with the largest weight."""
+        return max(self.extrapolation.plan.laws, key=lambda law: law.weight).name
+
+    def caution(self, row: Sequence[str] = ()) -> tuple[str, ...]:
+        """Cautions of a level, with those of its prediction: ``row``."""
+        known = not self.apart or any(self.apart in said for said in row)
+        return (*self.said, *row) if known else (*self.said, self.apart, *row)
+
+
+def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> Predicted:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
-    asked = np.array(forces, dtype=float)
     measured = prepare(record, mode)
     data = near_resonance(measured.record)
-    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, fresh=False)
-    return predicted.loads, max(predicted.plan.laws, key=lambda law: law.weight).name, measured.said
+    every, _ = observe_ranked(measured.record, audit(record, mode))
+    asked = np.array(forces, dtype=float)
+    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, every=every, fresh=False)
+    leader = fit_laws([predicted.plan.laws[0].law], every)[0]
+    apart = judge_fit(leader, (), every).apart if isinstance(leader, BestFit) else ""
+    return Predicted(predicted, data, measured.said, apart)

@@ -12,9 +12,9 @@ omega) t) times a known constant, which is divided out. A velocity or accelerati
 Slowly decaying free motion loses action as d/dt (M omega A^2/2) = -A C/2 (the part of the equation of motion in
 quadrature), so with delta = -A'/A
 
-    C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),
+    C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),    d omega/d ln A = -omega'/delta,
 
-with d omega/d ln A = -omega'/delta of each level, which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
+which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
 frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
 """
 
