@@ -6,8 +6,12 @@ import h5py
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lsim
 
 from damping.campaign import analyse
+from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.sources import read_runs
+from damping.errors import AnalysisError
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.progress import silent
@@ -79,3 +83,63 @@ def test_a_level_that_is_read_wrongly_is_named(tmp_path):
             said = any("0.4 g is farthest off" in caution for caution in at.cautions)
             assert said == (name == "wrong")
         assert any("0.4 g is farthest off" in note for note in answer.to_json()["notes"]) == (name == "wrong")
+
+
+def test_a_fast_sweep_gives_the_steady_mode(tmp_path):
+    """A viscous mode swept from rest, integrated: its ringing at the start is no mode, and tested levels are steady."""
+    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
+    phase = 2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)
+    files = []
+    for k, force in enumerate((5.0, 10.0, 20.0)):
+        F = force * np.sin(phase)
+        rates = np.array([[0.0, 1.0], [-(w**2), -2 * ZETA * w]])
+        read = ([[0.0], [1.0 / M]], [rates[1]], [[1.0 / M]])  # the acceleration
+        a = lsim((rates, *read), F, t)[1]
+        a = a + 1e-3 * np.max(np.abs(a)) * np.random.default_rng(k).normal(size=len(t))
+        files.append(tmp_path / f"s{k}.csv")
+        head = "time [s],force [N],tip [m/s2]"
+        np.savetxt(files[-1], np.column_stack([t, F, a]), delimiter=",", header=head, comments="")
+    answer = analyse(files, [40.0])
+    (mode,) = answer.modes
+    for at in mode.places:
+        assert at.frequency == pytest.approx(HERTZ, rel=2e-4)
+        assert at.ratio[0] == pytest.approx(ZETA, rel=0.02)  # what correcting 4 % by the rate leaves
+        assert at.response[0].band[0] == pytest.approx(at.level / M / (2 * ZETA), rel=0.02)
+
+
+def close_modes(sign):
+    """Three sensors of two modes 4 % apart on a shaker, (sensors, n) per base: one peak, ``sign`` of the second."""
+    f = np.geomspace(25.0, 60.0, 600)
+    w, total = 2 * np.pi * f, np.ones((3, 600), complex)
+    for hertz, ratio, shape in ((40.0, 0.0125, (0.9, 0.63, -0.45)), (41.6, 0.0125, (0.24, -0.48, 0.54))):
+        w_n = 2 * np.pi * hertz
+        total += np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
+    return f, total * np.array([1.0, sign, 1.0])[:, np.newaxis]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_only_a_reversed_sensor_is_called_so(tmp_path, sign):
+    """Its real part below resonance has the sign of the base where it is mounted rightly."""
+    f, motion = close_modes(sign)
+    assert np.all(np.sign(motion[1, f < 35.0].real) == sign)
+    with h5py.File(tmp_path / "close.h5", "w") as file:
+        for k, level in enumerate((0.1, 0.2, 0.4)):
+            run = file.create_group(f"run_{level}g")
+            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+            run["accelerations"] = level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))
+            run["accelerations"].attrs["units"] = "g"
+    (mode,) = tie_modes(fit_levels(read_runs([tmp_path / "close.h5"], 10_000_000)[0]))
+    assert ("reversed" in mode.left_out.get("accelerations[1]", "")) == (sign < 0)
+
+
+def test_modes_that_are_not_seen_are_asked_for(tmp_path):
+    """Noise alone at frequencies that are stated: no mode, and what to do."""
+    f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)
+    with h5py.File(tmp_path / "noise.h5", "w") as file:
+        run = file.create_group("run_0.1g")
+        run["frequency"], run["control"] = f, np.full(len(f), 0.1, complex)
+        run["accelerations"] = 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)
+        run["accelerations"].attrs["units"] = "g"
+    levels = fit_levels(read_runs([tmp_path / "noise.h5"], 10_000_000)[0], [40.0])
+    with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
+        tie_modes(levels)

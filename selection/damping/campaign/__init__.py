@@ -104,13 +104,15 @@ def _answer_driven(
     predicted = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
     loads = predicted.extrapolation.loads
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
-    frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
+    fitted = zip(levels, mode.frequency, mode.ratio, strict=True)
+    steady = [predicted.find_steady(level.name, mode.mode.mass) or (float(f), float(z)) for level, f, z in fitted]
+    frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
         measured = k < len(levels)
         ratio = None
         if measured:
-            spread, z = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), float(mode.ratio[k])
+            spread, z = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k][1]
             ratio = (z, z * exp(-spread), z * exp(spread))
         elif np.isfinite(bands[k]).all():
             per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)

@@ -31,6 +31,7 @@ WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
 LEVEL = 0.9  #: content of the bands of a campaign
 
@@ -48,6 +49,11 @@ class Level:
     drive: FloatArray
     fit: ModalFit
     third: ComplexArray | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the level in records: what was driven."""
+        return f"{self.run.level:g} {self.run.drive_unit}"
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,22 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
         fit = fit_level(f, H, starts, sign, ratios)
+        while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
+            starts = [start for start, kept in zip(starts, own, strict=True) if kept]
+            fit = fit_level(f, H, starts, sign)
         levels.append(Level(run, f, H, drive, fit, third))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
+
+
+def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
+    """Whether each mode ended nearest to the peak it was sought at; one that went to another's is no mode.
+
+    Such peaks are the ringing of a sweep that begins, and noise. One is kept at least.
+    """
+    away = np.abs(fitted[:, np.newaxis] - np.sort(starts))
+    own: BoolArray = np.argmin(away, axis=1) == np.arange(len(fitted))
+    return own if own.any() else np.arange(len(fitted)) == np.argmin(np.diag(away))
 
 
 def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
@@ -128,7 +147,9 @@ def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
         if mode is not None:
             modes.append(mode)
     if not modes:
-        raise AnalysisError("no mode is seen by any sensor at every level")
+        near = ", ".join(f"{at:.4g}" for at in levels[0].fit.frequency)
+        seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
+        raise AnalysisError(f"{seen} at every level: name the modes that there are (--modes F1,F2,... in Hz)")
     return modes
 
 
@@ -136,8 +157,8 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    # share c of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
-    base = np.median([np.median(level.fit.local[:, :, 0], axis=0) for level in levels], axis=0)
+    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
+    base = np.median([_measure_base(level) for level in levels], axis=0)
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
@@ -151,6 +172,16 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
         at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
         bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
     return bad
+
+
+def _measure_base(level: Level) -> FloatArray:
+    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes.
+
+    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it.
+    """
+    rows = level.f <= LOWEST * level.f[0]
+    modes = level.fit.residues @ level.fit.columns(level.f[rows])[:, 2:].T
+    return np.asarray(np.median((level.H[:, rows] - modes).real, axis=1))
 
 
 def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
@@ -213,7 +244,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         lag = -np.angle(p * level.fit.sign)
         table = pd.DataFrame(
             {
-                "sweep": f"{level.run.level:g} {level.run.drive_unit}",
+                "sweep": level.name,
                 "force": factor * drive if level.run.is_base_driven else drive,
                 "frequency": f,
                 "amplitude": amplitude,
@@ -253,6 +284,14 @@ class Predicted:
     data: Observations
     said: tuple[str, ...]
     apart: str
+
+    def find_steady(self, sweep: str, mass: float) -> tuple[float, float] | None:
+        """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested sweep made steady; None where nothing was done."""
+        if not self.said:
+            return None
+        k = list(self.data.sweeps).index(sweep)
+        w, A, F = self.data.tested_omega[k], self.data.tested_amplitude[k], self.data.tested_force[k]
+        return float(w / (2.0 * pi)), float(F / (2.0 * mass * w**2 * A))
 
     @property
     def law(self) -> str:
