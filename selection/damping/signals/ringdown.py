@@ -37,6 +37,9 @@ WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard
 LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
 
+LARGEST_GROWTH = 1.5  #: a decay that grows again by more is none of one mode: noise and image of the window are below
+GROWN = 0.1  #: ... where it comes back to this share of its largest amplitude
+
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -94,7 +97,7 @@ def ring_down(
         start, end: part of the record to use, s; by default from the largest amplitude on.
 
     InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
-    AnalysisError: no decay above the noise that is long enough.
+    AnalysisError: no decay above the noise that is long enough, or one that grows again.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
@@ -113,6 +116,7 @@ def ring_down(
     first = 0 if start is not None else int(np.argmax(np.abs(z)))
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
+    _refuse_growth(times[first:last], np.abs(z[first:last]))
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
     since, size, peak = float(times[first]), float(np.abs(z[first])), int(np.argmax(np.abs(x)))
     largest, derived = float(np.abs(x[peak])), window.omega_0**order  # to displacement
@@ -122,6 +126,21 @@ def ring_down(
             f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
         )
     return _decay(kept, mass, noise, [*jitter, *notes])
+
+
+def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
+    """AnalysisError where the amplitude (n,) grows again: free motion of one mode only loses energy."""
+    if not len(size):
+        return
+    least = np.minimum.accumulate(size)
+    grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[0]))
+    if not len(grown):
+        return
+    low = float(t[int(np.argmin(size[: grown[0]]))])
+    why = f"the decay grows again from {low:.4g} s on: two modes that beat, or another blow"
+    raise AnalysisError(
+        f"{why}; choose a part without (--start, --end), or a sensor or a blow that moves one mode alone"
+    )
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
