@@ -136,6 +136,24 @@ def exponential(zeta: float, periods: int, order: int = 0, samples: int = 20) ->
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("stiffness", [25.0, -25.0])
+def test_damping_is_that_of_the_motion_whatever_was_measured(stiffness: float, order: int) -> None:
+    """Viscous damping on a spring that hardens or softens with A^2, integrated here: C = c omega A at every level."""
+    c = 0.32
+
+    def accelerate(y: np.ndarray) -> np.ndarray:
+        return -(K * y[0] + stiffness * y[0] ** 3 + c * y[1]) / M
+
+    t = np.arange(1200) * (2 * np.pi / omega_n / 30)
+    y = solve_ivp(lambda _, y: [y[1], accelerate(y)], (0, t[-1]), [1.0, 0.0], "DOP853", t, rtol=1e-10, atol=1e-12).y
+    found = decay(t, (y[0], y[1], accelerate(y))[order], order=order)
+    omega = 2 * np.pi * found.frequency
+    assert abs(omega[0] / omega_n - 1.0) > 0.02  # it does change
+    # 2e-3: the parabola leaves the third derivative of the phase, as that of ln A; the image of the window 1e-3
+    np.testing.assert_allclose(found.force, c * omega * found.amplitude, rtol=3e-3)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("zeta", [0.002, 0.02, 0.05])
 def test_a_viscous_decay_in_closed_form(zeta: float, order: int) -> None:
     """c = 2 M zeta omega_n, amplitude exp(-zeta omega_n t), phase resonance at omega_n, whatever was measured."""
@@ -160,6 +178,17 @@ def test_a_start_that_the_window_loses_is_said(order: int) -> None:
     assert largest == pytest.approx(1.0, rel=1e-2)
     assert left == pytest.approx(np.exp(-0.05 * omega_n * since), rel=5e-2)
     assert not any("lost" in note for note in decay(*exponential(0.003, 60)).notes)  # 6 per cent
+
+
+def test_two_modes_that_beat_are_named() -> None:
+    """Modes 4 % apart, 0.6 as large: they cancel after half a beat, pi/(0.04 omega_n)."""
+    t, x = exponential(0.008, 120)
+    beating = x + 0.6 * np.exp(-0.008 * omega_n * t) * np.cos(1.04 * omega_n * t)
+    with pytest.raises(AnalysisError, match="two modes that beat") as refused:
+        decay(t, beating)
+    words = str(refused.value).split()
+    assert float(words[words.index("from") + 1]) == pytest.approx(np.pi / (0.04 * omega_n), rel=0.1)
+    assert len(decay(t, x).force) > 4  # one alone is none
 
 
 def test_the_centre_need_not_be_exact() -> None:

@@ -21,6 +21,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import (
+    LEAST_SPREAD,
     NORMAL_90,
     At,
     Campaign,
@@ -33,14 +34,13 @@ from damping.campaign.answer import (
 )
 from damping.campaign.decays import answer_decays
 from damping.campaign.modal_fit import receptance
-from damping.campaign.records import DrivenMode, Level, fit_levels, modal_loads, tie_modes
+from damping.campaign.records import DrivenMode, Level, fit_levels, predict_mode, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats.quantity import unit
+from damping.formats.series import Summary
 
-#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
-LEAST_SPREAD = 0.01
 _SEARCHED = 1.5  #: half of the range around a resonance in which its peak is sought, in half-power half-widths
 NOTCH_LEVELS = 10  #: levels at which responses are predicted between the lowest and the design level
 
@@ -68,7 +68,7 @@ def analyse(
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     if runs[0].is_time:
-        return replace(answer_decays(runs, inputs, frequencies, seed), summary=summary)
+        return _summed_up(answer_decays(runs, inputs, frequencies, seed), summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
@@ -77,8 +77,16 @@ def analyse(
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tie_modes(levels))
-    campaign = Campaign(modes, tuple(tested), asked, runs[0].drive_unit, summary)
+    campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit), summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))
+
+
+def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
+    """The campaign with what was understood of the files and which levels lie apart."""
+    for mode in campaign.modes:
+        if mode.apart:
+            summary.note(f"{mode.name}: {mode.apart}")
+    return replace(campaign, summary=summary)
 
 
 def _answer_driven(
@@ -93,23 +101,29 @@ def _answer_driven(
     asked = [*tested, *wanted]
     if limits:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    loads, law, swept = modal_loads(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    predicted = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    loads = predicted.extrapolation.loads
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
-    frequency = _frequencies(mode.frequency, bands[:, 0], len(levels))
+    fitted = zip(levels, mode.frequency, mode.ratio, strict=True)
+    steady = [predicted.find_steady(level.name, mode.mode.mass) or (float(f), float(z)) for level, f, z in fitted]
+    frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
         measured = k < len(levels)
         ratio = None
         if measured:
-            spread, z = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), float(mode.ratio[k])
+            spread, z = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k][1]
             ratio = (z, z * exp(-spread), z * exp(spread))
         elif np.isfinite(bands[k]).all():
             per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
             z, high, low = (float(per_amplitude / A) for A in bands[k])
             ratio = (z, low, high)
         drive, nearest = level * unit(run.drive_unit).factor, levels[k if measured else -1]
-        response = tuple(_list_responses(nearest, mode, float(frequency[k]), ratio, drive)) if ratio else ()
-        cautions = (*swept, *mode.cautions, *(() if measured else loads.cautions[k]))
+        seen = mode.residues_at(nearest) if measured else (mode.residues, mode.residues_sd)
+        response = (
+            tuple(_list_responses(nearest, mode.number, seen, float(frequency[k]), ratio, drive)) if ratio else ()
+        )
+        cautions = (*predicted.caution(() if measured else loads.cautions[k]), *mode.cautions)
         stated = float(levels[k].run.level or 0.0) if measured else level
         reached = None if stated == level else level
         if reached is not None:
@@ -118,7 +132,8 @@ def _answer_driven(
     notches = [find_notches(mode.mode.name, places[len(tested) :], max(tested), level, limits) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
-    return ModeAnswer(law, answers, mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)))
+    known = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), predicted.apart)
+    return ModeAnswer(predicted.law, answers, *known)
 
 
 def _find_input(level: Level, frequency: float) -> float:
@@ -138,31 +153,40 @@ def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> Float
 
 
 def _list_responses(
-    level: Level, mode: DrivenMode, frequency: float, ratio: tuple[float, float, float], drive: float
+    level: Level,
+    k: int,
+    seen: tuple[FloatArray, FloatArray],
+    frequency: float,
+    ratio: tuple[float, float, float],
+    drive: float,
 ) -> Iterator[Response]:
-    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak."""
-    peaks = np.array([_peaks(level, mode, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak.
+
+    ``seen``: residues (sensors,) of the mode of number ``k``, NaN of a sensor left out, and their relative doubt.
+    """
+    residues, residues_sd = seen
+    peaks = np.array([_peaks(level, k, residues, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
     for s, sensor in enumerate(level.run.channels):
-        if np.isfinite(mode.residues[s]):
+        if np.isfinite(residues[s]):
             size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
-            spread = NORMAL_90 * float(hypot(mode.residues_sd[s], level.fit.noise[0] / 3.0))
+            spread = NORMAL_90 * float(hypot(residues_sd[s], level.fit.noise[0] / 3.0))
             median, low, high = (float(part) for part in size)
             below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
             band = (median, median * exp(-below), median * exp(above))
             yield Response(sensor.name, sensor.quantity, sensor.unit, band)
 
 
-def _peaks(level: Level, mode: DrivenMode, frequency: float, ratio: float) -> FloatArray:
+def _peaks(level: Level, k: int, residues: FloatArray, frequency: float, ratio: float) -> FloatArray:
     """|H| of each sensor (sensors,) at its peak nearest to the resonance, with the other modes and the base.
 
     Where a sensor has no peak there (it stands on the slope of a neighbour) it is |H| at the resonance.
     """
-    fit, k = level.fit, mode.number
+    fit = level.fit
     f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
     columns = fit.columns(f)
     columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]))
     coefficients = fit.local[k].copy()
-    coefficients[:, 2 + k] = np.nan_to_num(mode.residues)
+    coefficients[:, 2 + k] = np.nan_to_num(residues)
     size = np.abs(coefficients @ columns.T)
     middle = len(f) // 2
     inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])

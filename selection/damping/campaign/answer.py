@@ -18,6 +18,8 @@ from damping.records.record import Record
 from damping.records.view import Finding
 
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
+#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
+LEAST_SPREAD = 0.01
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,8 @@ class SensorPrediction:
 
 @dataclass(frozen=True)
 class ModeAnswer:
-    """A mode with its record and its levels; ``law`` is the one with the largest weight."""
+    """A mode with its record and its levels; ``law`` is the one with the largest weight, ``apart`` what is to be said
+    of levels that lie apart from the others."""
 
     law: str
     places: tuple[At, ...]
@@ -184,6 +187,7 @@ class ModeAnswer:
     mode: Mode
     design_forces: tuple[float, ...]
     notches: tuple[Notch, ...] = ()
+    apart: str = ""
 
     @property
     def name(self) -> str:

@@ -5,18 +5,20 @@ left of the others in it is what the shapes do not tell apart; the window of ``s
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from math import exp, pi
+from dataclasses import dataclass, replace
+from math import exp, hypot, pi
 
 import numpy as np
 import pandas as pd
 from scipy.signal import find_peaks, welch
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
-from damping.campaign.records import DEAD, modal_loads
+from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
+from damping.campaign.records import DEAD, LEVEL, predict_mode
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
@@ -34,7 +36,8 @@ _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of
 _SAMPLES = 8.0  # a period must have more
 _HARMONIC = 0.02  # a multiple to the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
-_GRID = 14  # forces at which amplitudes are predicted where amplitudes are given
+REACH = 30.0  #: largest amplitude that is answered, in those of the test: beyond no law is known
+_ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
 
 @dataclass(frozen=True)
@@ -199,44 +202,39 @@ def answer_decays(
 def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
     sensor = run.channels[mode.reference]
-    at_rest = float(mode.mode.frequency)
-    table = mode.record.table.sort_values("amplitude")
-    A, F, f = (table[name].to_numpy(dtype=float) for name in ("amplitude", "force", "frequency"))
-    to_reading = (2.0 * pi * at_rest) ** ORDERS[sensor.quantity] / _find_factor(sensor)
-    tops = np.sort(mode.tops)
-    beyond = [level.at(at_rest) for level in design] or [float(2.0 * tops[-1] * to_reading)]
-    asked = [*(float(top) for top in tops * to_reading), *beyond]
-    line = np.polynomial.polynomial.polyfit(A, f, 1)
-    largest = max(asked) / to_reading
-    grid = np.geomspace(F[0], F[-1] * max(largest / A[-1], 1.0) ** 2.5 * 1.5, _GRID)
-    loads, law, _ = modal_loads(mode.record, mode.mode, [float(force) for force in grid], seed)
+    table = mode.record.table.sort_values("amplitude", ignore_index=True)
+    backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
+    # what the sensor reads along the backbone: levels are readings
+    along = np.geomspace(float(table["amplitude"].iloc[0]), REACH * top, _ALONG)
+    frequency = backbone.frequency_at(along, LEVEL).median
+    along, frequency = along[np.isfinite(frequency)], frequency[np.isfinite(frequency)]
+    size = 1.0 / _find_factor(sensor)
+    reading = along * (2.0 * pi * frequency) ** ORDERS[sensor.quantity] * size
+    measured = table[table["amplitude"].isin(mode.tops)]
     places = []
-    for k, level in enumerate(asked):
-        amplitude, tested = level / to_reading, k < len(tops)
-        frequency = float(line[0] + line[1] * amplitude)
-        sides = (loads.average.median, loads.average.high, loads.average.low)
-        needed = [_crossing(grid, curve, amplitude) for curve in sides]
-        ratio = None
-        cautions = list(mode.cautions)
-        if all(np.isfinite(needed)):
-            z, low, high = (force / (2.0 * (2.0 * pi * frequency) ** 2 * amplitude) for force in needed)
-            ratio = (float(z), float(low), float(high))
-        else:
-            cautions.append("no damping ratio: the predictions do not reach this amplitude")
-        if not tested:
-            cautions.append(f"beyond the test: {amplitude / tops[-1]:.2f} times the largest tested amplitude")
-        places.append(At(level, tested, frequency, ratio, tuple(_list_shaped(run, mode, level)), tuple(cautions)))
-    nearest = [_crossing(grid, loads.average.median, level / to_reading) for level in beyond]
-    forces = tuple(float(force) for force in nearest if np.isfinite(force))
-    return ModeAnswer(law, tuple(places), mode.left_out, mode.record, mode.mode, forces)
-
-
-def _crossing(force: FloatArray, amplitude: FloatArray, asked: float) -> float:
-    """Force at which a rising curve of amplitude reaches the one asked; NaN outside."""
-    good = np.isfinite(amplitude)
-    if good.sum() < 2 or not amplitude[good][0] <= asked * 1.3 or not asked <= amplitude[good][-1]:
-        return float("nan")
-    return float(np.exp(np.interp(np.log(asked), np.log(amplitude[good]), np.log(force[good]))))
+    for row in measured.to_dict("records"):
+        w, A, F = 2.0 * pi * float(row["frequency"]), float(row["amplitude"]), float(row["force"])
+        z, spread = F / (2.0 * w**2 * A), NORMAL_90 * hypot(float(row["force_sd"]) / F, LEAST_SPREAD)
+        level = A * w ** ORDERS[sensor.quantity] * size
+        ratio = (z, z * exp(-spread), z * exp(spread))
+        response = tuple(_list_shaped(run, mode, level))
+        places.append(At(level, True, float(row["frequency"]), ratio, response, mode.cautions))
+    beyond = [level.at(float(mode.mode.frequency)) for level in design] or [2.0 * places[-1].level]
+    if not max(beyond) <= reading[-1]:
+        why = f"level {max(beyond):.4g} {sensor.unit} is too far from the tested {places[-1].level:.4g}"
+        raise InputError(why, expected=f"at most {reading[-1]:.4g}")
+    asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
+    predicted = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
+    places = [replace(at, cautions=(*at.cautions, *predicted.caution())) for at in places]
+    curve = trace_loads(predict_forces(predicted.extrapolation, asked, each=False), backbone, predicted.data)
+    for k, level in enumerate(beyond):
+        zeta, of = curve.damping_ratio, curve.frequency
+        ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
+        cautions = (*mode.cautions, *predicted.caution(curve.cautions[k]))
+        response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
+        places.append(At(level, False, float(of.median[k]), known, response, cautions))
+    forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
+    return ModeAnswer(predicted.law, tuple(places), mode.left_out, mode.record, mode.mode, forces, (), predicted.apart)
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:

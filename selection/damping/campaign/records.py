@@ -16,11 +16,14 @@ from damping.arrays import BoolArray, ComplexArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.near import near_resonance
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation import Extrapolation, extrapolate_loads
+from damping.extrapolation.near import near_resonance, observe_ranked
 from damping.formats.quantity import unit
+from damping.infer.best_fit import BestFit, fit_laws
+from damping.infer.observations import Observations
 from damping.predict.measured import prepare
+from damping.ranking.candidates import judge_fit
+from damping.records import audit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 
@@ -28,6 +31,7 @@ WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
 LEVEL = 0.9  #: content of the bands of a campaign
 
@@ -45,6 +49,11 @@ class Level:
     drive: FloatArray
     fit: ModalFit
     third: ComplexArray | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the level in records: what was driven."""
+        return f"{self.run.level:g} {self.run.drive_unit}"
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,11 @@ class DrivenMode:
     record: Record
     mode: Mode
 
+    def residues_at(self, level: Level) -> tuple[FloatArray, FloatArray]:
+        """Residues as one level has them, and their relative standard errors, NaN of a sensor left out."""
+        own = np.where(np.isfinite(self.residues), level.fit.residues[:, self.number], np.nan)
+        return own, level.fit.residues_sd[:, self.number] / np.abs(own)
+
 
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
     """Every level with its modes, found on the lowest and followed upwards.
@@ -86,9 +100,22 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
         fit = fit_level(f, H, starts, sign, ratios)
+        while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
+            starts = [start for start, kept in zip(starts, own, strict=True) if kept]
+            fit = fit_level(f, H, starts, sign)
         levels.append(Level(run, f, H, drive, fit, third))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
+
+
+def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
+    """Whether each mode ended nearest to the peak it was sought at; one that went to another's is no mode.
+
+    Such peaks are the ringing of a sweep that begins, and noise. One is kept at least.
+    """
+    away = np.abs(fitted[:, np.newaxis] - np.sort(starts))
+    own: BoolArray = np.argmin(away, axis=1) == np.arange(len(fitted))
+    return own if own.any() else np.arange(len(fitted)) == np.argmin(np.diag(away))
 
 
 def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
@@ -120,7 +147,9 @@ def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
         if mode is not None:
             modes.append(mode)
     if not modes:
-        raise AnalysisError("no mode is seen by any sensor at every level")
+        near = ", ".join(f"{at:.4g}" for at in levels[0].fit.frequency)
+        seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
+        raise AnalysisError(f"{seen} at every level: name the modes that there are (--modes F1,F2,... in Hz)")
     return modes
 
 
@@ -128,8 +157,8 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    # share c of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
-    base = np.median([np.median(level.fit.local[:, :, 0], axis=0) for level in levels], axis=0)
+    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
+    base = np.median([_measure_base(level) for level in levels], axis=0)
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
@@ -143,6 +172,16 @@ def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
         at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
         bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
     return bad
+
+
+def _measure_base(level: Level) -> FloatArray:
+    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes.
+
+    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it.
+    """
+    rows = level.f <= LOWEST * level.f[0]
+    modes = level.fit.residues @ level.fit.columns(level.f[rows])[:, 2:].T
+    return np.asarray(np.median((level.H[:, rows] - modes).real, axis=1))
 
 
 def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
@@ -205,7 +244,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         lag = -np.angle(p * level.fit.sign)
         table = pd.DataFrame(
             {
-                "sweep": f"{level.run.level:g} {level.run.drive_unit}",
+                "sweep": level.name,
                 "force": factor * drive if level.run.is_base_driven else drive,
                 "frequency": f,
                 "amplitude": amplitude,
@@ -237,15 +276,44 @@ def _rows_near(level: Level, k: int) -> np.ndarray:
     return rows[::step]
 
 
-def modal_loads(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Loads, str, tuple[str, ...]]:
-    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions from the record of a mode, the rows they rest on, what was done, and which level lies apart."""
 
-    Also the name of the law with the largest weight, and what was done about the sweep rate.
+    extrapolation: Extrapolation
+    data: Observations
+    said: tuple[str, ...]
+    apart: str
+
+    def find_steady(self, sweep: str, mass: float) -> tuple[float, float] | None:
+        """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested sweep made steady; None where nothing was done."""
+        if not self.said:
+            return None
+        k = list(self.data.sweeps).index(sweep)
+        w, A, F = self.data.tested_omega[k], self.data.tested_amplitude[k], self.data.tested_force[k]
+        return float(w / (2.0 * pi)), float(F / (2.0 * mass * w**2 * A))
+
+    @property
+    def law(self) -> str:
+        """Name of the law with the largest weight."""
+        return max(self.extrapolation.plan.laws, key=lambda law: law.weight).name
+
+    def caution(self, row: Sequence[str] = ()) -> tuple[str, ...]:
+        """Cautions of a level, with those of its prediction: ``row``."""
+        known = not self.apart or any(self.apart in said for said in row)
+        return (*self.said, *row) if known else (*self.said, self.apart, *row)
+
+
+def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> Predicted:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
-    asked = np.array(forces, dtype=float)
     measured = prepare(record, mode)
     data = near_resonance(measured.record)
-    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, fresh=False)
-    return predicted.loads, max(predicted.plan.laws, key=lambda law: law.weight).name, measured.said
+    every, _ = observe_ranked(measured.record, audit(record, mode))
+    asked = np.array(forces, dtype=float)
+    predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, every=every, fresh=False)
+    leader = fit_laws([predicted.plan.laws[0].law], every)[0]
+    apart = judge_fit(leader, (), every).apart if isinstance(leader, BestFit) else ""
+    return Predicted(predicted, data, measured.said, apart)

@@ -6,12 +6,13 @@ The band-passed response and its analytic signal are one convolution, with a win
 
 It is taken only where the window lies inside the record, so that no edge enters, and its zero second moment leaves an
 amplitude that changes as a cubic as it is. On a decay x = A exp(-delta t) cos(omega t) it gives A exp((-delta + i
-omega) t) times a known constant, which is divided out; a velocity or acceleration is divided by (-delta + i omega)^n.
+omega) t) times a known constant, which is divided out. A velocity or acceleration has z = A s^n exp(i phase) with s =
+-delta + i omega, so that d ln z/dt = s + n s'/s: n omega'/omega, what the change of frequency adds, is taken off.
 
 Slowly decaying free motion loses action as d/dt (M omega A^2/2) = -A C/2 (the part of the equation of motion in
 quadrature), so with delta = -A'/A
 
-    C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),
+    C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),    d omega/d ln A = -omega'/delta,
 
 which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
 frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
@@ -35,6 +36,9 @@ MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
 WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
 LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
+
+LARGEST_GROWTH = 1.5  #: a decay that grows again by more is none of one mode: noise and image of the window are below
+GROWN = 0.1  #: ... where it comes back to this share of its largest amplitude
 
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
@@ -93,7 +97,7 @@ def ring_down(
         start, end: part of the record to use, s; by default from the largest amplitude on.
 
     InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
-    AnalysisError: no decay above the noise that is long enough.
+    AnalysisError: no decay above the noise that is long enough, or one that grows again.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
@@ -112,6 +116,7 @@ def ring_down(
     first = 0 if start is not None else int(np.argmax(np.abs(z)))
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
+    _refuse_growth(times[first:last], np.abs(z[first:last]))
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
     since, size, peak = float(times[first]), float(np.abs(z[first])), int(np.argmax(np.abs(x)))
     largest, derived = float(np.abs(x[peak])), window.omega_0**order  # to displacement
@@ -121,6 +126,21 @@ def ring_down(
             f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
         )
     return _decay(kept, mass, noise, [*jitter, *notes])
+
+
+def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
+    """AnalysisError where the amplitude (n,) grows again: free motion of one mode only loses energy."""
+    if not len(size):
+        return
+    least = np.minimum.accumulate(size)
+    grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[0]))
+    if not len(grown):
+        return
+    low = float(t[int(np.argmin(size[: grown[0]]))])
+    why = f"the decay grows again from {low:.4g} s on: two modes that beat, or another blow"
+    raise AnalysisError(
+        f"{why}; choose a part without (--start, --end), or a sensor or a blow that moves one mode alone"
+    )
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +171,8 @@ def _levels(
 ) -> tuple[pd.DataFrame, list[str]]:
     """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them.
 
-    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, standard errors of ln A and delta, ``bend`` of ln A.
+    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, ``turn`` d omega/dt, standard errors of ln A and delta,
+    ``bend`` of ln |z|.
     """
     while True:
         edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
@@ -167,7 +188,7 @@ def _levels(
     return kept, notes
 
 
-_LEVEL = ("t", "A", "omega", "delta", "sd_logarithm", "sd_delta", "bend")
+_LEVEL = ("t", "A", "omega", "delta", "turn", "sd_logarithm", "sd_delta", "bend")
 
 
 def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
@@ -177,13 +198,16 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
     fit = np.polynomial.polynomial.polyfit(u, logarithm, 2)
     left = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
-    s = complex(fit[1]) / long
+    rate, turn = complex(fit[1]) / long, 2.0 * float(fit[2].imag) / long**2
+    s = rate - order * turn / rate.imag
     size = float(np.exp(fit[0].real))
-    A = size / abs(window.gain(s)) / abs(s) ** order
+    A = size / abs(window.gain(rate)) / abs(s) ** order
     sd = max(noise / _MEDIAN / size, float(left)) / np.sqrt(max(long / window.correlation, 1.0))
     sd_logarithm = float(1.5 * sd)  # the middle of a parabola: sqrt(9/4) of that of a mean
     bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
-    return float(middle), A, s.imag, -s.real, sd_logarithm, float(sd * np.sqrt(12.0) / long), bend
+    # of the slope, and of the bend of the phase: delta has n omega'/omega of it, the force half more
+    sd_delta = float(sd * np.sqrt(12.0) / long * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * long)))
+    return float(middle), A, s.imag, -s.real, turn, sd_logarithm, sd_delta, bend
 
 
 def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
@@ -202,10 +226,9 @@ def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
 
 
 def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> Decay:
-    time, A, omega, delta, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
+    time, A, omega, delta, turn, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
     resonant = np.sqrt(omega**2 + delta**2)
-    change = np.gradient(omega, np.log(A)) if len(A) > 1 else np.zeros(1)
-    force = 2.0 * mass * delta * A * (resonant + 0.5 * change)
+    force = 2.0 * mass * A * (delta * resonant - 0.5 * turn)
     return Decay(
         time=time,
         amplitude=A,

@@ -1,0 +1,145 @@
+"""What a campaign says of its levels against closed forms and motions integrated here: decays, a level read wrongly."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+
+from damping.campaign import analyse
+from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.sources import read_runs
+from damping.errors import AnalysisError
+from damping.extrapolation import predict_record
+from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.progress import silent
+from damping.records import audit
+
+G = 9.80665
+M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
+
+
+def hardening(path, start, kind):
+    """A decay with viscous damping on a spring that hardens with A^2, read as displacement or acceleration."""
+    w, t = 2 * np.pi * HERTZ, np.arange(0.0, 3.0, 1 / 1024)
+
+    def accelerate(x, v):
+        return -(w**2) * x - 2 * ZETA * w * v - K3 * x**3 / M
+
+    y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
+    x = 1e3 * y[0] if kind == "mm" else accelerate(*y)
+    x = x + 3e-4 * np.max(np.abs(x)) * np.random.default_rng(2).normal(size=len(t))
+    np.savetxt(path, np.column_stack([t, x]), delimiter=",", header=f"time [s],tip [{kind}]", comments="")
+    return path
+
+
+def backbone(A):
+    """Frequency of the fundamental, Hz: omega^2 = omega_n^2 + (3/4) k3 A^2/m."""
+    return np.sqrt((2 * np.pi * HERTZ) ** 2 + 0.75 * K3 * A**2 / M) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("kind", ["mm", "m/s^2"])
+def test_decays_that_change_in_frequency(tmp_path, kind):
+    """F = c omega A, so that zeta = F/(2 M omega^2 A) falls as 1/omega, at tested and at design levels."""
+    starts = (1e-3, 2e-3, 3e-3)
+    files = [hardening(tmp_path / f"d{k}.csv", start, kind) for k, start in enumerate(starts)]
+    mode = analyse(files).modes[0]
+    amplitudes = np.geomspace(1e-4, 1e-2, 2000)
+    size = amplitudes * (1e3 if kind == "mm" else (2 * np.pi * backbone(amplitudes)) ** 2)
+    for at in mode.places:
+        f = backbone(np.interp(at.level, size, amplitudes))
+        # third harmonic and what the window smears 1 % of the change at tested levels, noise of it carried on beyond
+        assert abs(at.frequency / f - 1) < (0.002 if at.tested else 0.02)
+        assert at.ratio[0] == pytest.approx(ZETA * HERTZ / f, rel=0.005 if at.tested else 0.03)
+    if kind == "mm":  # a level is the amplitude: as a curve through the record says
+        findings, asked = audit(mode.record, mode.mode), [2.0 * mode.record.table["amplitude"].max()]
+        predicted, rests = predict_record(mode.record, mode.mode, findings, np.empty(0), (2.0,), 0.9, 1970, silent)
+        told = trace_loads(predict_forces(predicted, asked, each=False), rests.backbone, rests.data)
+        beyond = mode.places[-1]
+        assert beyond.frequency == pytest.approx(told.frequency.median[0], rel=1e-6)
+        assert beyond.ratio[0] == pytest.approx(told.damping_ratio.median[0], rel=2e-3)
+
+
+def test_a_level_that_is_read_wrongly_is_named(tmp_path):
+    """One mode of 1 %: the peak is |1 + H| in closed form, of which one run reads 1.1 times."""
+    f = np.geomspace(35.0, 46.0, 300)
+    w, w_n, rng = 2 * np.pi * f, 2 * np.pi * 40.0, np.random.default_rng(4)
+    steady = 1 + 1.2 * w**2 / (w_n**2 - w**2 + 0.02j * w_n * w)
+    for name, wrong in (("right", 1.0), ("wrong", 1.1)):
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            for level in (0.1, 0.2, 0.4, 0.8):
+                run = file.create_group(f"run_{level}g")
+                run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+                read = level * steady * (wrong if level == 0.4 else 1.0) * (1 + 0.005 * rng.normal(size=len(f)))
+                run["accelerations"] = read[np.newaxis]
+                run["accelerations"].attrs["units"] = "g"
+        answer = analyse([tmp_path / f"{name}.h5"], [1.6])
+        for at in answer.modes[0].places:
+            if at.tested:
+                factor = wrong if at.level == 0.4 else 1.0
+                assert at.response[0].band[0] == pytest.approx(factor * at.level * np.max(np.abs(steady)), rel=0.01)
+            said = any("0.4 g is farthest off" in caution for caution in at.cautions)
+            assert said == (name == "wrong")
+        assert any("0.4 g is farthest off" in note for note in answer.to_json()["notes"]) == (name == "wrong")
+
+
+def test_a_fast_sweep_gives_the_steady_mode(tmp_path):
+    """A viscous mode swept from rest, integrated: its ringing at the start is no mode, and tested levels are steady."""
+    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
+    phase = 2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)
+    files = []
+    for k, force in enumerate((5.0, 10.0, 20.0)):
+        F = force * np.sin(phase)
+        rates = np.array([[0.0, 1.0], [-(w**2), -2 * ZETA * w]])
+        read = ([[0.0], [1.0 / M]], [rates[1]], [[1.0 / M]])  # the acceleration
+        a = lsim((rates, *read), F, t)[1]
+        a = a + 1e-3 * np.max(np.abs(a)) * np.random.default_rng(k).normal(size=len(t))
+        files.append(tmp_path / f"s{k}.csv")
+        head = "time [s],force [N],tip [m/s2]"
+        np.savetxt(files[-1], np.column_stack([t, F, a]), delimiter=",", header=head, comments="")
+    answer = analyse(files, [40.0])
+    (mode,) = answer.modes
+    for at in mode.places:
+        assert at.frequency == pytest.approx(HERTZ, rel=2e-4)
+        assert at.ratio[0] == pytest.approx(ZETA, rel=0.02)  # what correcting 4 % by the rate leaves
+        assert at.response[0].band[0] == pytest.approx(at.level / M / (2 * ZETA), rel=0.02)
+
+
+def close_modes(sign):
+    """Three sensors of two modes 4 % apart on a shaker, (sensors, n) per base: one peak, ``sign`` of the second."""
+    f = np.geomspace(25.0, 60.0, 600)
+    w, total = 2 * np.pi * f, np.ones((3, 600), complex)
+    for hertz, ratio, shape in ((40.0, 0.0125, (0.9, 0.63, -0.45)), (41.6, 0.0125, (0.24, -0.48, 0.54))):
+        w_n = 2 * np.pi * hertz
+        total += np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
+    return f, total * np.array([1.0, sign, 1.0])[:, np.newaxis]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_only_a_reversed_sensor_is_called_so(tmp_path, sign):
+    """Its real part below resonance has the sign of the base where it is mounted rightly."""
+    f, motion = close_modes(sign)
+    assert np.all(np.sign(motion[1, f < 35.0].real) == sign)
+    with h5py.File(tmp_path / "close.h5", "w") as file:
+        for k, level in enumerate((0.1, 0.2, 0.4)):
+            run = file.create_group(f"run_{level}g")
+            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+            run["accelerations"] = level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))
+            run["accelerations"].attrs["units"] = "g"
+    (mode,) = tie_modes(fit_levels(read_runs([tmp_path / "close.h5"], 10_000_000)[0]))
+    assert ("reversed" in mode.left_out.get("accelerations[1]", "")) == (sign < 0)
+
+
+def test_modes_that_are_not_seen_are_asked_for(tmp_path):
+    """Noise alone at frequencies that are stated: no mode, and what to do."""
+    f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)
+    with h5py.File(tmp_path / "noise.h5", "w") as file:
+        run = file.create_group("run_0.1g")
+        run["frequency"], run["control"] = f, np.full(len(f), 0.1, complex)
+        run["accelerations"] = 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)
+        run["accelerations"].attrs["units"] = "g"
+    levels = fit_levels(read_runs([tmp_path / "noise.h5"], 10_000_000)[0], [40.0])
+    with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
+        tie_modes(levels)
