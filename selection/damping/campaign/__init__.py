@@ -34,7 +34,8 @@ from damping.campaign.answer import (
 )
 from damping.campaign.decays import answer_decays
 from damping.campaign.modal_fit import receptance
-from damping.campaign.records import DrivenMode, Level, fit_levels, predict_mode, tie_modes
+from damping.campaign.predicted import predict_mode
+from damping.campaign.records import DrivenMode, Level, fit_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError

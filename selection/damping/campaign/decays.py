@@ -14,7 +14,8 @@ from scipy.signal import find_peaks, welch
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
-from damping.campaign.records import DEAD, LEVEL, predict_mode
+from damping.campaign.predicted import LEVEL, predict_mode
+from damping.campaign.records import DEAD
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation.backbone import find_backbone
