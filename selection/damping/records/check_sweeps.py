@@ -7,7 +7,6 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
-from damping.records.odd_levels import OddLevel
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -48,7 +47,7 @@ def check_outlier(view: View) -> Finding | None:
     what = [f"{'; '.join(told)}: far off what the rows beside it say"] if told else []
     advice = "it is in every fit: correct that reading (gain range, tracking), or run again without the row"
     if view.odd:
-        what.append(_describe_odd(view.odd))
+        what.append(str(view.odd))
         by_frequency = view.odd.quantity == "frequency"
         taken |= abs(view.odd.off) > NO_RERUN if by_frequency else not view.record.has_phase
         advice = "it is in every fit: correct that reading, or run again without the row"
@@ -58,21 +57,6 @@ def check_outlier(view: View) -> Finding | None:
 
 #: A frequency is off by more (ln) than a structure that is set up again, warms or loosens between two levels.
 NO_RERUN = 0.05
-
-
-def _describe_odd(odd: OddLevel) -> str:
-    """What is off in a level of one row beside the others."""
-    told = [
-        f"{odd.quantity} {run.omega[0] / RAD_S_PER_HZ if odd.quantity == 'frequency' else run.A[0]:g} "
-        f"at row {run.rows[0] + 1} (force {run.F[0]:g}, sweep {run.sweep})"
-        for run in odd.runs
-    ]
-    way, size = "high" if odd.off > 0.0 else "low", abs(odd.off)
-    course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
-    if odd.quantity == "amplitude":
-        course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
-    which = "" if len(told) == 1 else "; the levels do not tell which of them is wrong"
-    return f"{' or '.join(told)}: the {odd.quantity} {course}{which}"
 
 
 def check_edge(view: View) -> Finding | None:

@@ -6,7 +6,7 @@ from math import log
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.records.runs import Run
 
 WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
@@ -33,6 +33,19 @@ class OddLevel:
     quantity: str
     runs: tuple[Run, ...]
     off: float
+
+    def __str__(self) -> str:
+        frequency, way, size = self.quantity == "frequency", "high" if self.off > 0.0 else "low", abs(self.off)
+        told = [
+            f"{self.quantity} {run.omega[0] / RAD_S_PER_HZ if frequency else run.A[0]:g} "
+            f"at row {run.rows[0] + 1} (force {run.F[0]:g}, sweep {run.sweep})"
+            for run in self.runs
+        ]
+        course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
+        if frequency:
+            course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
+        which = "" if len(told) == 1 else "; the levels do not tell which of them is wrong"
+        return f"{' or '.join(told)}: the {self.quantity} {course}{which}"
 
 
 def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLevel | None:
