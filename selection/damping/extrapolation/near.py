@@ -236,13 +236,17 @@ class Plan:
 
 
 def judge_rows(plan: Plan, every: Observations) -> Plan:
-    """The plan with the verdict that no law fits where none fits ``every`` row, though one may its resonances."""
+    """The plan with the verdict that no law fits where none fits ``every`` row, though one may its resonances.
+
+    Rows tell how far a level scatters: one that lies apart beside them is named.
+    """
     if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
         return plan
     laws = [plan.laws[0].law, *(law for law in candidate_laws() if law.has_resonance)]
     fits = [fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)]
     on_rows = judge_fit(fits[0], fits[1:], every)
-    return replace(plan, fit=on_rows) if on_rows.verdict == "none fits" else plan
+    none = on_rows.verdict == "none fits"
+    return replace(plan, fit=on_rows if none else replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
 
 
 def plan_loads(
