@@ -68,20 +68,28 @@ class Process:
     printed: str
 
 
+#: Runs a command and says what it took: largest memory counts from the fork on, and this process is small.
+_MEASURE = """
+import resource, subprocess, sys, time
+start = time.perf_counter()
+code = subprocess.call(sys.argv[1:], stderr=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, time.perf_counter() - start, used.ru_maxrss, file=sys.stderr)
+sys.exit(code)
+"""
+
+
 def run_process(command: Sequence[str], changes: Mapping[str, str] = {}) -> Process:
     """Run a command to its end with one thread of linear algebra. RuntimeError if it fails."""
-    start = perf_counter()
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **changes}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # nobody compiles everything at every start
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as process:
-        assert process.stdout is not None
-        printed = process.stdout.read().decode()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}")
-    time = Time(usage.ru_utime + usage.ru_stime, perf_counter() - start)
-    return Process(time, usage.ru_maxrss / (1024.0 if sys.platform == "linux" else 1e6), printed)
+    ended = subprocess.run(
+        [sys.executable, "-c", _MEASURE, *command], capture_output=True, text=True, env=environment, check=False
+    )
+    if ended.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {ended.returncode}")
+    processor, wall, largest = (float(value) for value in ended.stderr.split()[-3:])
+    return Process(Time(processor, wall), largest / (1024.0 if sys.platform == "linux" else 1e6), ended.stdout)
 
 
 def timed(work: Callable[[], object], repeats: int = 1) -> Time:
