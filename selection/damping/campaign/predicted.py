@@ -8,10 +8,8 @@ import numpy as np
 
 from damping.extrapolation import Extrapolation, extrapolate_loads
 from damping.extrapolation.near import near_resonance, observe_ranked
-from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.observations import Observations
 from damping.predict.measured import prepare
-from damping.ranking.candidates import judge_fit
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -21,12 +19,16 @@ LEVEL = 0.9  #: content of the bands of a campaign
 
 @dataclass(frozen=True)
 class Predicted:
-    """Predictions from the record of a mode, the rows they rest on, what was done, and which level lies apart."""
+    """Predictions from the record of a mode, the rows they rest on, and what was done before."""
 
     extrapolation: Extrapolation
     data: Observations
     said: tuple[str, ...]
-    apart: str
+
+    @property
+    def apart(self) -> str:
+        """What is said of a level that lies apart from the others; empty where none does."""
+        return self.extrapolation.plan.fit.apart
 
     def find_steady(self, sweep: str, mass: float) -> tuple[float, float] | None:
         """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested sweep made steady; None where nothing was done."""
@@ -57,6 +59,4 @@ def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int)
     every, _ = observe_ranked(measured.record, audit(record, mode))
     asked = np.array(forces, dtype=float)
     predicted = extrapolate_loads(data, asked, LEVEL, seed, mode=mode, every=every, fresh=False)
-    leader = fit_laws([predicted.plan.laws[0].law], every)[0]
-    apart = judge_fit(leader, (), every).apart if isinstance(leader, BestFit) else ""
-    return Predicted(predicted, data, measured.said, apart)
+    return Predicted(predicted, data, measured.said)

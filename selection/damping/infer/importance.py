@@ -31,8 +31,8 @@ MOST_ROUNDS = 16
 TOLD_BY = 50.0
 LEAST_TOLD = 10.0
 MISSED = 3.0
-#: ln of an evidence over the floor, below which this share of the draws is enough: the weight of such a law, a tenth of
-#: the best so far, errs by less than that of the best does.
+#: ln of an evidence over the floor below which a law has less than a tenth of the largest weight, and the share of the
+#: effective draws that is enough for it: its weight is then still known better than the largest one is.
 IMPORTANT = 4.6
 OF_UNIMPORTANT = 0.5
 #: Change of ln of an evidence in a round that adds nothing new.
@@ -64,7 +64,7 @@ class Evidence:
         return Proposal.through(self.draws, self.effective_draws)
 
     def falls_below(self, log_z: float) -> bool:
-        """Whether the marginal likelihood is less, with what the draws may have missed."""
+        """Whether the marginal likelihood is less, whatever the draws may have missed of it."""
         missed = MISSED * max(1.0, TOLD_BY / self.effective_draws)
         return self.effective_draws >= LEAST_TOLD and self.log_z + missed < log_z
 

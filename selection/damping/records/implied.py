@@ -143,7 +143,7 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
 
 
-#: Phases miss a straight line in Y by so much of |Y| (median) where they have nothing to do with the amplitudes.
+#: Median distance of the phasors from a straight line in Y, over |Y|, where phases have nothing to do with amplitudes.
 INCOHERENT = 0.5
 SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which they are no curve
 MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a few modes; degrees pass 180

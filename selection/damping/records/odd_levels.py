@@ -15,7 +15,8 @@ FAR_LEVEL = log(3.0)
 FEWEST_LEVELS = 4  #: amplitudes of fewer levels lie on no line that one of them could be off
 #: What the other levels miss of their own course, over what the odd one misses of it, at most.
 OF_OTHERS = 0.2
-#: The odd level is told from another that may be it where leaving it out leaves so many times less.
+#: One of two suspected levels is the odd one where the rest misses its course this many times less without it than
+#: without the other.
 TELLING = 3.0
 #: Least ln of a frequency beyond those of the levels beside it that is no scatter (six times .1 %).
 OFF_FREQUENCY = 0.006
@@ -79,7 +80,7 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray) -> _Misses:
     for k in range(len(x) if len(x) >= FEWEST_LEVELS else 0):
         others = np.arange(len(x)) != k
         if not x[others].min() - FAR_LEVEL < x[k] < x[others].max() + FAR_LEVEL:
-            continue  # no line holds so far beyond the other levels: friction sticks, joints open
+            continue  # far beyond the other levels friction sticks and joints open: their line says nothing there
         line = np.polyfit(x[others], y[others], 1 if np.ptp(x[others]) > 0.05 else 0)
         left = y - np.polyval(line, x)
         if abs(left[k]) > log(WILD):
