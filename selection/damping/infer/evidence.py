@@ -30,16 +30,16 @@ MOST_STEPS = 20
 STILL = 1e-2
 #: Binary digits of the point where the search begins, so that rounding in other units does not move it.
 START_BITS = 12
-#: Prior points of which the best begins the search where the best fit lies out of the prior's range.
+#: Prior points, of which the best begins a search beside that from the best fit.
 STARTS = 512
-#: Scatters and doubt where the search for the mode may begin.
+#: Scatters and doubt where the search from the best fit may begin.
 SCORES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 #: Distance of two modes, in standard deviations of both together, from which on they are two.
 APART = 1.0
 #: Stands for an impossible law in the search, which needs finite numbers.
 BARRIER = 1e8
 
-Negative = Callable[[FloatArray], FloatArray]
+LogDensity = Callable[[FloatArray], FloatArray]
 #: A way to the marginal likelihood and draws of a law on observations: with a seed, the best fit where it is known, and
 #: ln of a marginal likelihood below which a law does not matter.
 Estimate = Callable[..., Evidence]
@@ -62,9 +62,13 @@ def evidence(
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
-    start = start_at(fit or fit_law(coordinates.law, data), coordinates)
     posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
-    drawn = importance(posterior.log_density, *find_modes(posterior, start), seed, wanted=wanted, floor=floor)
+    starts = list_starts(posterior, start_at(fit or fit_law(coordinates.law, data), coordinates))
+    try:
+        modes = find_modes(posterior.log_density, *starts)
+    except AnalysisError as error:
+        raise AnalysisError(f"{coordinates.law.name}: {error}") from error
+    drawn = importance(posterior.log_density, *modes, seed, wanted, floor)
     return replace(drawn, draws=posterior.find_points(drawn.draws))
 
 
@@ -79,79 +83,78 @@ def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
     return round_bits(replace(fit, coordinates=coordinates).variables, START_BITS)
 
 
-def find_mode(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mode over the balanced variables (d,), and the inverse Hessian (d, d), no wider than the prior.
+def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Balanced variables where modes are sought: of x ``start`` (d,), the best fit, (n, d), and of the prior, (m, d).
 
-    Args:
-        start: x where the search begins.
-
-    Raises:
-        AnalysisError: the law cannot carry the measured forces at any parameter value tried.
+    The best fit with every scatter and doubt: what a law leaves over, either may explain.
     """
-    negative = make_negative(posterior.log_density)
-    z = _try_scatters(posterior.find_variables(start[None])[0], posterior.coordinates, negative)
-    if not negative(z[None, :])[0] < BARRIER:
-        points = np.random.default_rng(0).standard_normal((STARTS, start.size))
-        values = negative(points)
-        z = points[np.argmin(values)]
-        if not values.min() < BARRIER:
-            raise AnalysisError(f"{posterior.coordinates.law.name}: no coefficient makes it carry the measured forces")
-    return descend(z, negative)
-
-
-def find_modes(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The mode of `find_mode`, and another where the best of ``STARTS`` prior points leads to one: (k, d), (k, d, d).
-
-    A slip force that is used up below the test, and one within it, are two: few draws around one meet the other.
-    """
-    mode, covariance = find_mode(posterior, start)
-    law = posterior.coordinates.law
-    if len(law.parts) + len(law.free_shapes) == 1:
-        return mode[None], covariance[None]
-    negative = make_negative(posterior.log_density)
-    points = np.random.default_rng(0).standard_normal((STARTS, start.size))
-    points[:, 0] = 0.0
-    other, spread = descend(points[np.argmin(negative(points))], negative)
-    if (other - mode) @ np.linalg.solve(covariance + spread, other - mode) > APART**2:
-        return np.array([mode, other]), np.array([covariance, spread])
-    return mode[None], covariance[None]
-
-
-def _try_scatters(z: FloatArray, coordinates: Coordinates, negative: Negative) -> FloatArray:
-    """The best of z (d,) and of z with other scatters and doubt: what a law leaves over, either may explain."""
+    coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
     vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
     scores = np.array(np.meshgrid(*[SCORES] * len(vary))).reshape(len(vary), -1).T
-    tried = np.repeat(z[None], 1 + len(scores), axis=0)
-    tried[1:, 0] = 0.0
-    tried[1:, vary] = scores
-    return np.asarray(tried[np.argmin(negative(tried))])
+    fitted = np.repeat(z[None], 1 + len(scores), axis=0)
+    fitted[1:, 0] = 0.0
+    fitted[1:, vary] = scores
+    anywhere = np.random.default_rng(0).standard_normal((STARTS, z.size))
+    anywhere[:, 0] = 0.0
+    return fitted, anywhere
 
 
-def make_negative(log_density: Negative) -> Negative:
-    """Minus a log density, a large finite number where it is -inf."""
+def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The modes that the best of points ``fitted`` (n, d) and the best ``anywhere`` (m, d) lead to, one if the same.
+
+    A slip force that is used up below the test, and one within it, are two: few draws around one meet the other.
+
+    Returns:
+        The modes (k, d), and the inverse Hessians there (k, d, d), no wider than the prior.
+
+    Raises:
+        AnalysisError: every point is impossible.
+    """
 
     def negative(x: FloatArray) -> FloatArray:
         value = -log_density(x)
         return np.where(np.isfinite(value), value, BARRIER + np.sum(x**2, axis=-1))
 
-    return negative
+    near, far = np.split(negative(np.vstack([fitted, anywhere])), [len(fitted)])
+    starts = [
+        points[np.argmin(values)] for points, values in ((fitted, near), (anywhere, far)) if values.min() < BARRIER
+    ]
+    if not starts:
+        raise AnalysisError("no coefficient makes it carry the measured forces")
+    modes, covariances = descend(np.array(starts), negative)
+    apart = modes[-1] - modes[0]
+    if apart @ np.linalg.solve(covariances.sum(axis=0), apart) > APART**2:
+        return modes, covariances
+    return modes[:1], covariances[:1]
 
 
-def descend(x: FloatArray, negative: Negative) -> tuple[FloatArray, FloatArray]:
-    """Newton steps until none gains; the end, and the inverse Hessian there."""
-    widths = np.full(x.size, FIRST_STEP)
-    around = negative(x + _surround(widths))
+def descend(x: FloatArray, negative: LogDensity) -> tuple[FloatArray, FloatArray]:
+    """Newton steps from each start (k, d) until none gains; the ends (k, d), and the inverse Hessians there (k, d, d).
+
+    All starts step together: a call of few points costs as much as one of many.
+    """
+    x, moving, covariances = x.copy(), list(range(len(x))), np.empty((*x.shape, x.shape[1]))
+    widths = np.full(x.shape, FIRST_STEP)
+    around = np.split(negative(np.vstack([x[i] + _surround(widths[i]) for i in moving])), len(x))
     for _ in range(MOST_STEPS):
-        value, gradient, covariance, widths = expand(around, widths)
-        tried = x - STEP_SHARES[:, None] * (covariance @ gradient)
-        # what is around the full step, most often the best, in the same call
-        values, around = np.split(negative(np.vstack([tried, tried[0] + _surround(widths)])), [len(tried)])
-        best = int(np.argmin(values))
-        if not values[best] < value - STILL:
+        expanded, tried = [], []
+        for i in moving:
+            value, gradient, covariances[i], widths[i] = expand(around[i], widths[i])
+            steps = x[i] - STEP_SHARES[:, None] * (covariances[i] @ gradient)
+            expanded.append(value)
+            # what is around the full step, most often the best, in the same call
+            tried.append(np.vstack([steps, steps[0] + _surround(widths[i])]))
+        values = np.split(negative(np.vstack(tried)), len(moving))
+        for i, value, points, found in zip(tuple(moving), expanded, tried, values, strict=True):
+            best = int(np.argmin(found[: len(STEP_SHARES)]))
+            if not found[best] < value - STILL:
+                moving.remove(i)
+                continue
+            x[i] = points[best]
+            around[i] = negative(x[i] + _surround(widths[i])) if best else found[len(STEP_SHARES) :]
+        if not moving:
             break
-        x = tried[best]
-        around = negative(x + _surround(widths)) if best else around
-    return x, covariance
+    return x, covariances
 
 
 def _surround(widths: FloatArray) -> FloatArray:

@@ -74,9 +74,9 @@ def importance(
     mode: FloatArray,
     covariance: FloatArray,
     seed: int = 0,
-    least_rounds: int = 1,
     wanted: float = FULL_DRAWS,
     floor: float = -np.inf,
+    least_rounds: int = 1,
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
@@ -88,9 +88,10 @@ def importance(
     Args:
         log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d),
             or several modes (k, d) and (k, d, d).
-        least_rounds: of adaptation, more where a part of the posterior lies far from the mode: few draws meet it at
-            first and enough later. wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they
-            are ``LEAST_DRAWS``. floor: ln of a marginal likelihood below which no further round is worth its time.
+        wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they are ``LEAST_DRAWS``.
+            floor: ln of a marginal likelihood below which no further round is worth its time. least_rounds: of
+            adaptation, more where a part of the posterior lies far from the mode: few draws meet it at first and
+            enough later.
     """
     proposals, proposal, sizes = [], Proposal.around(np.atleast_2d(mode), covariance), np.empty(0)
     x, log_p = np.empty((0, mode.shape[-1])), np.empty(0)

@@ -84,27 +84,27 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
-    known: dict[int, float] = {}
+    order = sorted(fits, key=lambda fit: len(fit.law.parts))
+    n = np.array([fit.n for fit in order])
+    beyond: dict[int, float] = {}
 
-    def predict_beyond(fit: BestFit) -> float:
-        if id(fit) not in known:
-            known[id(fit)] = float(np.log(resonant_amplitude(fit.force, force, omega)))
-        return known[id(fit)]
+    def predict_beyond(i: int) -> float:
+        if i not in beyond:
+            beyond[i] = float(np.log(resonant_amplitude(order[i].force, force, omega)))
+        return beyond[i]
 
-    def predict_alike(fit: BestFit, other: BestFit) -> bool:
-        if not np.all(np.abs(fit.n - other.n) < INDISTINCT * noise):
-            return False
-        ends = predict_beyond(fit), predict_beyond(other)
-        return abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all())
-
-    groups: list[list[BestFit]] = []
-    for fit in sorted(fits, key=lambda fit: len(fit.law.parts)):
-        group = next((group for group in groups if predict_alike(fit, group[0])), None)
-        if group is None:
-            groups.append([fit])
+    groups: dict[int, list[BestFit]] = {}
+    for i, fit in enumerate(order):
+        leaders = np.array([*groups], int)
+        on_rows = leaders[np.all(np.abs(n[leaders] - n[i]) < INDISTINCT * noise, axis=1)]
+        for leader in on_rows.tolist():
+            ends = predict_beyond(i), predict_beyond(leader)
+            if abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all()):
+                groups[leader].append(fit)
+                break
         else:
-            group.append(fit)
-    return groups
+            groups[i] = [fit]
+    return list(groups.values())
 
 
 #: Times that a law is fitted without some of the sweeps, at most.

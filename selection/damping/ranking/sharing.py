@@ -29,7 +29,7 @@ from damping.errors import AnalysisError, InputError
 from damping.forces.shapes import PURE
 from damping.infer.balanced import Balanced
 from damping.infer.best_fit import fit_law
-from damping.infer.evidence import descend, make_negative, start_at
+from damping.infer.evidence import find_modes, list_starts, start_at
 from damping.infer.importance import BRIEF_DRAWS, importance
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_prior
@@ -154,8 +154,8 @@ def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[
     """ln of a record's evidence as a function of the prior probability at which the shape is held."""
     own = Coordinates.of(law, data)
     posterior = Balanced(own.scaled(data.reference), data.scaled())
-    start = posterior.find_variables(start_at(fit_law(law, data), own)[None])[0]
     place = own.names.index(name)
+    starts = [np.delete(points, place, axis=1) for points in list_starts(posterior, start_at(fit_law(law, data), own))]
 
     def log_z(probability: float) -> float:
         held = float(ndtri(probability))
@@ -163,8 +163,7 @@ def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[
         def density(z: FloatArray) -> FloatArray:
             return posterior.log_density(np.insert(z, place, held, axis=-1)) - log_prior(np.array([[held]]))
 
-        mode, covariance = descend(np.delete(start, place), make_negative(density))
-        return importance(density, mode, covariance, seed, wanted=BRIEF_DRAWS).log_z
+        return importance(density, *find_modes(density, *starts), seed, wanted=BRIEF_DRAWS).log_z
 
     return log_z
 
