@@ -134,9 +134,23 @@ def test_frequency_of_levels_in_no_trend_is_their_mean():
 def test_no_frequency_is_predicted_for_another_mode():
     """Lines in a power of amplitude leave every frequency somewhere: beyond twice, or half, nothing is said."""
     A = np.array([1.0, 2.0, 3.0, 4.0])
-    bone = backbone_of(A, OMEGA_N * (1.0 - 0.02 * A / 4.0))
+    bone = backbone_of(A, OMEGA_N * (1.0 + 0.02 * A / 4.0))
     said = bone.frequency_at(np.array([4.0, 40.0, 4e4, 4e12]), 0.9)
     assert np.isfinite(said.median).tolist() == np.isfinite(said.low).tolist() == [True, True, False, False]
+
+
+def test_a_joint_loses_no_more_stiffness_than_it_has():
+    """A slider of a tenth of the stiffness, tested to 1.6 times its limit: far beyond, omega^2 is 0.9 of what it was.
+
+    S/A by quadrature of the hysteresis loop, f = max(A1 - (A - q), -A1) on the way down, not by the closed form.
+    """
+    angle = np.pi * (np.arange(4000) + 0.5) / 4000.0
+    A = np.array([0.3, 0.8, 1.2, 1.4, 1.6, 6.4])
+    force = np.maximum(np.minimum(1.0, A)[:, None] - A[:, None] * (1.0 - np.cos(angle)), -np.minimum(1.0, A)[:, None])
+    omega = OMEGA_N * np.sqrt(0.9 + 0.1 * 2.0 * np.mean(force * np.cos(angle), axis=1) / A)
+    said = backbone_of(A[:-1], omega[:-1]).frequency_at(A[-1:], 0.9)
+    np.testing.assert_allclose(said.median, omega[-1:] / (2.0 * np.pi), rtol=3e-3)  # the limits tried are 12 % apart
+    assert said.low[0] < omega[-1] / (2.0 * np.pi) < said.high[0]
 
 
 def test_bands_of_frequency_hold_the_next_reading():

@@ -133,7 +133,7 @@ def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
     largest = data.tested_force.max()
     forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
     predicted = extrapolate_loads(
-        data, forces, settings.level, read.task.seed, mode=read.mode, estimate=estimate, fresh=False
+        data, forces, settings.level, read.task.seed, mode=read.mode, every=read.data, estimate=estimate, fresh=False
     )
     bands = None
     if not settings.fast:

@@ -7,8 +7,9 @@ frequencies of the tested resonances.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import pandas as pd
@@ -44,13 +45,24 @@ class Interval:
 
 
 #: Change of frequency with amplitude is tried in these powers of amplitude: of a joint that slips in full (S/A in
-#: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between.
+#: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between ...
 POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-#: Prior standard deviations of the relative change of frequency from half the largest tested amplitude to it, alike
-#: probable: bolted structures lose a fraction of a per cent to some per cent (Kerschen et al. 2006, section 2).
+#: ... and as joints lose stiffness, never more than they have: of one limit, over the largest tested amplitude, and of
+#: limits spread evenly from none to a largest one.
+LIMITS = tuple(np.geomspace(0.04, 0.96, 96).tolist())
+LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+#: Prior standard deviations of the relative change of frequency from half the largest tested amplitude to it, or since
+#: joints were stuck, alike probable: bolted structures lose a fraction of a per cent to some per cent (Kerschen et al.
+#: 2006, section 2).
 CHANGES = (3e-4, 3e-3, 3e-2)
-#: Prior probability that frequency does not change at all: hardly any structure that is driven harder.
+#: Prior probability that frequency does not change at all: hardly any structure that is driven harder; and how probable
+#: powers, joints of one limit and of many are beside each other: joints of one limit are hardly any that is bolted.
 CONSTANT = 0.1
+OF_KINDS = (6.0, 1.0, 2.0)
+#: Share of the stiffness that joints may lose: from there on ln omega^2 falls in proportion.
+MOST_LOST = 0.5
+#: Components of the average below this share of the largest are left out.
+NEGLIGIBLE = 1e-6
 #: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
 SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
@@ -76,9 +88,9 @@ _ANYWHERE = 1.0
 class Backbone:
     """Resonance frequency and mass of a mode against amplitude.
 
-    A straight line in a power of amplitude, or constant, is omega^2 where it rises, as a spring in that power makes it,
-    and ln omega^2 where it falls, so that a joint never lets go of everything: Bayesian linear regression for each of
-    ``POWERS``, ``CHANGES`` and scatters, averaged by evidence.
+    A straight line in a power of amplitude or in what joints lose, or constant, is omega^2, as springs and joints make
+    it, but ln omega^2 where it falls in a power, so that not everything lets go: Bayesian linear regression for each of
+    `_list_shapes`, ``CHANGES`` and scatters, averaged by evidence.
 
     Attributes:
         amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
@@ -148,45 +160,98 @@ class Backbone:
         """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
-        y = np.where(risen > 0.0, np.expm1(risen), risen)
-        per_scatter = 2.0 * np.exp(np.maximum(risen, 0.0))  # dy/d ln omega
-        shapes = [(None, 0.0), *((p, s) for p in POWERS for s in CHANGES)]
-        prior = [CONSTANT, *([(1.0 - CONSTANT) / (len(shapes) - 1)] * (len(shapes) - 1))]
         log_z, means, variances, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
-        for (power, size), mass in zip(shapes, prior, strict=True):
-            X, at = _design(self.amplitude, power, top), _design(amplitude, power, top)
-            V = np.array([_ANYWHERE, 2.0 * size][: X.shape[1]]) ** 2
-            z, mean, variance = _regress(X / per_scatter[:, None], y / per_scatter, V, s, at)
-            log_z.append(np.log(mass) + z)
-            means.append(lowest + 0.5 * np.where(mean > 0.0, np.log1p(np.maximum(mean, 0.0)), mean))
-            variances.append(s[:, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, 0.0)) ** 2)
+        for shape, mass in _list_shapes():
+            X, at = _design(self.amplitude / top, shape), _design(amplitude / top, shape)
+            least = -MOST_LOST if isinstance(shape, Joint) else 0.0  # y is omega^2 from here on, ln omega^2 below
+            edge = np.log1p(least)
+            y = np.expm1(np.maximum(risen, edge)) + (1.0 + least) * np.minimum(risen - edge, 0.0)
+            per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
+            for size in CHANGES if shape else (0.0,):
+                V = np.array([_ANYWHERE, 2.0 * size][: X.shape[1]]) ** 2
+                z, b, covariance = _regress(X / per_scatter[:, None], y / per_scatter, V, s)
+                if isinstance(shape, Joint):  # half a normal prior: joints do not stiffen
+                    z = np.where(b[:, 1] < 0.0, z + np.log(2.0), -np.inf)
+                mean, variance = b @ at.T, np.einsum("ij,kjl,il->ki", at, covariance, at)
+                log_z.append(np.log(mass / (len(CHANGES) if shape else 1)) + z)
+                below = np.minimum(mean - least, 0.0) / (1.0 + least)
+                means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, least)) + below))
+                variances.append(s[:, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, least)) ** 2)
         evidences = np.concatenate(log_z)
-        return np.exp(evidences - logsumexp(evidences)), np.concatenate(means), np.sqrt(np.concatenate(variances))
+        kept = evidences > evidences.max() + np.log(NEGLIGIBLE)
+        weight = np.exp(evidences[kept] - logsumexp(evidences[kept]))
+        return weight, np.concatenate(means)[kept], np.sqrt(np.concatenate(variances)[kept])
 
 
-def _design(amplitude: FloatArray, power: float | None, top: float) -> FloatArray:
-    """Columns 1 and the power of amplitude that grows by one from half of ``top`` to it, (rows, 1 or 2)."""
-    ones = np.ones((len(amplitude), 1))
-    if power is None:
-        return ones
-    grown = ((amplitude / top) ** power - 1.0) / (1.0 - 0.5**power)
-    return np.column_stack([ones, grown])
+@dataclass(frozen=True)
+class Power:
+    """How a resonance changes with the amplitude over the largest tested one, x: as x^p, by one from x = 1/2 to 1."""
+
+    exponent: float
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """The change since x = 1."""
+        return np.asarray((x**self.exponent - 1.0) / (1.0 - 0.5**self.exponent))
 
 
-def _regress(
-    X: FloatArray, y: FloatArray, V: FloatArray, s: FloatArray, at: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+@dataclass(frozen=True)
+class Joint:
+    """The same by the share of stiffness that joints have ``lost`` at x over their ``limit``, by one up to x = 1."""
+
+    limit: float
+    lost: Callable[[FloatArray], FloatArray]
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """The change since x = 1."""
+        return np.asarray(self.lost(x / self.limit) / self.lost(np.array(1.0 / self.limit)) - 1.0)
+
+
+def _lose_of_one(x: FloatArray) -> FloatArray:
+    """1 - (psi - sin psi cos psi)/pi, cos psi = 1 - 2/x, beyond the limit (`damping.forces.joints.Slip`); else 0."""
+    cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
+    return 1.0 - (np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)) / np.pi
+
+
+def _lose_of_many(x: FloatArray) -> FloatArray:
+    """The mean of `_lose_of_one` over limits from 0 to 1: x/2 up to the largest, then x times its integral over 1/x."""
+    cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
+    psi, sine = np.arccos(cosine), np.sqrt(1.0 - cosine**2)
+    return x * (0.5 * (1.0 - cosine) - (sine - psi * cosine) / (2.0 * np.pi) + sine**3 / (6.0 * np.pi))
+
+
+@cache
+def _list_shapes() -> list[tuple[Power | Joint | None, float]]:
+    """Every shape, None of a constant, with its prior probability."""
+    kinds: tuple[list[Power | Joint], ...] = (
+        [Power(exponent) for exponent in POWERS],
+        [Joint(limit, _lose_of_one) for limit in LIMITS],
+        [Joint(limit, _lose_of_many) for limit in LARGEST_LIMITS],
+    )
+    shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
+    return [
+        (None, CONSTANT),
+        *((shape, own / len(kind)) for kind, own in zip(kinds, shares, strict=True) for shape in kind),
+    ]
+
+
+def _design(x: FloatArray, shape: Power | Joint | None) -> FloatArray:
+    """Columns 1 and the ``shape``, if any, (rows, 1 or 2)."""
+    ones = np.ones((len(x), 1))
+    return ones if shape is None else np.column_stack([ones, shape(x)])
+
+
+def _regress(X: FloatArray, y: FloatArray, V: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Regression y = X b + noise of each deviation s (k,), with b ~ N(0, V).
 
     Returns:
-        Log evidence (k,); mean and variance of X b at ``at``, (k, rows) each.
+        Log evidence (k,); b (k, columns) and its covariance.
     """
     over = 1.0 / s[:, None] ** 2
     precision = X.T @ X * over[:, None] + np.diag(1.0 / V)
-    b = np.linalg.solve(precision, (X.T @ y * over)[..., None])[..., 0]
+    b = np.asarray(np.linalg.solve(precision, (X.T @ y * over)[..., None])[..., 0])
     misfit = np.sum((y - b @ X.T) ** 2 * over, axis=1) + np.sum(b**2 / V, axis=1)
     log_z = -0.5 * (misfit + np.linalg.slogdet(precision)[1] + np.sum(np.log(V))) - len(y) * np.log(s)
-    return log_z, b @ at.T, np.einsum("ij,kjl,il->ki", at, np.linalg.inv(precision), at)
+    return log_z, b, np.asarray(np.linalg.inv(precision))
 
 
 def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = None) -> Backbone:
