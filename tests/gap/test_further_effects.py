@@ -16,6 +16,7 @@ from damping.effects.forces import Contact, joint_force
 from damping.effects.rig import clipping, compressing
 from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
 from damping.forces import make
+from damping.forces.joints import Slip
 from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose
 from damping.gap.problem import exclude_effects, setting
@@ -115,26 +116,34 @@ def test_compression_is_undone():
     np.testing.assert_allclose(slope * inverse, 1.0, rtol=1e-12, atol=0.0)
 
 
-def test_many_joints_at_once_are_their_sum():
+@pytest.mark.parametrize("bounded", [0.0, 1.0])
+@pytest.mark.parametrize("kappa", [0.5, 1.0, 1.4])
+def test_many_joints_are_the_sum_of_each(kappa, bounded):
+    """20 000 joints of limits at quantiles of their distribution, one by one; amplitudes over four decades."""
+    A, share = np.geomspace(1e-3, 10.0, 40), (np.arange(20_000) + 0.5) / 20_000
+    limit = (share if bounded else -np.log(1.0 - share)) ** (1.0 / kappa)
+    expected = [np.sum(part, axis=0) for part in Slip(65.0 / 20_000, 0.3 * limit[:, None]).averages(0.3 * A, OMEGA)]
+    force = joint_force({"stiffness": 65.0, "limit": 0.3, "kappa": kappa, "bounded": bounded})
+    for own, of_each in zip(force.averages(0.3 * A, OMEGA), expected, strict=True):
+        # eight points, of an integrand with a root where the largest limits begin to slip, and a logarithm beyond
+        np.testing.assert_allclose(own, of_each, rtol=2e-3, atol=1e-3 * np.max(np.abs(of_each)))
+
+
+def test_many_joints_change_with_amplitude_as_they_say():
+    force = joint_force({"stiffness": np.array([[40.0], [25.0]]), "limit": np.array([[0.1], [0.3]]), "kappa": 1.4})
     A = np.geomspace(1e-3, 1.0, 60)[np.newaxis]
-    together = joint_force({"stiffness": np.array([[40.0], [25.0]]), "limit": np.array([[0.1], [0.3]]), "kappa": 1.4})
-    one_by_one = [sum(parts) for parts in zip(*(joint.averages(A, OMEGA) for joint in together.forces), strict=True)]
-    for own, expected in zip(together.averages(A, OMEGA), one_by_one, strict=True):
-        np.testing.assert_allclose(own, expected, rtol=1e-12, atol=1e-15)  # the same terms in another order
-    single = joint_force({"stiffness": 40.0, "limit": 0.1, "kappa": 1.4})
-    (C, slope, S, in_phase_slope), (C_next, _, S_next, _) = (single.averages(A * by, OMEGA) for by in (1.0, 1.0001))
-    # a difference quotient over 1e-4 of ln A: half that times a curvature of the order of the force, more at a limit
+    (C, slope, S, in_phase_slope), (C_next, _, S_next, _) = (force.averages(A * by, OMEGA) for by in (1.0, 1.0001))
+    # eight points in the place of an integral
     np.testing.assert_allclose((C_next - C) / np.log(1.0001), slope, rtol=0.0, atol=2e-3 * np.max(C))
     np.testing.assert_allclose((S_next - S) / np.log(1.0001), in_phase_slope, rtol=0.0, atol=2e-3 * np.max(-S))
 
 
 def test_joints_of_evenly_spread_limits():
     """Limits evenly up to 1: below it C = 2 k A^2/(3 pi) and S = -k A^2/2, integrals of one joint's over them."""
-    A = np.array([0.02, 0.1, 0.3, 0.7])
+    A = np.array([0.002, 0.02, 0.1, 0.3, 0.7])
     C, _, S, _ = joint_force({"stiffness": 1.0, "limit": 1.0, "kappa": 1.0, "bounded": 1.0}).averages(A, OMEGA)
-    # nine joints for all of them: part of one range of limits is missed or too much
-    np.testing.assert_allclose(C / A, 2.0 * A / (3.0 * np.pi), rtol=0.0, atol=0.01)
-    np.testing.assert_allclose(S / A, -0.5 * A, rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(C, 2.0 * A**2 / (3.0 * np.pi), rtol=1e-12)  # eight points integrate a parabola exactly
+    np.testing.assert_allclose(S, -0.5 * A**2, rtol=1e-3)  # and what is none to a thousandth
 
 
 def test_third_harmonic_of_a_cubic_spring():
@@ -156,15 +165,18 @@ def test_third_harmonic_of_damping_in_proportion_to_displacement():
     np.testing.assert_allclose(np.ravel(found), expected, rtol=0.01, atol=0.0)  # 24 points of a jump
 
 
-@pytest.mark.parametrize("kappa", [0.0, 1.3])
-def test_third_harmonic_of_joints_is_that_of_their_loops(kappa):
-    """The closed form beside 20 000 points of half a cycle, from joints that stick to some that slip all the way."""
+@pytest.mark.parametrize(("kappa", "off"), [(0.0, 1e-6), (1.3, 0.02)])
+def test_third_harmonic_of_joints_is_that_of_their_loops(kappa, off):
+    """The closed form beside 20 000 points of half a cycle, from joints that stick to some that slip all the way.
+
+    In time 32 joints stand for all of many: a part of one range of limits is missed or too much.
+    """
     force = joint_force({"stiffness": 3.0, "limit": 0.1, "kappa": kappa})
     A, theta = np.array([[0.05, 0.11, 0.3, 5.0]]), np.pi * (np.arange(20_000) + 0.5).reshape(-1, 1, 1) / 20_000
     loops = np.asarray(force.cycle(theta, A, np.full(4, OMEGA)))
     expected = 2j * np.mean(loops * np.exp(-3j * theta), axis=0)
     # corners of the loop lie between points: errors of the square of their distance
-    np.testing.assert_allclose(force.third(A, np.full(4, OMEGA)), expected, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(force.third(A, np.full(4, OMEGA)), expected, rtol=off, atol=1e-8)
 
 
 CASES = (

@@ -5,6 +5,8 @@ An elastic joint that slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c)
 A restoring force with a cubic term or one like it, q |q|: the resonance bends to higher or to lower frequencies.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -25,12 +27,12 @@ from damping.forces.powers import (
 )
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: Limits of joints that slip one after the other, over their scale; and the ends of the range that each stands for.
-_LIMITS = np.geomspace(0.01, 3.0, 9)
-_ENDS = np.concatenate([[0.0], np.sqrt(_LIMITS[1:] * _LIMITS[:-1]), [np.inf]])
-#: The same where none is above the scale.
-_ENDS_BELOW = np.linspace(0.0, 1.0, 10) ** 1.5
-_LIMITS_BELOW = 0.5 * (_ENDS_BELOW[1:] + _ENDS_BELOW[:-1])
+#: Shares of the joints that slip at an amplitude, and weights, at which their averages are summed: Gauss and Legendre's
+#: in the root of what is left, since there are most among those of large limits.
+_LEFT, _HALVES = np.polynomial.legendre.leggauss(8)
+_SLIPPING, _WEIGHTS = 1.0 - (0.5 + 0.5 * _LEFT) ** 2, (0.5 + 0.5 * _LEFT) * _HALVES
+#: Shares of all joints at which one each stands for those about it in time: more of those that slip first.
+_ENDS = np.linspace(0.0, 1.0, 33) ** 2
 #: Exponent of a spring that is no cubic one: 1.5 to 8.
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 #: Power of velocity of a damping force that is none of those above: 0.3 to 8.
@@ -67,40 +69,73 @@ OF_ONE_COEFFICIENT = (
 )
 
 
+@dataclass(frozen=True)
 class ManyJoints(Sum):
-    """Joints that slip one after the other, computed as one."""
+    """Joints of ``stiffness`` in all that slip one after the other, those with limits up to a being a share P(a).
+
+    P = 1 - exp(-(a/limit)^kappa), after Weibull, or (a/limit)^kappa up to 1. The averages are integrals over P from 0
+    to P(A) of those of one joint. ``forces``: a joint for each range of P, of which the motion in time is made.
+    """
+
+    stiffness: Floats
+    limit: Floats
+    kappa: Floats
+    bounded: bool
+
+    @classmethod
+    def of(cls, stiffness: Floats, limit: Floats, kappa: Floats, bounded: bool) -> ManyJoints:
+        """With joints in the middle of each range of ``_ENDS``."""
+        whole = cls((), stiffness, limit, kappa, bounded)
+        ranges = [(0.5 * (start + end), end - start) for start, end in pairwise(_ENDS)]
+        return replace(whole, forces=tuple(Slip(stiffness * share, whole._find_limit(P)) for P, share in ranges))
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """The sums of C, dC/d ln A, S and dS/d ln A."""
-        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in self._as_one(A, omega).averages(A, omega))
+        """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
+        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in self._take_slipping(A).averages(A, omega))
         return C, slope, S, in_phase_slope
 
-    def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """The sum of their third harmonics."""
-        return np.asarray(np.sum(self._as_one(A, omega).third(A, omega), axis=0))
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `averages`."""
+        return self.averages(A, omega)[0]
 
-    def _as_one(self, A: Floats, omega: Floats) -> Slip:
-        """All joints, along an axis before those of A and omega."""
-        values = (np.array([getattr(joint, name) for joint in self.forces]) for name in ("stiffness", "limit"))
-        rank = 1 + max(np.ndim(A), np.ndim(omega))
-        return Slip(*(value.reshape(value.shape + (1,) * (rank - value.ndim)) for value in values))
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A."""
+        return self.averages(A, omega)[1]
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A."""
+        return self.averages(A, omega)[:2]
+
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S and dS/d ln A."""
+        return self.averages(A, omega)[2:]
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """The integral of their third harmonics."""
+        return np.asarray(np.sum(self._take_slipping(A).third(A, omega), axis=0))
+
+    def _take_slipping(self, A: Floats) -> Slip:
+        """Joints that stand for those that slip at amplitudes A, along an axis before those of A."""
+        reached = (A / self.limit) ** self.kappa
+        slipping = np.minimum(reached, 1.0) if self.bounded else -np.expm1(-reached)
+        share, weight = (nodes.reshape(-1, *[1] * np.ndim(slipping)) for nodes in (_SLIPPING, _WEIGHTS))
+        return Slip(self.stiffness * (weight * slipping), self._find_limit(share * slipping))
+
+    def _find_limit(self, P: Floats) -> Floats:
+        """The limit below which a share P of the joints has its own."""
+        return self.limit * (P if self.bounded else -np.log1p(-P)) ** (1.0 / self.kappa)
 
 
 def joint_force(table: Mapping[str, Floats]) -> Force:
-    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, whose limits a are distributed.
+    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, whose limits are distributed.
 
-    As 1 - exp(-(a/limit)^kappa), after Weibull, which makes a smooth backbone (Iwan 1966): that of Bouc and Wen with
-    kappa = 1, steeper above it. With ``bounded`` as (a/limit)^kappa with none above ``limit`` (Segalman 2005).
+    Limits of any size make a smooth backbone (Iwan 1966), that of Bouc and Wen with kappa = 1, steeper above it; with
+    ``bounded`` there is none above ``limit`` (Segalman 2005). See `ManyJoints`.
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if not np.any(kappa):
         return Slip(stiffness, limit)
-    if table.get("bounded", 0.0):
-        places, beyond = _LIMITS_BELOW, [1.0 - end**kappa for end in _ENDS_BELOW]
-    else:
-        places, beyond = _LIMITS, [np.exp(-(end**kappa)) for end in _ENDS]
-    ranges = zip(places, pairwise(beyond), strict=True)
-    return ManyJoints(tuple(Slip(stiffness * (before - after), limit * place) for place, (before, after) in ranges))
+    return ManyJoints.of(stiffness, limit, kappa, bool(table.get("bounded", 0.0)))
 
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:

@@ -145,7 +145,7 @@ class Search:
         An effect that was added first may have stood for those that came later.
         """
         leading = self.ranked()[0]
-        for name in leading.effects[:-1] if len(leading.effects) > 2 else ():
+        for name in leading.effects[:-1]:
             self.drop(leading, name)
         if len(self.ranked()[0].effects) < len(leading.effects):
             self._shorten()
