@@ -18,13 +18,12 @@ from scipy.stats import t as student
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.draws import Member, amplitude_draws
-from damping.extrapolation.near import at_resonance
 from damping.forces import CATALOGUE, component
 from damping.forces.shapes import Tested
 from damping.infer.chains import sample
 from damping.infer.evidence import brief_evidence, evidence
 from damping.infer.law import Coordinates, Law
-from damping.infer.observations import Observations
+from damping.infer.observations import Observations, at_resonance
 from damping.predict.steady import resonant_amplitude
 from damping.records.mode import Mode
 from damping_validation.truths import OMEGA, Truth, draw_truth, peaks, sweeps

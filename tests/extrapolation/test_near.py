@@ -14,19 +14,19 @@ from damping.extrapolation.near import (
     BISTABLE,
     CHANGES,
     NEAR,
-    at_resonance,
     describe_bistability,
+    judge_rows,
     near_resonance,
     plan_loads,
     read_resonances,
     trend,
     without_offset,
 )
-from damping.forces import CubicStiffness, Sum
+from damping.forces import CubicStiffness, Slip, Sum, Viscous
 from damping.infer.doubt import ANY_JOINT, JOINTS
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
-from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, observe
+from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
 from damping.ranking import prior_masses
 from damping.records.mode import Mode, Tolerance
 from damping.records.record import Record
@@ -301,3 +301,16 @@ def test_a_known_mass_is_no_joint():
     # masses read from the rows that gave the mode's are estimates of one mass, as in Table 4.I
     estimates = replace(mode, tolerance=replace(mode.tolerance, from_record=True))
     assert read_resonances(replace(data, tested_mass=M + added), estimates)[1].probability > 0.7
+
+
+def test_a_law_that_rows_exclude_takes_no_part(swept):
+    """Levels that a joint alone carries, though rows beside resonance, where it sticks, show viscous damping too."""
+    force = Sum((Viscous(0.042), Slip(4.0, 0.05)))
+    record = swept(force, np.array([0.022, 0.044, 0.089, 0.178]), noise=0.01)
+    plan = plan_loads(near_resonance(record), [Law(("slip",)), Law(("viscous", "slip"))], estimate=brief_evidence)
+    alone = next(own.weight for own in plan.laws if own.name == "slip")
+    judged = judge_rows(plan, observe(record))
+    assert alone > 0.05  # else there is nothing to leave out
+    assert [own.name for own in judged.laws] == ["viscous + slip"]
+    assert judged.laws[0].weight == pytest.approx(1.0)
+    assert f"slip ({alone:.2f})" in judged.excluded

@@ -19,9 +19,9 @@ from damping.infer.doubt import ANY_JOINT, JointEvidence, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
-from damping.infer.observations import Observations, observe
+from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
-from damping.ranking.candidates import FitVerdict, candidate_laws, judge_fit
+from damping.ranking.candidates import UNLIKELY, FitVerdict, candidate_laws, fit_probability, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -77,27 +77,6 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
     offset = float(np.median(record.column("phase") - freed.column("phase")))
     said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before the laws were ranked"
     return observe(freed), (said,)
-
-
-def at_resonance(data: Observations) -> Observations:
-    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows; by rising force."""
-    number = len(data.sweeps)
-
-    def mean(values: FloatArray) -> FloatArray:
-        return np.sqrt(np.bincount(data.sweep, values**2, number) / data.rows_per_sweep)
-
-    resonances = replace(
-        data,
-        A=data.tested_amplitude,
-        omega=data.tested_omega,
-        D=data.tested_force,
-        R=np.zeros(number),
-        sweep=np.arange(number),
-        sd_amplitude=mean(data.sd_amplitude),
-        sd_force=mean(data.sd_force),
-        sd_phase=mean(data.sd_phase),
-    )
-    return resonances.take_sweeps(np.lexsort((data.tested_amplitude, data.tested_force)))
 
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
@@ -192,6 +171,8 @@ def describe_bistability(data: Observations, mass: FloatArray) -> str:
 ENOUGH_LEVELS = 3
 #: Times the largest tested force that fewer levels allow.
 NEAREST = 1.5
+#: Weight from which on a law that is left out is named.
+LEAST_SAID = 0.05
 #: Relative excess of a force over the limit that still counts as the limit.
 ROUNDING = 1e-3
 
@@ -219,7 +200,7 @@ class Plan:
         data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
             prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
             bistable: caution, empty where there is none or the mass is not known. joint: what the frequencies
-            of the levels say of one.
+            of the levels say of one. excluded: what is said of laws that the rows beside resonance exclude.
     """
 
     data: Observations
@@ -229,6 +210,7 @@ class Plan:
     fit: FitVerdict
     bistable: str = ""
     joint: JointEvidence = ANY_JOINT
+    excluded: str = ""
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
@@ -236,17 +218,28 @@ class Plan:
 
 
 def judge_rows(plan: Plan, every: Observations) -> Plan:
-    """The plan with the verdict that no law fits where none fits ``every`` row, though one may its resonances.
+    """The plan as ``every`` row allows: with the verdict that no law fits where none fits them, though one may its
+    resonances, and without laws that miss them where others do not.
 
     Rows tell how far a level scatters: one that lies apart beside them is named.
     """
     if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
         return plan
-    laws = [plan.laws[0].law, *(law for law in candidate_laws() if law.has_resonance)]
-    fits = [fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)]
-    on_rows = judge_fit(fits[0], fits[1:], every)
-    none = on_rows.verdict == "none fits"
-    return replace(plan, fit=on_rows if none else replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
+    laws = [own.law for own in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
+    fits = {fit.law: fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)}
+    leader, *others = fits.values()
+    on_rows = judge_fit(leader, others, every)
+    if on_rows.verdict == "none fits":
+        return replace(plan, fit=on_rows)
+    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
+    missing = [own for own in plan.laws if own.law in fits and fit_probability(fits[own.law], every) < UNLIKELY]
+    kept = [own for own in plan.laws if own not in missing]
+    if not kept:
+        return plan
+    whole = sum(own.weight for own in kept)
+    names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
+    said = f"left out, with the weight of the resonances, as the rows beside them exclude it: {names}" if names else ""
+    return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
 
 
 def plan_loads(

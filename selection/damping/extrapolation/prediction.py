@@ -43,7 +43,7 @@ def list_cautions(
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says."""
-    p, said = plan.trend, [plan.fit.sentence, plan.bistable]
+    p, said = plan.trend, [plan.fit.sentence, plan.excluded, plan.bistable]
     if plan.joint.probability > 0.5 and force > plan.data.tested_force.max():
         said.append(
             f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "

@@ -190,6 +190,27 @@ def observe(record: Record) -> Observations:
     )
 
 
+def at_resonance(data: Observations) -> Observations:
+    """One row for each sweep: its phase resonance, with the mean uncertainties of the sweep's rows; by rising force."""
+    number = len(data.sweeps)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.sqrt(np.bincount(data.sweep, values**2, number) / data.rows_per_sweep)
+
+    resonances = replace(
+        data,
+        A=data.tested_amplitude,
+        omega=data.tested_omega,
+        D=data.tested_force,
+        R=np.zeros(number),
+        sweep=np.arange(number),
+        sd_amplitude=mean(data.sd_amplitude),
+        sd_force=mean(data.sd_force),
+        sd_phase=mean(data.sd_phase),
+    )
+    return resonances.take_sweeps(np.lexsort((data.tested_amplitude, data.tested_force)))
+
+
 def _relative_sd(rows: pd.DataFrame, name: str) -> FloatArray:
     """Standard uncertainty of a column relative to its value; 0 where the record gives none."""
     if f"{name}_sd" not in rows:
