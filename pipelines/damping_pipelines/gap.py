@@ -126,7 +126,7 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns how many failed.
     InputError: ``cases`` holds no case.
     """
-    names = sorted(path.parent.name for path in cases.glob("*/model.toml"))
+    names = sorted({path.parent.name for name in ("model.toml", "data.csv") for path in cases.glob(f"*/{name}")})
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.errors import InputError, describe_nearest
+from damping.errors import InputError, check_seed, describe_nearest
 from damping.extrapolation import Extrapolation, sample_candidate
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve, trace_loads
@@ -68,8 +68,9 @@ class RankedLaw:
         """Chains of the law's posterior, run until every parameter is known.
 
         Raises:
-            InputError: the law could not be fitted, so there is nothing to sample.
+            InputError: a seed that is none, or a law that could not be fitted: there is nothing to sample.
         """
+        check_seed(seed)
         if self.candidate.evidence is None:
             raise InputError(f"{self.law.name} could not be fitted", expected="a law with a rank")
         return LawSample(sample_candidate(self.candidate, self.data, self.data.tested_force, seed), self.data)

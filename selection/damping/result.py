@@ -137,7 +137,8 @@ class DiagnosisResult(Result):
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
         cautions = (f"Caution: {caution}." for caution in self.diagnosis.cautions)
         parts = (told[what] for what in ("verdict", "place", "doubts", "reach", "following"))
-        return (*disagreements, *(sentence for part in parts for sentence in part), *cautions)
+        units = f"Units: {self.diagnosis.mode.units}."
+        return (*disagreements, *(sentence for part in parts for sentence in part), *cautions, units)
 
     @property
     def title(self) -> str:

@@ -182,6 +182,8 @@ def test_other_kinds_of_arguments_are_refused(record, mode):
         dp.sweep(mode, force="strong", frequency=[1.0, 2.0])
     with pytest.raises(dp.InputError, match=r"states are no pairs; expected \(record, mode\)"):
         dp.diagnose(record, mode, states=[record])
+    with pytest.raises(dp.InputError, match="path 5; expected the name of a file"):
+        dp.read_record(5)
     with pytest.raises(dp.InputError, match="the simulator is a int"):
         dp.diagnose(record, mode, simulate=3)
     with pytest.raises(dp.InputError, match="despite is 'phase-sign'; expected a list"):

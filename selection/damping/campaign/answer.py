@@ -41,6 +41,8 @@ class DesignLevel:
 
     def at(self, frequency: float) -> float:
         """The level there, straight between the corners on logarithmic axes, flat beyond the ends."""
+        if len(self.level) == 1:
+            return float(self.level[0])
         corners = np.log(self.frequency), np.log(self.level)
         return float(np.exp(np.interp(np.log(frequency), *corners)))
 

@@ -185,7 +185,8 @@ def _mode(
     table = pd.concat(tables, ignore_index=True)
     lowest = int(np.argmin(table["amplitude"].to_numpy()))
     at = float(table["frequency"].iloc[lowest])
-    mode = Mode(name=name, frequency=at, mass=1.0, tolerance=Tolerance(mass=0.005), units=Units("N", "m", "s"))
+    tolerance = Tolerance(mass=0.005, from_record=True)
+    mode = Mode(name=name, frequency=at, mass=1.0, tolerance=tolerance, units=Units("N", "m", "s"))
     return np.array(tops), tuple(cautions), Record(table, name), mode
 
 

@@ -207,7 +207,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         name=f"mode-{number}",
         frequency=float(frequency[0]),
         mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
-        tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05),
+        tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
     record, error = _record(levels, k, residues, reference), error / np.abs(mean)

@@ -50,6 +50,8 @@ def read_start(path: str | Path, most: int) -> bytes:
         raise InputError("no such file", file=path) from None
     except IsADirectoryError:
         raise InputError("is a folder", file=path, expected="a file") from None
+    except TypeError:
+        raise InputError(f"path {path!r}", expected="the name of a file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
 
