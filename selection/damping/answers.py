@@ -224,7 +224,7 @@ class LoadsResult(PredictedResult):
     def title(self) -> str:
         """What this is, in a line."""
         by_force, units = self.loads.amplitude is None, self.mode.units
-        what, unit = ("resonant amplitude", units.length) if by_force else ("force at resonance", units.force)
+        what, unit = ("resonant amplitude", units.length) if by_force else (f"{units.drive} at resonance", units.force)
         content = f"{100.0 * self.loads.level:g} % predictive band"
         return f"{self.mode.name}: {what}{f' ({unit})' if unit else ''}, low to high the {content}"
 

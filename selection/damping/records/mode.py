@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,20 @@ class Units:
     force: str = ""
     length: str = ""
     time: str = ""
+
+    @property
+    def drive(self) -> str:
+        """What stands in the column ``force``, by its unit."""
+        return "base acceleration" if self.force and self.force == self._acceleration else "force"
+
+    @property
+    def of_base_drive(self) -> "Units":
+        """The same where the base's acceleration stands in the column ``force``."""
+        return replace(self, force=self._acceleration)
+
+    @property
+    def _acceleration(self) -> str:
+        return f"{self.length}/{self.time}²" if self.length and self.time else ""
 
     def __str__(self) -> str:
         named = [f"{what} in {unit}" for what, unit in vars(self).items() if unit]
