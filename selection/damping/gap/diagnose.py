@@ -13,7 +13,7 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import list_ends
+from damping.gap.corrected import describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.next_test import NextTest, rank_tests
 from damping.gap.problem import (
@@ -180,7 +180,12 @@ def diagnose(
     held_out = size.hold_levels_out(known, explained.search, leading.best)
     gap = size.measure_gap(leading.best)
     apart = size.describe_repeatability(known, leading.best)
-    doubts = [*apart, *list_ends(leading.best), *weighing.describe_held_out(leading, gap, held_out)]
+    doubts = [
+        *apart,
+        *list_ends(leading.best),
+        *describe_gain(leading.best),
+        *weighing.describe_held_out(leading, gap, held_out),
+    ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
