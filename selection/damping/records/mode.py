@@ -191,7 +191,13 @@ def _force(damping: TomlTable, name: str) -> dict[str, float]:
     if len(shapes) == 1 and not isinstance(damping.values[name], dict):
         return {shapes[0].name: _number(damping, name, shapes[0])}
     expected = f"{{{', '.join(f'{shape.name} = ...' for shape in shapes)}}}"
-    return _parameters(damping.table(name, expected=expected), shapes)
+    table = damping.table(name, expected=expected)
+    of_effect = {shape.name for shape in effects.CATALOGUE[name].shapes} if name in effects.CATALOGUE else set()
+    for key in table.values:
+        if key in of_effect - {shape.name for shape in shapes}:
+            where = f"[effects.{name}]"
+            raise table.error(key, f"a key of {where}, not of [damping.{name}]", f"{expected}, or all of it in {where}")
+    return _parameters(table, shapes)
 
 
 def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]:
