@@ -286,3 +286,17 @@ def test_a_force_that_drops_out_and_is_recorded_is_no_outlier():
     # the force at resonance is that of every other command
     assert found.implied["force"][0] == tabulate_resonances(dp.Record(rows, "r.csv"))["force"][0]
     assert [x.check for x in audit(dp.Record(rows.assign(force=10.0), "r.csv"), mode).findings] == ["outlier"]
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.2])
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_the_implied_mass_is_exact_for_viscous_damping(ratio, offset):
+    """Closed form of a linear mode of mass 1, phases off by a constant: no approximation for light damping."""
+    f = np.linspace(5.0 * (1.0 - 2.0 * ratio), 5.0 * (1.0 + 2.0 * ratio), 31)
+    w, w_n = 2.0 * np.pi * f, 10.0 * np.pi
+    Y = w_n**2 - w**2 + 2j * ratio * w_n * w
+    rows = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": 1.0 / np.abs(Y)})
+    found = audit(
+        dp.Record(rows.assign(phase=np.angle(Y) + offset), "r.csv"), dp.Mode(name="m", frequency=5.0, mass=1.0)
+    )
+    np.testing.assert_allclose(found.implied["mass"], 1.0, rtol=1e-9)  # rounding

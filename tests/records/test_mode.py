@@ -132,8 +132,8 @@ REFUSED = {
     ),
     "key of the effect": (
         MODE + "[damping]\nslip = {stiffness = 1, limit = 0.1, kappa = 1}\n",
-        "column kappa: a key of [effects.slip], not of [damping.slip]; expected {stiffness = ..., limit = ...}, or all "
-        "of it in [effects.slip]",
+        ", line 6, column kappa: a key of [effects.slip], not of [damping.slip]; expected {stiffness = ..., "
+        "limit = ...}, or all of it in [effects.slip]",
     ),
     "all of the stiffness lost": (
         MODE + "[damping]\nslip = {stiffness = 741, limit = 0.1}\n",
