@@ -187,7 +187,8 @@ def _show(answer: Campaign, out: Path) -> None:
         to.print(f"  {what}: {text}")
     for note in answer.summary.notes:
         to.print(f"- {note}")
-    right = ("Hz", "level", "damping %", "low", "high", "peak", "low", "high")
+    level = f"{answer.level_name} [{answer.unit}]" if answer.unit else answer.level_name
+    right = ("Hz", level, "damping %", "low", "high", "peak", "low", "high")
     table = PlainTable("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:

@@ -77,13 +77,16 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         for point in points:
             modes[point.mode].append(point)
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
-    fitted = [(mode, which, points, fit_coefficients(points, which)) for (mode, points), which in of_modes]
+    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
+    fitted = [(mode, which, points, fit_coefficients(points, which, unit)) for (mode, points), which in of_modes]
     values = {
         "code": code,
         "comment": COMMENTS[code],
         "form": form,
         "digest": digest(content),
         "levels": list(product(levels.items(), BOUNDS)),
+        "drive": drive,
+        "unit": unit,
         "fitted": fitted,
         "flank": FLANK,
         "ratios_per_line": RATIOS_PER_LINE,
@@ -122,6 +125,7 @@ class Coefficients:
 
     ``miss``: their damping there over that of the form, less 1; ``force`` of that level; ``equivalent``: F/(omega A) of
     the form there, the c1 that alone would do; ``falls``: that it is less at the largest amplitude than at the least.
+    ``unit``: of forces.
     """
 
     linear: float
@@ -130,16 +134,18 @@ class Coefficients:
     force: float
     equivalent: float
     falls: bool
+    unit: str = ""
 
     def __str__(self) -> str:
-        text = f"misses the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {self.force:g}"
+        at = f"{self.force:g} {self.unit}".rstrip()
+        text = f"misses the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
         if abs(self.miss) <= MOST_MISFIT:
             return f"{text})"
         why = "damping that falls as the amplitude grows" if self.falls else "this course of the damping"
         return f"{text}, where AddBLin alone would be {self.equivalent:.3g}): this form cannot follow {why}"
 
 
-def fit_coefficients(points: Sequence[Point], which: str) -> Coefficients:
+def fit_coefficients(points: Sequence[Point], which: str, unit: str = "") -> Coefficients:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
 
     The low bound of damping is the force that the low ratio means: F low/median. AnalysisError: the form holds no
@@ -164,4 +170,5 @@ def fit_coefficients(points: Sequence[Point], which: str) -> Coefficients:
         force=points[worst].force,
         equivalent=float(equivalent[worst]),
         falls=bool(equivalent[np.argmax(A)] < equivalent[np.argmin(A)]),
+        unit=unit,
     )

@@ -155,6 +155,10 @@ class DampingForm(FormPart):
     predictions: list[DampedRow] = []
     rows: list[DampedRow] = []
     modes: list[DampedMode] = []
+    drive: str = "force"
+    units: dict[str, str] = {}
+    level_name: str = "level"
+    level_unit: str = ""
 
 
 class PeakForm(FormPart):

@@ -75,7 +75,7 @@ def rank(**files: Any) -> None:
     read, described = asked.read()
     ranking = damping.rank(read, described, **asked.settings)
     if asked.write(ranking):
-        print_ranking(ranking, described)
+        print_ranking(ranking, ranking.mode or described)
         suggest(f"{asked.name('curve')}   (damping ratio and Q)")
 
 
@@ -146,10 +146,12 @@ def print_loads(result: LoadsResult) -> None:
     by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     factor, length = choose_length(units.length, largest[0])
-    named, factors = {"force": units.force, "amplitude": length}, {"force": 1.0, "amplitude": factor}
-    first = f"{asked} {_bracket(named[asked])}".strip()
+    factors = {"force": 1.0, "amplitude": factor}
+    named = {"force": _name_drive(units), "amplitude": f"amplitude {_bracket(length)}".strip()}
+    of_answer = f"amplitude at resonance {_bracket(length)}" if by_force else f"{named['force']} at resonance"
+    first = named[asked]
     band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
-    table = PlainTable(f"{mode.name}: {answer} at resonance {_bracket(named[answer])}".rstrip(), (first, *band))
+    table = PlainTable(f"{mode.name}: {of_answer}".rstrip(), (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
     ratios = PlainTable("Damping there; the low end is the one a load is sized with", (first, *damped))
     shares = PlainTable(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
@@ -185,12 +187,16 @@ def _bracket(unit: str) -> str:
     return f"[{unit}]" if unit else ""
 
 
+def _name_drive(units: Units) -> str:
+    return f"{units.drive} {_bracket(units.force)}".strip()
+
+
 def _print_what_if(result: LoadsResult) -> None:
     """Bands with other priors, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors()
     factor, length = choose_length(units.length, varied["median"].max())
-    headings = (f"force {_bracket(units.force)}".strip(), "prior times", "median", "low", "high")
+    headings = (_name_drive(units), "prior times", "median", "low", "high")
     table = PlainTable(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
@@ -198,7 +204,7 @@ def _print_what_if(result: LoadsResult) -> None:
     out.print(table)
     if further is not None:
         out.print(
-            f"To test next: the force {further.force:.4g} {units.force}".rstrip()
+            f"To test next: the {units.drive} {further.force:.4g} {units.force}".rstrip()
             + f". It would shrink the band at {further.design:g} {units.force}".rstrip()
             + f" from high/low {further.width:.2f} to {further.expected:.2f} expected."
         )
@@ -223,7 +229,7 @@ def print_curve(result: CurveResult) -> None:
     _print_headlines(result.headlines)
     factor, length = choose_length(units.length, result.table["amplitude"].max())
     numbers = (
-        *(f"amplitude {_bracket(length)}".strip(), f"force {_bracket(units.force)}".strip(), "frequency Hz"),
+        *(f"amplitude {_bracket(length)}".strip(), _name_drive(units), "frequency Hz"),
         *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
     )
     table = PlainTable(f"{result.mode.name}: damping of the resonance", numbers)

@@ -220,7 +220,8 @@ def _print_audit(findings: Audit, mode: Mode | None) -> None:
     out = console()
     out.print(str(findings))
     units = mode.units if mode else Units()
-    named = (("force", units.force), ("amplitude", units.length))
+    units = units.of_base_drive if mode and mode.drive == "base" else units
+    named = ((units.drive, units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
     table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))

@@ -109,7 +109,7 @@ def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode:
             cause = " and ".join(explanation.effects) or "no effect"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
-                f"ranking and diagnosis disagree at the force {loads.force[at]:.4g} {units.force}".rstrip()
+                f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
                 + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
                 f" corrected by {cause}, which the diagnosis holds alive (probability {explanation.probability:.2f}),"
                 f" {amplitude[at]:.4g} {units.length}".rstrip(),

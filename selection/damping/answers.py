@@ -171,6 +171,11 @@ class PredictedResult(Result):
         return (*self.against, *filter(None, [self.extrapolation.plan.fit.sentence]))
 
     @property
+    def measured_in(self) -> dict[str, Any]:
+        """Keys of a form that say what drives and in which units its numbers are."""
+        return {"drive": self.mode.units.drive, "units": vars(self.mode.units)}
+
+    @property
     def cautions(self) -> tuple[str, ...]:
         """The headlines, what was done about the sweep rate, and what is odd about the mode beside the record."""
         odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
@@ -206,7 +211,7 @@ class LoadsResult(PredictedResult):
             further = self.extrapolation.choose_next_level()
             form["sensitivity"] = self.extrapolation.vary_priors().to_dict("records")
             form["next_level"] = further and {**vars(further), "others": further.others.to_dict("records")}
-        return complete_form(form, self.audit, self.cautions)
+        return complete_form({**form, **self.measured_in}, self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
@@ -225,7 +230,7 @@ class LoadsResult(PredictedResult):
     def title(self) -> str:
         """What this is, in a line."""
         by_force, units = self.loads.amplitude is None, self.mode.units
-        what, unit = ("resonant amplitude", units.length) if by_force else ("force at resonance", units.force)
+        what, unit = ("resonant amplitude", units.length) if by_force else (f"{units.drive} at resonance", units.force)
         content = f"{100.0 * self.loads.level:g} % predictive band"
         return f"{self.mode.name}: {what}{f' ({unit})' if unit else ''}, low to high the {content}"
 
@@ -256,7 +261,8 @@ class CurveResult(PredictedResult):
     def to_json(self) -> dict[str, Any]:
         """The form ``curve/1``; ``laws`` with their weights is an extra key."""
         laws = [{"name": member.name, "weight": member.weight} for member in self.extrapolation.members]
-        return complete_form({**forms.curve_form(self.curve), "laws": laws}, self.audit, self.cautions)
+        form = {**forms.curve_form(self.curve), "laws": laws, **self.measured_in}
+        return complete_form(form, self.audit, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""

@@ -127,6 +127,24 @@ def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
         assert "dead" in mode.left_out[names[DEAD]]
 
 
+@pytest.mark.parametrize("title", ["FRF at {} g", "{} g"])
+def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
+    """Each (node, direction) is a sensor of its own over the levels; equal points are refused."""
+    rows = {level: motion(level, FREQUENCY)[:3] for level in LEVELS}
+    for level, values in rows.items():
+        sets = [data_set(title.format(level), 11 + s, row, True) for s, row in enumerate(values)]
+        (tmp_path / f"{level}.uff").write_text("".join(sets))
+    runs, _ = read_runs([tmp_path / f"{level}.uff" for level in LEVELS], 10 * SIZE)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert run.names == ["node 11 +Z", "node 12 +Z", "node 13 +Z"]
+        for channel, row in zip(run.channels, rows[level], strict=True):
+            np.testing.assert_allclose(channel.samples, row, rtol=1e-10)  # eleven digits are written
+    with (tmp_path / "0.2.uff").open("a") as file:
+        file.write(data_set(title.format(0.2), 12, rows[0.2][2], True))
+    with pytest.raises(InputError, match=r"'0.2 g' has 2 sensors 'node 12 \+Z'"):
+        read_runs([tmp_path / "0.2.uff"], 10 * SIZE)
+
+
 def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
     out = tmp_path / "out"
     assert damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8).code == 0

@@ -94,6 +94,8 @@ def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, damping, few_la
     assert "no prediction beyond 6: fewer than 3 levels" in far["cautions"][0]
     np.testing.assert_allclose(far["extrapolation_ratio"], 2.0, rtol=1e-12)
     np.testing.assert_allclose(form["limit"], 6.0, rtol=1e-12)
+    for row in form["sensitivity"]:  # other priors allow no more than the answer does
+        assert all((row[name] is None) == (row["force"] == 8.0) for name in ("median", "low", "high"))
 
 
 @pytest.mark.sampling

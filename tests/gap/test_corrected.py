@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,16 @@ def test_the_corrected_model_has_no_gap(lab, written, name, monkeypatch):
     assert not again.unexplained
     assert again.gap.nominal < 1.2  # 1 and three standard errors of a root mean square of 120 values, 0.065
     assert again.footprint == ()
+
+
+def test_a_gain_names_the_mass_that_reads_alike(lab):
+    """Readings 1.1 times too large are those of F/|Z| with all of Z, mass and all, 1/1.1 as large: 10 becomes 9.09."""
+    (said,) = (caution for caution in lab.diagnosed("amplitude-scale").cautions if "generalized mass" in caution)
+    mass, percent, times = re.search(r"mass of (\S+) in place of 10 \((\S+) %, (\S+) times", said).groups()
+    np.testing.assert_allclose(float(mass), 10.0 / 1.1, rtol=0.005)  # as the factor itself, 1 % noise over 120 values
+    np.testing.assert_allclose(float(percent), 100.0 / 1.1 - 100.0, rtol=0.0, atol=0.5)  # the same half per cent
+    np.testing.assert_allclose(float(times), np.log(1.1) / 0.02, rtol=0.0, atol=0.25)
+    assert not any("generalized mass" in caution for caution in lab.diagnosed("velocity-squared").cautions)
 
 
 def test_what_is_corrected(lab, written):

@@ -18,7 +18,7 @@ from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
 from damping.forces import make
 from damping.forces.joints import Slip
 from damping.gap.corrected import effect_intervals, effect_values
-from damping.gap.diagnose import diagnose
+from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
 from damping.predict.sweep_rate import envelope
@@ -289,6 +289,21 @@ def test_a_simulation_of_the_users_own(lab):
     assert best.effects == ("phase-lag",)
     np.testing.assert_allclose(effect_values(best)["phase-lag"]["lag"], 0.08, rtol=0.0, atol=0.005)  # 56 values at 1 %
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
+
+
+def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
+    """The mode file names a force that the user's function does not simulate, and the structure has it."""
+
+    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
+        omega = 2 * np.pi * frequency
+        Y = stiffness - MASS * omega**2 + 1j * damping * omega
+        return force / np.abs(Y), np.angle(Y)
+
+    named = {"viscous": {"coefficient": VISCOUS}, "velocity-squared": {"coefficient": 1.0}}
+    effects = {name: CATALOGUE[name] for name in ("velocity-squared", "quadratic-displacement", "stiffness-hardening")}
+    found = explain(lab.measured("velocity-squared"), lab.mode(damping=named), effects, simulate=simulate)
+    assert found.leading.effects == ("velocity-squared",)
+    assert any("velocity-squared of the mode file is not simulated" in caution for caution in found.cautions)
 
 
 def remembered(p, alpha, omega, sweep):

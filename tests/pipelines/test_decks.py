@@ -73,6 +73,15 @@ def test_nastran_tables_read_back(deck):
     assert [values[1][1] for values in tables.values()] == [0.0213, 0.0189, 0.0254, 0.0211]
 
 
+@pytest.mark.parametrize("code", ["nastran", "abaqus", "ansys", "opensees", "openfast"])
+def test_a_deck_says_what_a_level_is_and_its_unit(deck, code):
+    said = "at force 60 lb" if code == "openfast" else " force 60 lb, median"
+    assert said in deck({**FORM, "units": {"force": "lb", "length": "in", "time": "s"}}, code)
+    if code != "openfast":
+        form = {**CAMPAIGN, "level_name": "base acceleration", "level_unit": "g"}
+        assert " base acceleration 0.6 g, low" in deck(form, code)
+
+
 def test_nastran_deck_of_a_campaign_has_the_modes_by_frequency(deck):
     tables = read_tabdmp1(deck(CAMPAIGN, "nastran"))
     assert [f for f, _ in tables[1]] == [16.0, 32.0, 58.0, 116.0]

@@ -11,8 +11,9 @@ import pytest
 import damping as dp
 from damping.predict.measured import as_driven_by_force, prepare
 from damping.records import audit
-from damping.records.mode import Mode, Rig, describe_mode_to_toml
+from damping.records.mode import Mode, Rig, Units, describe_mode_to_toml
 from damping.records.reading import read_record
+from damping.report import format_parameter_unit
 from damping_pipelines.store import write_text
 
 F_N = 25.0
@@ -90,6 +91,15 @@ def test_units_of_a_base_are_audited(record, mode, column, factor):
     found = audit(wrong, mode)
     assert [finding.check for finding in found.findings] == ["units"]
     assert "participation" in found.findings[0].what
+
+
+def test_the_base_s_acceleration_has_its_own_unit(record, mode):
+    """Coefficients are those of c q'/M = .. under an acceleration: [c] = (m/s^2)/(m/s), [c2] = (m/s^2)/(m/s)^2."""
+    units = prepare(record, replace(mode, units=Units("N", "m", "s"))).mode.units
+    assert (units.drive, units.force) == ("base acceleration", "m/s²")
+    named = [format_parameter_unit(name, units) for name in ("viscous", "velocity-squared", "coulomb", "slip limit")]
+    assert named == ["1/s", "1/m", "m/s²", "m"]
+    assert prepare(record, mode).mode.units.drive == Units("N", "m", "s").drive == "force"
 
 
 def test_mode_file_of_a_base(mode, tmp_path):

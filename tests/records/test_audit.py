@@ -17,6 +17,7 @@ from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
+from damping.records.resonance import tabulate_resonances
 from damping.records.runs import Run, find_prominent
 from damping.records.view import View
 
@@ -266,3 +267,36 @@ def test_a_reading_off_beside_right_ones_is_named(row, factor):
     (finding,) = audit(record_of(table)).findings
     assert (finding.check, finding.sweeps) == ("outlier", ("A",))
     assert f"at row {row + 1} " in finding.what
+
+
+def test_a_force_that_drops_out_and_is_recorded_is_no_outlier():
+    """Velocity-squared damping by bisection, the shaker at half its force in the row at resonance."""
+    f = np.linspace(5.3, 10.7, 31)
+    F = 10.0 - 5.0 / (1.0 + ((f - 8.0) / 0.05) ** 2)
+    w, K, low, high = 2 * np.pi * f, 10.0 * (2 * np.pi * 8.0) ** 2, np.zeros(31), np.ones(31)
+    for _ in range(60):
+        A = 0.5 * (low + high)
+        over = A * np.hypot(K - 10.0 * w**2, w * (5.0 + 8 / (3 * np.pi) * 800.0 * A * w)) > F
+        low, high = np.where(over, low, A), np.where(over, A, high)
+    lag = np.arctan2(w * (5.0 + 8 / (3 * np.pi) * 800.0 * A * w), K - 10.0 * w**2)
+    rows = pd.DataFrame({"sweep": "a", "force": F, "frequency": f, "amplitude": A, "phase": lag})
+    mode = dp.Mode(name="m", frequency=8.0, mass=10.0)
+    found = audit(dp.Record(rows, "r.csv"), mode)
+    assert not found.findings
+    # the force at resonance is that of every other command
+    assert found.implied["force"][0] == tabulate_resonances(dp.Record(rows, "r.csv"))["force"][0]
+    assert [x.check for x in audit(dp.Record(rows.assign(force=10.0), "r.csv"), mode).findings] == ["outlier"]
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.2])
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_the_implied_mass_is_exact_for_viscous_damping(ratio, offset):
+    """Closed form of a linear mode of mass 1, phases off by a constant: no approximation for light damping."""
+    f = np.linspace(5.0 * (1.0 - 2.0 * ratio), 5.0 * (1.0 + 2.0 * ratio), 31)
+    w, w_n = 2.0 * np.pi * f, 10.0 * np.pi
+    Y = w_n**2 - w**2 + 2j * ratio * w_n * w
+    rows = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": 1.0 / np.abs(Y)})
+    found = audit(
+        dp.Record(rows.assign(phase=np.angle(Y) + offset), "r.csv"), dp.Mode(name="m", frequency=5.0, mass=1.0)
+    )
+    np.testing.assert_allclose(found.implied["mass"], 1.0, rtol=1e-9)  # rounding

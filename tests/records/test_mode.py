@@ -130,6 +130,11 @@ REFUSED = {
         MODE + "[damping]\nslip = {stiffness = 1, limit = 0}\n",
         ", line 6, column limit: is 0; expected a number > 0",
     ),
+    "key of the effect": (
+        MODE + "[damping]\nslip = {stiffness = 1, limit = 0.1, kappa = 1}\n",
+        ", line 6, column kappa: a key of [effects.slip], not of [damping.slip]; expected {stiffness = ..., "
+        "limit = ...}, or all of it in [effects.slip]",
+    ),
     "all of the stiffness lost": (
         MODE + "[damping]\nslip = {stiffness = 741, limit = 0.1}\n",
         # 3 (2 pi 2.5)^2

@@ -78,7 +78,8 @@ def analyse(
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tie_modes(levels))
-    campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit), summary)
+    drive = "base acceleration" if runs[0].is_base_driven else "force"
+    campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit, level_name=drive), summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))
 
 

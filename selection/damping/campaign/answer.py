@@ -217,6 +217,7 @@ class Campaign:
     unit: str
     summary: Summary = field(default_factory=Summary)
     outcomes: tuple[Outcome, ...] = ()
+    level_name: str = "amplitude"  #: what a level is one of
 
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""
@@ -225,6 +226,7 @@ class Campaign:
             "modes": [_mode_form(mode) for mode in self.modes],
             "levels": list(self.levels),
             "design": list(self.design),
+            "level_name": self.level_name,
             "level_unit": self.unit,
             "audit": [
                 asdict(finding) | {"sweeps": list(finding.sweeps), "mode": mode.name}

@@ -194,7 +194,15 @@ def describe_quantity(text: str, name: str) -> str:
 
 
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
-    """The runs with the sensors that every run has, in the order of the first. InputError where there is none."""
+    """The runs with the sensors that every run has, in the order of the first.
+
+    InputError: there is none, or two of one run have one name.
+    """
+    for run in runs:
+        name = next((name for name in run.names if run.names.count(name) > 1), None)
+        if name is not None:
+            message = f"run {run.label!r} has {run.names.count(name)} sensors {name!r}"
+            raise InputError(message, expected="each once: titles, nodes or directions that tell them apart")
     kept = [name for name in runs[0].names if all(name in run.names for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")

@@ -14,6 +14,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.runs import (
+    DRIVE,
     LEVEL,
     CampaignRun,
     Channel,
@@ -79,18 +80,21 @@ def _read(source: Source) -> list[CampaignRun]:
     return [_join_functions(label, group, source) for label, group in groups.items()]
 
 
-def _name_function(function: Function) -> str:
-    """Name of a channel: the ID line without its level."""
-    match = LEVEL.search(function.of.title)
-    name = function.of.title[: match.start()] + function.of.title[match.end() :] if match else function.of.title
-    return " ".join(name.split()) or f"node {function.of.response_point[0]}"
+def _name_functions(group: Sequence[Function]) -> list[str]:
+    """Names of channels: the ID lines without their level; the points of responses that these do not tell apart."""
+    titles = [" ".join(LEVEL.sub("", function.of.title, count=1).split()) for function in group]
+    return [
+        title if title and (titles.count(title) == 1 or (not f.of.per and DRIVE.search(title))) else f.of.point
+        for title, f in zip(titles, group, strict=True)
+    ]
 
 
 def _join_functions(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
     """The run of some functions of a universal file: of frequency, or of time (tracked where one is the drive)."""
     if not any(function.of.is_time for function in group):
         return _read_spectra(label, group, source)
-    t, units = group[0].x, [(_name_function(function), function.of.numerator.unit) for function in group]
+    units = [(name, f.of.numerator.unit) for name, f in zip(_name_functions(group), group, strict=True)]
+    t = group[0].x
     if not all(function.of.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
         raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
     samples = [np.asarray(function.y).real for function in group]
@@ -103,28 +107,31 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
 
 def _read_spectra(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
     stated = source.stated
-    drives = [f for f in group if not f.of.per and (f.of.quantity == "force" or stated.is_drive(_name_function(f)))]
-    sensors = [function for function in group if not any(function is drive for drive in drives)]
-    ratio = bool(sensors) and bool(sensors[0].of.per)
+    drives: list[tuple[str, Function]] = []
+    sensors: list[tuple[str, Function]] = []
+    for name, f in zip(_name_functions(group), group, strict=True):
+        is_drive = not f.of.per and (f.of.quantity == "force" or stated.is_drive(name))
+        (drives if is_drive else sensors).append((name, f))
+    ratio = bool(sensors) and bool(sensors[0][1].of.per)
     if not sensors or (not drives and not ratio):
         what = "no response" if not sensors else "neither a control channel nor a ratio to the drive"
         raise InputError(f"{label}: {what}", expected="a channel named control, drive, base or force")
-    x = sensors[0].x
+    x = sensors[0][1].x
     if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for f in group):
         raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
     level, channels = find_level(label), []
-    for sensor in sensors:
-        name, text = _name_function(sensor), sensor.of.numerator.unit
+    for name, sensor in sensors:
+        text = sensor.of.numerator.unit
         quantity = sensor.of.quantity or describe_quantity(text, name)
         at_drive = sensor.of.per == "force" and sensor.of.response_point == sensor.of.reference_point
         channels.append(Channel(name, quantity, text, np.asarray(sensor.y), bool(sensor.of.per), at_drive))
     if ratio:
         if level is None or not level[0] > 0.0:
             raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
-        drive_unit = sensors[0].of.denominator.unit or level[1]
+        drive_unit = sensors[0][1].of.denominator.unit or level[1]
         return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), tuple(channels))
-    drive = stated.join_controls([f.y * stated.of(_name_function(f)).scale for f in drives])
-    drive_unit = stated.of(_name_function(drives[0])).unit or drives[0].of.numerator.unit or "g"
+    drive = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
+    drive_unit = stated.of(drives[0][0]).unit or drives[0][1].of.numerator.unit or "g"
     return source.set_level(CampaignRun(label, None, drive_unit, x, drive, tuple(channels)), label)
 
 

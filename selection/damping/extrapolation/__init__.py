@@ -99,9 +99,12 @@ class Extrapolation:
         return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability, each=each)
 
     def vary_priors(self) -> pd.DataFrame:
-        """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`)."""
+        """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
         spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
-        return vary_priors(self.members, spreads, self.loads.force, self.loads.level)
+        table = vary_priors(self.members, spreads, self.loads.force, self.loads.level)
+        refused = self.loads.force[np.isnan(self.loads.average.median)]
+        table.loc[table["force"].isin(refused), ["median", "low", "high"]] = np.nan
+        return table
 
     def choose_next_level(self) -> NextLevel | None:
         """The further level that would most shrink the band at the largest force asked for; None within the test."""

@@ -43,6 +43,12 @@ class Dimension:
         raised = tuple((name, part**power) for name, part in self.raised)
         return Dimension(power * self.force, power * self.length, power * self.time, raised)
 
+    @property
+    def of_base_drive(self) -> Dimension:
+        """The dimension where the base's acceleration stands for the force."""
+        raised = tuple((name, part.of_base_drive) for name, part in self.raised)
+        return Dimension(0.0, self.length + self.force, self.time - 2.0 * self.force, raised)
+
     def at(self, parameters: Mapping[str, float]) -> Dimension:
         """The dimension where the parameters have these values."""
         plain = replace(self, raised=())

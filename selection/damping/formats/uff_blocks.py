@@ -34,6 +34,10 @@ class Axis:
     unit: str
 
 
+#: Directions of data set 58 by code, without their sign; 0 is a scalar.
+_AXES = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "X rotation", 5: "Y rotation", 6: "Z rotation"}
+
+
 @dataclass(frozen=True)
 class DataSet:
     """One data set 58: its header, and where its values are. Points are (node, direction)."""
@@ -83,6 +87,14 @@ class DataSet:
     def is_force(self) -> bool:
         """Whether it is a force and no ratio."""
         return self.quantity == "force" and not self.per and self.function != 4
+
+    @property
+    def point(self) -> str:
+        """What was measured where, as node and direction, such as ``node 12 +Z``."""
+        node, along = self.response_point
+        axis = _AXES.get(abs(along), f"direction {abs(along)}")
+        sign = "" if not along else "-" if along < 0 else "+"
+        return f"{'force at ' if self.is_force else ''}node {node} {sign}{axis}".rstrip()
 
     @property
     def place(self) -> str:

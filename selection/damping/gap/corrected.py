@@ -88,6 +88,25 @@ def list_ends(fit: ModelFit) -> list[str]:
     return ends
 
 
+def describe_gain(fit: ModelFit) -> list[str]:
+    """What a gain error of the sensor cannot be told from, in words: g F/|Z(M)| is F/|Z(M/g)| if all of Z goes with M.
+
+    Not where masses were added, which do not go with it, or where the simulation is the user's own.
+    """
+    simulation, gain = fit.model.problem.simulation, effect_values(fit).get("amplitude-scale")
+    if gain is None or simulation.simulator is not None or np.any(fit.model.problem.rows.added):
+        return []
+    stated, tolerance, units = simulation.mode.mass, simulation.mode.tolerance.mass, simulation.mode.units
+    ratio = (1.0 + refitted_values(fit)["mass"]) / gain["factor"]
+    unit = f" {units.force}·{units.time}²/{units.length}" if all(vars(units).values()) else ""
+    times = f", {abs(np.log(ratio)) / tolerance:.2g} times its stated tolerance of {100.0 * tolerance:g} %"
+    return [
+        f"a generalized mass of {stated * ratio:.4g}{unit} in place of {stated:.4g} ({100.0 * (ratio - 1.0):+.2g} %"
+        f"{times if tolerance else ''}), with stiffness and damping in the same ratio, reads like this gain in every "
+        "steady sweep; a mass added on purpose, or a calibrated shaker and sensor, tell them apart"
+    ]
+
+
 @np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.

@@ -11,8 +11,9 @@ from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
+from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import list_ends
+from damping.gap.corrected import describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.next_test import NextTest, rank_tests
 from damping.gap.problem import (
@@ -138,10 +139,16 @@ def explain(
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
     refuse_rows([(record, mode), *states])
+    stated = mode
+    if simulate is not None:  # the simulated damping is its own; the viscous part alone stands for it
+        own = {name: table for name, table in mode.damping.items() if name == Viscous.name}
+        mode = replace(mode, damping=own)
     start = setting(record, mode, states, simulate)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = record_cautions(rows, record, mode)
+    cautions = record_cautions(rows, record, stated)
+    if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
+        cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
@@ -173,7 +180,12 @@ def diagnose(
     held_out = size.hold_levels_out(known, explained.search, leading.best)
     gap = size.measure_gap(leading.best)
     apart = size.describe_repeatability(known, leading.best)
-    doubts = [*apart, *list_ends(leading.best), *weighing.describe_held_out(leading, gap, held_out)]
+    doubts = [
+        *apart,
+        *list_ends(leading.best),
+        *describe_gain(leading.best),
+        *weighing.describe_held_out(leading, gap, held_out),
+    ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),

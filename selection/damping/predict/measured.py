@@ -40,7 +40,9 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
     """
     if mode is not None:
+        base = mode.drive == "base"
         mode, said = as_driven_by_force(record, mode)
+        mode = replace(mode, units=mode.units.of_base_drive) if base else mode
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
         mass, frequency = mode.mass, mode.frequency

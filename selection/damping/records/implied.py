@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.records.resonance import ROWS_ASIDE, like_pairs, weighted_median
 from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola, has_resonance
 
@@ -84,15 +84,24 @@ def measure_miss_beside_modes(run: Run) -> float:
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
-    """Complex mass of pairs of rows of like amplitude beside resonance, its scatter and their damping ratio."""
+    """Complex mass of pairs of rows of like amplitude beside resonance, its scatter and their damping ratio.
+
+    Of a pair Y/omega differs by a real number times exp(i offset) where damping is viscous, and Y freed of the offset
+    by M (omega_j^2 - omega_i^2) and an imaginary number, whatever the stiffness at that amplitude.
+    """
     i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
     if len(weight) == 0:
         return None
-    middle = run.omega[np.argmax(run.A / run.F)]
-    y = run.stiffness / run.omega
-    mass = (y[i] - y[j]) / ((run.omega[j] - run.omega[i]) * (1.0 + middle**2 / (run.omega[i] * run.omega[j])))
-    weight = weight * (run.omega[j] - run.omega[i])
-    middle_mass = complex(weighted_median(mass.real, weight), weighted_median(mass.imag, weight))
+    y, weight = run.stiffness / run.omega, weight * (run.omega[j] - run.omega[i])
+
+    def median(values: ComplexArray) -> complex:
+        return complex(weighted_median(values.real, weight), weighted_median(values.imag, weight))
+
+    apart_by = (y[i] - y[j]) / (run.omega[j] - run.omega[i])
+    freed = run.stiffness * np.exp(-1j * np.angle(median(apart_by)))
+    real = (freed[i] - freed[j]).real / (run.omega[j] ** 2 - run.omega[i] ** 2)
+    mass = real * np.exp(1j * np.angle(apart_by))
+    middle_mass = median(mass)
     apart = weighted_median(np.abs(mass - middle_mass), weight)
     size = max(abs(middle_mass), 1e-300)
     ratio = np.abs((y[i] * np.exp(-1j * np.angle(middle_mass))).imag) / (2.0 * size * run.omega[i])

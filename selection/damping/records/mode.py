@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,20 @@ class Units:
     force: str = ""
     length: str = ""
     time: str = ""
+
+    @property
+    def drive(self) -> str:
+        """What stands in the column ``force``, by its unit."""
+        return "base acceleration" if self.force and self.force == self._acceleration else "force"
+
+    @property
+    def of_base_drive(self) -> "Units":
+        """The same where the base's acceleration stands in the column ``force``."""
+        return replace(self, force=self._acceleration)
+
+    @property
+    def _acceleration(self) -> str:
+        return f"{self.length}/{self.time}²" if self.length and self.time else ""
 
     def __str__(self) -> str:
         named = [f"{what} in {unit}" for what, unit in vars(self).items() if unit]
@@ -177,7 +191,13 @@ def _force(damping: TomlTable, name: str) -> dict[str, float]:
     if len(shapes) == 1 and not isinstance(damping.values[name], dict):
         return {shapes[0].name: _number(damping, name, shapes[0])}
     expected = f"{{{', '.join(f'{shape.name} = ...' for shape in shapes)}}}"
-    return _parameters(damping.table(name, expected=expected), shapes)
+    table = damping.table(name, expected=expected)
+    of_effect = {shape.name for shape in effects.CATALOGUE[name].shapes} if name in effects.CATALOGUE else set()
+    for key in table.values:
+        if key in of_effect - {shape.name for shape in shapes}:
+            where = f"[effects.{name}]"
+            raise table.error(key, f"a key of {where}, not of [damping.{name}]", f"{expected}, or all of it in {where}")
+    return _parameters(table, shapes)
 
 
 def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]:

@@ -232,7 +232,8 @@ def find_stray_rows(run: Run) -> IntArray:
     """Places in the run of amplitudes or phases off the straight line through the phasors Y beside them, alone.
 
     Along a resonance Y moves evenly, however few rows it has; where a branch ends both rows at the jump are off, and
-    where a resonance bends amplitude and phase are off at once.
+    where a resonance bends amplitude and phase are off at once. Where the recorded force leaves that of the rows beside
+    by a factor, A/F may by as much: damping that grows as a power p of amplitude makes it F^(1/p - 1).
     """
     if run.phase is None or len(run) < 2 * FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
         return np.empty(0, np.int64)
@@ -243,7 +244,9 @@ def find_stray_rows(run: Run) -> IntArray:
         return np.log((Y[:-2] + share * (Y[2:] - Y[:-2])) / Y[1:-1])
 
     rows, all_off = np.arange(len(run)), miss(np.arange(len(run)))
-    off, size = np.abs([all_off.real, all_off.imag]), np.abs(run.stiffness)
+    step = np.abs(0.5 * np.log(run.F[:-2] * run.F[2:]) - np.log(run.F[1:-1]))
+    of_amplitude = np.maximum(np.abs(all_off.real) - step, 0.0)
+    off, size = np.array([of_amplitude, np.abs(all_off.imag)]), np.abs(run.stiffness)
     steep = np.maximum(0.5 * (size[:-2] + size[2:]) / (size[1:-1] * np.exp(all_off.real)), 1.0)  # noise of larger Y
     least = np.maximum(STRAY, STRAY_NOISE * steep * np.median(off, axis=1, keepdims=True))
     far = (off > least) & (off[::-1] < BESIDE_STRAY * off)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from damping import report as words
 from damping.extrapolation.draws import AVERAGE_DRAWS
-from damping.forces import CATALOGUE, component
+from damping.forces import CATALOGUE, component, shapes
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
@@ -91,7 +91,11 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     parts |= {name: page.FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
     parts["notes"] = page.List(notes, numbered=True)
     units = result.mode.units
-    mass_unit = f"{units.force}·{units.time}²/{units.length}" if units.force and units.time and units.length else ""
+    mass_unit = (
+        words.format_dimension_text(shapes.FORCE * shapes.TIME**2.0 / shapes.LENGTH, units)
+        if all(vars(units).values())
+        else ""
+    )
     values = {
         **vars(result),
         "mass": words.format_quantity(result.mode.mass, mass_unit, 4),
