@@ -29,8 +29,10 @@ from damping.forces.shapes import FORCE, LENGTH, Shape
 
 #: Shares of the joints that slip at an amplitude, and weights, at which their averages are summed: Gauss and Legendre's
 #: in the root of what is left, since there are most among those of large limits.
-_LEFT, _HALVES = np.polynomial.legendre.leggauss(8)
-_SLIPPING, _WEIGHTS = 1.0 - (0.5 + 0.5 * _LEFT) ** 2, (0.5 + 0.5 * _LEFT) * _HALVES
+_GAUSS = np.polynomial.legendre.leggauss(8)
+_LEFT = 0.5 + 0.5 * _GAUSS[0]
+_SLIPPING = 1.0 - _LEFT**2
+_WEIGHTS = _LEFT * _GAUSS[1]
 #: Shares of all joints at which one each stands for those about it in time: more of those that slip first.
 _ENDS = np.linspace(0.0, 1.0, 33) ** 2
 #: Exponent of a spring that is no cubic one: 1.5 to 8.

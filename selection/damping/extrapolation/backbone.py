@@ -163,14 +163,14 @@ class Backbone:
         log_z, means, variances, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
         for shape, mass in _list_shapes():
             X, at = _design(self.amplitude / top, shape), _design(amplitude / top, shape)
-            least = -MOST_LOST if isinstance(shape, Joint) else 0.0  # y is omega^2 from here on, ln omega^2 below
+            least = -MOST_LOST if isinstance(shape, Loosening) else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(least)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + least) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
             for size in CHANGES if shape else (0.0,):
                 V = np.array([_ANYWHERE, 2.0 * size][: X.shape[1]]) ** 2
                 z, b, covariance = _regress(X / per_scatter[:, None], y / per_scatter, V, s)
-                if isinstance(shape, Joint):  # half a normal prior: joints do not stiffen
+                if isinstance(shape, Loosening):  # half a normal prior: joints do not stiffen
                     z = np.where(b[:, 1] < 0.0, z + np.log(2.0), -np.inf)
                 mean, variance = b @ at.T, np.einsum("ij,kjl,il->ki", at, covariance, at)
                 log_z.append(np.log(mass / (len(CHANGES) if shape else 1)) + z)
@@ -195,7 +195,7 @@ class Power:
 
 
 @dataclass(frozen=True)
-class Joint:
+class Loosening:
     """The same by the share of stiffness that joints have ``lost`` at x over their ``limit``, by one up to x = 1."""
 
     limit: float
@@ -220,12 +220,12 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 
 @cache
-def _list_shapes() -> list[tuple[Power | Joint | None, float]]:
+def _list_shapes() -> list[tuple[Power | Loosening | None, float]]:
     """Every shape, None of a constant, with its prior probability."""
-    kinds: tuple[list[Power | Joint], ...] = (
+    kinds: tuple[list[Power | Loosening], ...] = (
         [Power(exponent) for exponent in POWERS],
-        [Joint(limit, _lose_of_one) for limit in LIMITS],
-        [Joint(limit, _lose_of_many) for limit in LARGEST_LIMITS],
+        [Loosening(limit, _lose_of_one) for limit in LIMITS],
+        [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS],
     )
     shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
     return [
@@ -234,7 +234,7 @@ def _list_shapes() -> list[tuple[Power | Joint | None, float]]:
     ]
 
 
-def _design(x: FloatArray, shape: Power | Joint | None) -> FloatArray:
+def _design(x: FloatArray, shape: Power | Loosening | None) -> FloatArray:
     """Columns 1 and the ``shape``, if any, (rows, 1 or 2)."""
     ones = np.ones((len(x), 1))
     return ones if shape is None else np.column_stack([ones, shape(x)])
