@@ -21,6 +21,7 @@ from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
+from damping.predict.steady import resonant_amplitude
 from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
 from damping.records.record import Record
@@ -136,6 +137,15 @@ def test_many_joints_change_with_amplitude_as_they_say():
     # eight points in the place of an integral
     np.testing.assert_allclose((C_next - C) / np.log(1.0001), slope, rtol=0.0, atol=2e-3 * np.max(C))
     np.testing.assert_allclose((S_next - S) / np.log(1.0001), in_phase_slope, rtol=0.0, atol=2e-3 * np.max(-S))
+
+
+def test_many_joints_of_a_frequency_each():
+    """An amplitude for all of them, and the resonance under each of several forces with its own frequency."""
+    force, omega = joint_force({"stiffness": 65.0, "limit": 0.3, "kappa": 1.4}), OMEGA * np.array([0.9, 1.0, 1.1])
+    same = force.quadrature(0.2, OMEGA)  # none of it is viscous; rounding of a sum in another order
+    np.testing.assert_allclose(force.quadrature(0.2, omega), np.full(3, same), rtol=1e-14)
+    A = resonant_amplitude(force, np.array([1.0, 3.0, 5.0]), omega)
+    np.testing.assert_allclose(force.quadrature(A, omega), [1.0, 3.0, 5.0], rtol=1e-9)  # Newton's last step
 
 
 def test_joints_of_evenly_spread_limits():

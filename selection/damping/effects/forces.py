@@ -93,7 +93,9 @@ class ManyJoints(Sum):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
-        C, slope, S, in_phase_slope = (np.sum(part, axis=0) for part in self._take_slipping(A).averages(A, omega))
+        C, slope, S, in_phase_slope = (
+            np.sum(part, axis=0) for part in self._take_slipping(A, omega).averages(A, omega)
+        )
         return C, slope, S, in_phase_slope
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
@@ -114,13 +116,14 @@ class ManyJoints(Sum):
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The integral of their third harmonics."""
-        return np.asarray(np.sum(self._take_slipping(A).third(A, omega), axis=0))
+        return np.asarray(np.sum(self._take_slipping(A, omega).third(A, omega), axis=0))
 
-    def _take_slipping(self, A: Floats) -> Slip:
-        """Joints that stand for those that slip at amplitudes A, along an axis before those of A."""
+    def _take_slipping(self, A: Floats, omega: Floats) -> Slip:
+        """Joints that stand for those that slip at amplitudes A, along an axis before those of A and omega."""
         reached = (A / self.limit) ** self.kappa
         slipping = np.minimum(reached, 1.0) if self.bounded else -np.expm1(-reached)
-        share, weight = (nodes.reshape(-1, *[1] * np.ndim(slipping)) for nodes in (_SLIPPING, _WEIGHTS))
+        axes = [1] * max(np.ndim(slipping), np.ndim(omega))
+        share, weight = (nodes.reshape(-1, *axes) for nodes in (_SLIPPING, _WEIGHTS))
         return Slip(self.stiffness * (weight * slipping), self._find_limit(share * slipping))
 
     def _find_limit(self, P: Floats) -> Floats:
