@@ -40,11 +40,12 @@ def test_explanations_are_the_shortest_list_that_reaches_its_cover(lab):
     for name in ("velocity-squared", "planar-coupling"):
         found = lab.diagnosed(name)
         p = [one.probability for one in found.hypotheses]
-        np.testing.assert_allclose(sum(p), 1.0, rtol=0.0, atol=1e-12)  # rounding
+        # what is missing to 1 is left to causes that nobody fitted: at most a third of what the library does not hold
+        assert found.in_library + 0.65 * (1.0 - found.in_library) - 1e-12 <= sum(p) <= 1.0 + 1e-12
         assert p == sorted(p, reverse=True)
         n = len(found.explanations)
         assert found.explanations == found.hypotheses[:n]
-        assert sum(p[:n]) >= COVER > sum(p[: n - 1])
+        assert sum(p[:n]) >= COVER * sum(p) > sum(p[: n - 1])
         assert () in {one.effects for one in found.hypotheses}  # no effect is one of the hypotheses
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Sum, ones
+from damping.forces.contract import Force, Joint, ones
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
 from damping.forces.powers import (
     Displacement,
@@ -72,11 +73,11 @@ OF_ONE_COEFFICIENT = (
 
 
 @dataclass(frozen=True)
-class ManyJoints(Sum):
+class ManyJoints(Force):
     """Joints of ``stiffness`` in all that slip one after the other, those with limits up to a being a share P(a).
 
     P = 1 - exp(-(a/limit)^kappa), after Weibull, or (a/limit)^kappa up to 1. The averages are integrals over P from 0
-    to P(A) of those of one joint. ``forces``: a joint for each range of P, of which the motion in time is made.
+    to P(A) of those of one joint. The motion in time is made of a joint in the middle of each range of ``_ENDS``.
     """
 
     stiffness: Floats
@@ -84,12 +85,8 @@ class ManyJoints(Sum):
     kappa: Floats
     bounded: bool
 
-    @classmethod
-    def of(cls, stiffness: Floats, limit: Floats, kappa: Floats, bounded: bool) -> ManyJoints:
-        """With joints in the middle of each range of ``_ENDS``."""
-        whole = cls((), stiffness, limit, kappa, bounded)
-        ranges = [(0.5 * (start + end), end - start) for start, end in pairwise(_ENDS)]
-        return replace(whole, forces=tuple(Slip(stiffness * share, whole._find_limit(P)) for P, share in ranges))
+    name: ClassVar[str] = "slip"
+    shapes: ClassVar[tuple[Shape, ...]] = Slip.shapes
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
@@ -118,6 +115,16 @@ class ManyJoints(Sum):
         """The integral of their third harmonics."""
         return np.asarray(np.sum(self._take_slipping(A, omega).third(A, omega), axis=0))
 
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """-k q: the joints are added with their memory, less what they are while stuck."""
+        return -self.stiffness * q
+
+    @cached_property
+    def joints(self) -> tuple[Joint, ...]:
+        """One for each range of P."""
+        ranges = [(0.5 * (start + end), end - start) for start, end in pairwise(_ENDS)]
+        return tuple(Joint(self.stiffness * share, self._find_limit(P)) for P, share in ranges)
+
     def _take_slipping(self, A: Floats, omega: Floats) -> Slip:
         """Joints that stand for those that slip at amplitudes A, along an axis before those of A and omega."""
         reached = (A / self.limit) ** self.kappa
@@ -140,7 +147,7 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if not np.any(kappa):
         return Slip(stiffness, limit)
-    return ManyJoints.of(stiffness, limit, kappa, bool(table.get("bounded", 0.0)))
+    return ManyJoints(stiffness, limit, kappa, bool(table.get("bounded", 0.0)))
 
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
