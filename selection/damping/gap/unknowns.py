@@ -7,6 +7,7 @@ of any scatter, correlation and noise is a Gaussian integral in closed form, wit
 hypothesis is averaged over all of them by itself.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -57,15 +58,24 @@ def stated_noise(rows: Rows, record: Record) -> Rows:
 
 
 def further_noise(rows: Rows) -> Rows:
-    """Noise of further channels: the roughness along sweeps, and a share of the phasor that is beyond the model."""
+    """Noise of further channels: the roughness along sweeps, and a share of the phasor that is beyond the model.
 
-    def noise(phasor: ComplexArray, unseen: FloatArray) -> FloatArray:
+    Each channel's roughness is that of the rows that measure it, which may be one sweep of several.
+    """
+
+    def noise(phasor: ComplexArray, sd: FloatArray) -> FloatArray:
+        measured = sd < UNSEEN
+        if not measured.any():
+            return sd
+        own, phasor = rows.where(measured), phasor[measured]
         floor, largest = float(np.min(rows.sd_amplitude * rows.A)), float(np.max(rows.A))
-        if not rows.at_resonance:
-            parts = (roughness(rows, part / largest) for part in (phasor.real, phasor.imag))
+        if not own.at_resonance:
+            parts = (roughness(own, part / largest, (0.0,)) for part in (phasor.real, phasor.imag))  # alike everywhere
             rough = largest * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
-        return np.where(unseen < UNSEEN, np.hypot(floor, FURTHER_ERROR * np.abs(phasor)), UNSEEN)
+        noise = np.full(len(rows), UNSEEN)
+        noise[measured] = np.hypot(floor, FURTHER_ERROR * np.abs(phasor))
+        return noise
 
     return replace(rows, sd_third=noise(rows.third, rows.sd_third), sd_cross=noise(rows.cross, rows.sd_cross))
 
@@ -77,12 +87,12 @@ def is_stated(record: Record) -> tuple[bool, bool]:
     return amplitude, phase
 
 
-def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
+def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES) -> FloatArray:
     """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
 
     Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
     fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
-    a constant part: rho is the most likely of ``SHARES``, s the root mean square without the largest, since a wild
+    a constant part: rho is the most likely of ``shares``, s the root mean square without the largest, since a wild
     point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
     """
     width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
@@ -94,7 +104,7 @@ def roughness(rows: Rows, residual: FloatArray) -> FloatArray:
     w, at = np.concatenate(weights), np.concatenate(places)
     combined = np.sum(w * residual[at], axis=1)
     choices = []
-    for rho in SHARES:
+    for rho in shares:
         shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
         of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
         s = max(spread(combined / of_shape), LEAST)
