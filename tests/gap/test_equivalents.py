@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from damping.gap.diagnose import diagnose
 from damping.gap.next_test import WORTH
 from damping.gap.weighing import COVER, INDISTINCT, distance
+from damping.records.record import Record
 
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
 
@@ -63,6 +65,14 @@ def test_the_next_test_for_what_differs_by_a_power_of_frequency(lab):
     assert heavier
     assert all(0.0 < row["added_mass"] <= 0.5 * lab.mass * 1.1 for test in heavier for row in test.rows)
     assert not any("amplitude_y" in test.columns for test in found.next_tests)  # neither has a second plane
+
+
+def test_a_record_without_phases_is_asked_for_none(lab):
+    """A column is filled in every row: rows with phases after rows without could not be read."""
+    record = lab.measured("velocity-squared")
+    found = diagnose(Record(record.table.drop(columns=["phase", "phase_sd"])), lab.mode())
+    assert found.next_tests
+    assert not any("phase" in test.columns for test in found.next_tests)
 
 
 def test_no_test_is_proposed_where_one_explanation_is_alive(lab):

@@ -28,14 +28,17 @@ _POINTS = 40
 ADDED_MASSES = (0.2, 0.5)
 #: Noise of a harmonic analyser over the largest amplitude.
 FLOOR = 3e-4
-#: Log odds below which a test is not worth its time: 20 to 1.
-WORTH = 3.0
+#: Expected log odds D below which a test is not worth its time: what it gives scatters by sqrt(2 D), and of 6 it is
+#: above 3, 20 to 1, in four of five.
+WORTH = 6.0
 #: Explanations compared with the leading one.
 MOST_RIVALS = 3
+#: Log odds from which on a test decides, though models err: those that also tell imitations from causes come first.
+DECISIVE = 10.0
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
 CERTAIN = 100.0
 
-_SWEEP = ("force", "frequency", "amplitude", "phase")
+_SWEEP = ("force", "frequency", "amplitude")
 _THIRD = ("amplitude_3", "phase_3")
 
 
@@ -61,8 +64,8 @@ class ProposedTest:
     def plan(self, problem: Problem) -> Rows:
         """Its rows, whose amplitudes are yet unknown: each as the nearest of the sweep that is run again.
 
-        A phase that the record does not hold is measured as well as the amplitude, a further channel with the noise of
-        the smallest amplitudes or of `FLOOR`.
+        Phases are measured where the record holds them: a column of a record is filled in every row. A further channel
+        has the noise of the smallest amplitudes, or of `FLOOR`.
         """
         rows, scales = problem.rows, problem.scales
         level = rows.level.min() if self.lowest else rows.level.max()
@@ -90,10 +93,9 @@ class ProposedTest:
             rate=np.zeros(_POINTS),
             added=np.full(_POINTS, self.heavier * scales.M),
             sd_amplitude=np.full(_POINTS, sd_amplitude),
-            sd_phase=np.full(_POINTS, float(np.median(again.sd_phase)) if again.has_phase else sd_amplitude),
+            sd_phase=np.full(_POINTS, float(np.median(again.sd_phase))),
             sd_third=np.full(_POINTS, floor if self.channel == "third" else UNSEEN),
             sd_cross=np.full(_POINTS, floor if self.channel == "cross" else UNSEEN),
-            has_phase=True,
             channels=(self.channel,) if self.channel else (),
         )
 
@@ -165,6 +167,11 @@ class NextTest:
     command: str
 
     @property
+    def comes_first(self) -> bool:
+        """Whether it decides, and by more than first harmonics of one state (`damping.gap.rows.Rows.beyond`)."""
+        return self.expected_log_odds >= DECISIVE and not {"added_mass", *_THIRD}.isdisjoint(self.columns)
+
+    @property
     def told(self) -> float:
         """Expected log odds as they are told, ``CERTAIN`` at most."""
         return min(self.expected_log_odds, CERTAIN)
@@ -172,6 +179,8 @@ class NextTest:
 
 def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
     """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
+
+    Those that decide by more than first harmonics of one state come before the others.
 
     ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
     """
@@ -192,9 +201,10 @@ def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ..
             "points": len(rows),
             "added_mass": float(rows.added[0]),
         }
-        tests.append(NextTest(design.what, design.why, total, (*_SWEEP, *design.columns), (run,), command))
+        columns = (*_SWEEP, *(("phase",) if rows.has_phase else ()), *design.columns)
+        tests.append(NextTest(design.what, design.why, total, columns, (run,), command))
     worth = [test for test in tests if test.expected_log_odds > WORTH]
-    return tuple(sorted(worth, key=lambda test: -test.expected_log_odds))
+    return tuple(sorted(worth, key=lambda test: (not test.comes_first, -test.expected_log_odds)))
 
 
 def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Terms], Terms]) -> float:

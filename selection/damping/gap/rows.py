@@ -98,9 +98,9 @@ class Rows:
         return bool(self.resonant.all())
 
     @property
-    def tells_imitations(self) -> bool:
-        """Whether more is measured than first harmonics of one state: third ones, or a mass that was added."""
-        return "third" in self.channels or bool(np.ptp(self.added) > 0.0 or np.ptp(self.state) > 0.0)
+    def beyond(self) -> int:
+        """How much is measured beyond first harmonics of one state: third ones, and another state or added mass."""
+        return ("third" in self.channels) + bool(np.ptp(self.added) > 0.0 or np.ptp(self.state) > 0.0)
 
     @property
     def seen(self) -> BoolArray:

@@ -23,13 +23,12 @@ from damping.gap.size import Gap, HeldOut
 
 #: Probability that the list of explanations reaches.
 COVER = 0.95
-#: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it;
-#: higher where third harmonics or further states tell imitations apart, so that odds are larger.
-TEMPERATURE_OUTSIDE = 5.0
-TEMPERATURE_TOLD = 8.0
-#: Largest share of what causes outside the library leave to explanations that the best one has, unless the record tells
-#: imitations so: first harmonics of one state are imitated to within their noise by effects that are not there. Of 1936
-#: cases of 66 kinds (600 of them foreign causes) .5 % were named wrongly beyond .95; of all shares at most, 1.6 %.
+#: Temperature of the log odds between explanations where the cause is not in the library and all of them imitate it, by
+#: what the record holds beyond first harmonics of one state: nothing, third ones or another state, both.
+TEMPERATURES = (5.0, 6.0, 2.0)
+#: Largest share of what causes outside the library leave to explanations that the best one has where there is nothing
+#: beyond: first harmonics of one state are imitated to within their noise by effects that are not there. Of 1936 cases
+#: of 66 kinds (600 of them foreign causes) .7 % were named wrongly beyond .95, 1.6 % without these.
 LARGEST_IMITATION = 0.65
 #: Log odds that the library holds the cause, where it holds three in five: of an effect that leaves noise only; other
 #: odds where nothing is blamed; less for each of the `describe_doubts`.
@@ -76,15 +75,15 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     )
 
 
-def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, told: bool) -> tuple[Explanation, ...]:
+def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown.
 
-    ``told``: whether the record tells imitations apart, by third harmonics or further states. Else the leading one
-    leaves a rest, which is that of causes nobody fitted.
+    ``beyond``: see `damping.gap.rows.Rows`. Where there is nothing the leading one leaves a rest, which is that of
+    causes nobody fitted.
     """
     log_posterior = np.array([explanation.hypothesis.log_posterior for explanation in hypotheses])
-    outside = softmax(log_posterior / (TEMPERATURE_TOLD if told else TEMPERATURE_OUTSIDE))
-    outside[0] = outside[0] if told else min(outside[0], LARGEST_IMITATION)
+    outside = softmax(log_posterior / TEMPERATURES[beyond])
+    outside[0] = outside[0] if beyond else min(outside[0], LARGEST_IMITATION)
     return tuple(
         replace(explanation, probability=float(in_library * explanation.probability + (1.0 - in_library) * own))
         for explanation, own in zip(hypotheses, outside, strict=True)
