@@ -12,7 +12,7 @@ from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
-from damping.gap.weighing import describe_doubts, describe_foreign
+from damping.gap.weighing import Explanation, blend_probabilities, describe_doubts, describe_foreign
 from damping.records.record import Record
 
 #: One group: what was integrated is shared with other files.
@@ -97,6 +97,18 @@ def test_the_noise_of_a_third_harmonic_is_that_of_the_sweeps_that_measure_it(lab
         # 5 % of the phasor are beyond the model; two parts of sixty rows, four of them in a combination: 20 %
         np.testing.assert_allclose(sd[-1], 1e-3 * top, rtol=0.2)
     assert [len(each) for each in sd] == [last.sum(), len(record)]
+
+
+def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
+    """In closed form: in_library p + (1 - in_library) times the tempered share, at most .65 where nothing is beyond."""
+    ranked = [
+        Explanation(("slip",), 1.0, hypothesis(0.0, "slip").hypothesis),
+        Explanation((), 0.0, hypothesis(-60.0).hypothesis),
+    ]
+    given = [blend_probabilities(tuple(ranked), 0.85, beyond)[0].probability for beyond in (0, 1, 2)]
+    share = [0.65, 1.0 / (1.0 + np.exp(-10.0)), 1.0 / (1.0 + np.exp(-30.0))]
+    np.testing.assert_allclose(given, 0.85 + 0.15 * np.array(share), rtol=1e-12)
+    assert given[0] < 0.95 < given[1] < given[2]
 
 
 def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):

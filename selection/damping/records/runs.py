@@ -177,11 +177,12 @@ def _measure_prominence(level: FloatArray, top: int) -> float:
     return float(level[top] - max(level[first : top + 1].min(), level[top:last].min()))
 
 
-#: Humps of beats after a resonance that was passed fast stand out by so much at least, ln A/F (this and the next two
-#: from integrating a linear mode at 1 to 10 bandwidths squared per second).
+#: A hump of the beats after a resonance that was passed fast stands out by this much in ln A/F at least, and at most;
+#: all three numbers are those of a linear mode, integrated at rates of 1 to 10 bandwidths squared per second.
 SHALLOW = 0.05
-DEEP = 1.2  #: and by so much at most
-FIRST_BEAT = (0.7, 1.8)  #: the first of them lies so far below the peak, ln A/F
+DEEP = 1.2
+#: The first hump lies this far below the peak, ln A/F, at least and at most.
+FIRST_BEAT = (0.7, 1.8)
 
 
 def count_beats(run: Run) -> int:
