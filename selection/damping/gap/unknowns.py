@@ -73,9 +73,9 @@ def further_noise(rows: Rows) -> Rows:
             parts = (roughness(own, part / largest, (0.0,)) for part in (phasor.real, phasor.imag))  # alike everywhere
             rough = largest * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
-        noise = np.full(len(rows), UNSEEN)
-        noise[measured] = np.hypot(floor, FURTHER_ERROR * np.abs(phasor))
-        return noise
+        of_rows = np.full(len(rows), UNSEEN)
+        of_rows[measured] = np.hypot(floor, FURTHER_ERROR * np.abs(phasor))
+        return of_rows
 
     return replace(rows, sd_third=noise(rows.third, rows.sd_third), sd_cross=noise(rows.cross, rows.sd_cross))
 
