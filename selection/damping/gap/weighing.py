@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, softmax
+from scipy.special import expit, logsumexp, softmax
 
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
@@ -59,7 +59,7 @@ _MOST_SWAPPED = 2
 
 @dataclass(frozen=True)
 class Explanation:
-    """A hypothesis with its probability among all that were fitted."""
+    """A hypothesis with its probability among all that were fitted, and that of those which add nothing to be seen."""
 
     effects: tuple[str, ...]
     probability: float
@@ -67,12 +67,25 @@ class Explanation:
 
 
 def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
-    """Probabilities among all hypotheses that were fitted, the most probable of which comes first."""
-    probabilities = softmax([hypothesis.log_posterior for hypothesis in ranked])
-    return tuple(
-        Explanation(hypothesis.effects, float(p), hypothesis)
-        for hypothesis, p in zip(ranked, probabilities, strict=True)
-    )
+    """Probabilities among all hypotheses that were fitted, the most probable of which comes first.
+
+    One that predicts as a more probable one does, but with a further effect, is no explanation of its own: that effect
+    cannot be seen, and what it has of the probability is the other's.
+    """
+    told = dict[frozenset[str], list[Hypothesis]]()
+    for hypothesis in ranked:
+        same = (key for key, (first, *_) in told.items() if key < hypothesis.key and _is_alike(first, hypothesis))
+        told.setdefault(next(same, hypothesis.key), []).append(hypothesis)
+    probabilities = softmax([logsumexp([own.log_posterior for own in alike]) for alike in told.values()])
+    weighed = [
+        Explanation(first.effects, float(p), first) for (first, *_), p in zip(told.values(), probabilities, strict=True)
+    ]
+    return tuple(sorted(weighed, key=lambda explanation: -explanation.probability))
+
+
+def _is_alike(hypothesis: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two best fits are told apart only by chance."""
+    return distance(hypothesis.best, other.best) < INDISTINCT
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
@@ -81,8 +94,9 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, 
     ``beyond``: see `damping.gap.rows.Rows`. Where there is nothing the leading one leaves a rest, which is that of
     causes nobody fitted.
     """
-    log_posterior = np.array([explanation.hypothesis.log_posterior for explanation in hypotheses])
-    outside = softmax(log_posterior / TEMPERATURES[beyond])
+    with np.errstate(divide="ignore"):  # what has no chance at all
+        log_odds = np.log([explanation.probability for explanation in hypotheses])
+    outside = softmax(log_odds / TEMPERATURES[beyond])
     outside[0] = outside[0] if beyond else min(outside[0], LARGEST_IMITATION)
     return tuple(
         replace(explanation, probability=float(in_library * explanation.probability + (1.0 - in_library) * own))
