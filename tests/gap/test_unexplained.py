@@ -12,7 +12,13 @@ from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
-from damping.gap.weighing import Explanation, blend_probabilities, describe_doubts, describe_foreign
+from damping.gap.weighing import (
+    Explanation,
+    blend_probabilities,
+    describe_doubts,
+    describe_foreign,
+    weigh_hypotheses,
+)
 from damping.records.record import Record
 
 #: One group: what was integrated is shared with other files.
@@ -41,10 +47,10 @@ def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
     assert found.gap.nominal > 0.8 * all_rows
 
 
-def hypothesis(log_posterior: float, *effects: str) -> SimpleNamespace:
-    own = SimpleNamespace(
-        effects=effects, key=frozenset(effects), log_posterior=log_posterior, best=SimpleNamespace(model=None)
-    )
+def hypothesis(log_posterior: float, *effects: str, apart: float = 0.0) -> SimpleNamespace:
+    """A fit whose prediction lies ``apart`` units of noise from 0."""
+    best = SimpleNamespace(model=None, r=np.array([apart]), weights=np.ones(1))
+    own = SimpleNamespace(effects=effects, key=frozenset(effects), log_posterior=log_posterior, best=best)
     return SimpleNamespace(hypothesis=own)
 
 
@@ -99,11 +105,22 @@ def test_the_noise_of_a_third_harmonic_is_that_of_the_sweeps_that_measure_it(lab
     assert [len(each) for each in sd] == [last.sum(), len(record)]
 
 
+def test_a_further_effect_that_cannot_be_seen_leaves_its_probability_to_the_simpler_explanation():
+    """In closed form; one that can be seen stands for itself, as do another effect that predicts the same, and none."""
+    fitted = [(0.0, 0.0, "slip"), (-1.0, 1.0, "slip", "drift"), (-2.0, 3.0, "slip", "background"), (-2.5, 0.0)]
+    fitted.append((-3.0, 0.0, "lag"))
+    ranked = [hypothesis(log_posterior, *effects, apart=apart).hypothesis for log_posterior, apart, *effects in fitted]
+    found = weigh_hypotheses(ranked)
+    assert [one.effects for one in found] == [("slip",), ("slip", "background"), (), ("lag",)]
+    wanted = np.array([1.0 + np.exp(-1.0), np.exp(-2.0), np.exp(-2.5), np.exp(-3.0)])
+    np.testing.assert_allclose([one.probability for one in found], wanted / wanted.sum(), rtol=1e-12)
+
+
 def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
     """In closed form: in_library p + (1 - in_library) times the tempered share, at most .65 where nothing is beyond."""
     ranked = [
         Explanation(("slip",), 1.0, hypothesis(0.0, "slip").hypothesis),
-        Explanation((), 0.0, hypothesis(-60.0).hypothesis),
+        Explanation((), np.exp(-60.0), hypothesis(-60.0).hypothesis),
     ]
     given = [blend_probabilities(tuple(ranked), 0.85, beyond)[0].probability for beyond in (0, 1, 2)]
     share = [0.65, 1.0 / (1.0 + np.exp(-10.0)), 1.0 / (1.0 + np.exp(-30.0))]

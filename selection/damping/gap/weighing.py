@@ -70,11 +70,11 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     """Probabilities among all hypotheses that were fitted, the most probable of which comes first.
 
     One that predicts as a more probable one does, but with a further effect, is no explanation of its own: that effect
-    cannot be seen, and what it has of the probability is the other's.
+    cannot be seen, and what it has of the probability is the other's. A small effect stays a rival of none.
     """
     told = dict[frozenset[str], list[Hypothesis]]()
     for hypothesis in ranked:
-        same = (key for key, (first, *_) in told.items() if key < hypothesis.key and _is_alike(first, hypothesis))
+        same = (key for key, (first, *_) in told.items() if _adds_nothing(hypothesis, first))
         told.setdefault(next(same, hypothesis.key), []).append(hypothesis)
     probabilities = softmax([logsumexp([own.log_posterior for own in alike]) for alike in told.values()])
     weighed = [
@@ -83,9 +83,9 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     return tuple(sorted(weighed, key=lambda explanation: -explanation.probability))
 
 
-def _is_alike(hypothesis: Hypothesis, other: Hypothesis) -> bool:
-    """Whether two best fits are told apart only by chance."""
-    return distance(hypothesis.best, other.best) < INDISTINCT
+def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
+    """Whether further effects beside those of a simpler explanation change its prediction by no more than chance."""
+    return set() < simpler.key < further.key and distance(simpler.best, further.best) < INDISTINCT
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
