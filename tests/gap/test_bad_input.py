@@ -80,6 +80,16 @@ def test_rows_at_resonance_only(lab, honest):
     assert not asked & {"natural-frequency", "stiffness-hardening", "planar-coupling", "phase-lag", "force-dropout"}
 
 
+def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
+    """One row a level, all at one frequency, as a tuned test gives them: no band, and an answer all the same."""
+    at = honest({"levels": 4, "points": 21}, keep=highest)
+    assert np.ptp(at.column("frequency")) == 0.0
+    np.testing.assert_allclose(at.column("frequency"), lab.mode().frequency, rtol=1e-12, atol=0.0)  # rounding
+    found, said = answer(at, lab.mode())
+    assert "fewer than 3 rows in sweep A" in said
+    assert confident(found) == ()
+
+
 def test_too_many_rows(lab, honest):
     record = honest()
     times = MOST_ROWS // len(record) + 1
