@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import WORTH
+from damping.gap.next_test import WORTH, name_command
 from damping.gap.weighing import COVER, INDISTINCT, distance
 from damping.records.record import Record
 
@@ -80,3 +80,18 @@ def test_no_test_is_proposed_where_one_explanation_is_alive(lab):
     found = lab.diagnosed("velocity-squared")
     assert found.hypotheses[1].probability > 0.1
     assert replace(found, explanations=found.explanations[:1]).next_test is None  # alive is what the answer lists
+
+
+def test_the_command_of_a_next_test_names_files_as_given_with_states_and_simulator(lab):
+    def of(name):
+        return Record(lab.measured("").table, f"{name}/data.csv"), lab.mode(source=f"{name}/model.toml")
+
+    one, two = of("old tests/one"), of("two")
+    files = "'old tests/one/model.toml' 'old tests/one/data.csv'"
+    assert name_command([one], None) == f"damping gap {files}"
+    both = f"damping gap {files} --with two/model.toml two/data.csv"
+    assert name_command([one, two], None) == both
+    assert name_command([one, two], diagnose) == f"{both} --simulator damping.gap.diagnose:diagnose"
+    assert name_command([one, two], lambda force, frequency: (force, frequency)).endswith("MODULE:FUNCTION")
+    found = diagnose(lab.measured("velocity-squared"), lab.mode(), states=[two])
+    assert found.states == (two,)
