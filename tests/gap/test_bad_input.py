@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from damping.errors import AnalysisError
+from damping.gap.corrected import describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
 from damping.records.record import Record
 
@@ -80,6 +81,16 @@ def test_rows_at_resonance_only(lab, honest):
     assert not asked & {"natural-frequency", "stiffness-hardening", "planar-coupling", "phase-lag", "force-dropout"}
 
 
+def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
+    """One row a level, all at one frequency, as a tuned test gives them: no band, and an answer all the same."""
+    at = honest({"levels": 4, "points": 21}, keep=highest)
+    assert np.ptp(at.column("frequency")) == 0.0
+    np.testing.assert_allclose(at.column("frequency"), lab.mode().frequency, rtol=1e-12, atol=0.0)  # rounding
+    found, said = answer(at, lab.mode())
+    assert "fewer than 3 rows in sweep A" in said
+    assert confident(found) == ()
+
+
 def test_too_many_rows(lab, honest):
     record = honest()
     times = MOST_ROWS // len(record) + 1
@@ -119,6 +130,17 @@ def test_model_and_record_of_different_modes(lab, honest, ratio):
         diagnose(honest(frequency=ratio), lab.mode())
     assert "simulated resonance 3 Hz" in str(refused.value)
     assert ("rad/s?" in str(refused.value)) == (ratio == 2 * np.pi)
+
+
+@pytest.mark.parametrize("times", [7.0, 25.0, 50.0])
+def test_damping_far_above_the_simulated_one_moves_the_peak_and_is_no_other_mode(lab, times):
+    """50 times: the largest amplitude lies 29 % below the natural frequency (1 - 2 zeta^2 = 1/2)."""
+    rows = lab.bench(levels=3, points=30, half=50.0).rows
+    record = lab.record(rows, lab.linear(rows, viscous=times * lab.viscous), 4)
+    found = diagnose(record, lab.mode())
+    assert found.leading.effects == ("viscous-coefficient",)
+    size = describe_effects(found.leading.best)[0]["viscous-coefficient"]["relative"]
+    np.testing.assert_allclose(size, times - 1.0, rtol=0.03, atol=0.0)  # 1 % noise, 180 values
 
 
 def test_a_model_without_damping(lab, honest):

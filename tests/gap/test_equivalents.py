@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from damping.effects import CATALOGUE
+from damping.gap import weighing
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import WORTH
+from damping.gap.next_test import WORTH, name_command
+from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
 from damping.records.record import Record
 
@@ -80,3 +83,63 @@ def test_no_test_is_proposed_where_one_explanation_is_alive(lab):
     found = lab.diagnosed("velocity-squared")
     assert found.hypotheses[1].probability > 0.1
     assert replace(found, explanations=found.explanations[:1]).next_test is None  # alive is what the answer lists
+
+
+def test_the_command_of_a_next_test_names_files_as_given_with_states_and_simulator(lab):
+    def of(name):
+        return Record(lab.measured("").table, f"{name}/data.csv"), lab.mode(source=f"{name}/model.toml")
+
+    one, two = of("old tests/one"), of("two")
+    files = "'old tests/one/model.toml' 'old tests/one/data.csv'"
+    assert name_command([one], None) == f"damping gap {files}"
+    both = f"damping gap {files} --with two/model.toml two/data.csv"
+    assert name_command([one, two], None) == both
+    assert name_command([one, two], diagnose) == f"{both} --simulator damping.gap.diagnose:diagnose"
+    assert name_command([one, two], lambda force, frequency: (force, frequency)).endswith("MODULE:FUNCTION")
+    found = diagnose(lab.measured("velocity-squared"), lab.mode(), states=[two])
+    assert found.states == (two,)
+
+
+@dataclass(frozen=True)
+class Known:
+    """A hypothesis whose probability is known and whose prediction is that of all others."""
+
+    effects: tuple[str, ...]
+    log_posterior: float
+    best: None = None
+
+    @property
+    def key(self):
+        return frozenset(self.effects)
+
+
+def test_the_rig_is_looked_at_first_only_where_it_alone_could_do_it(monkeypatch):
+    """A gain that needs a second plane beside it does not spare the structure."""
+    monkeypatch.setattr(weighing, "distance", lambda fit, other: 0.0)
+    ranked = [
+        Known(("second-mode",), 0.0),
+        Known(("residual-modes",), -1.0),
+        Known(("amplitude-scale", "planar-coupling"), -1.0),
+    ]
+    (group,) = weighing.group_equivalent_effects(ranked, CATALOGUE)
+    assert group.rig == ()
+    assert set(group.effects) == {"second-mode", "residual-modes", "amplitude-scale", "planar-coupling"}
+    (group,) = weighing.group_equivalent_effects([*ranked, Known(("force-dropout",), -1.0)], CATALOGUE)
+    assert group.rig == ("force-dropout",)
+
+
+def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
+    """Levels held out that chose another effect speak of the choice, and no share of a gap is below nothing."""
+    gap = Gap(9.0, 8.0, 1.0, 1.0)
+
+    def said(effects):
+        fold = HeldOutFold(("A",), effects, 20, 400.0, 300.0, 900.0)
+        held_out = HeldOut(9.0, 8.0, 13.0, -1.4, -1.9, -1.0, "each", (fold,))
+        (caution,) = weighing.describe_held_out(Known(("velocity-squared",), 0.0), gap, held_out)
+        return caution
+
+    assert said(("velocity-squared",)) == (
+        "the explanation fails on levels that did not choose it: it closes nothing of their gap"
+    )
+    assert "without one displacement is chosen, which closes nothing of the gap there" in said(("displacement",))
+    assert "no effect is chosen" in said(())

@@ -173,7 +173,8 @@ def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode beyond the rows, at 1.5 reaches or up to four times as high or low, or rigid-body motion; either sign."""
     resonance = 1.0 / scales.loss
-    apart = FormVariable.between(1.5 * scales.reach, 3.0, starts=(-1.0, 0.5))
+    beyond = 1.5 * max(scales.reach, scales.bandwidth)  # rows may all lie at the resonance
+    apart = FormVariable.between(beyond, 3.0, starts=(-1.0, 0.5))
 
     def report(strength: Floats) -> dict[str, Floats]:
         return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from damping.forces import Viscous
 from damping.gap import size, weighing
 from damping.gap.corrected import describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.next_test import NextTest, rank_tests
+from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
     Setting,
@@ -61,7 +60,7 @@ class Explained:
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
         in_library: chance that the library holds the cause at all. unexplained: more than noise is left.
-        cautions: what the record cannot say.
+        cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
     record: Record
@@ -75,6 +74,8 @@ class Explained:
     in_library: float
     unexplained: bool
     cautions: tuple[str, ...]
+    states: tuple[State, ...]
+    simulate: Simulate | None
 
     @property
     def leading(self) -> Hypothesis:
@@ -108,11 +109,7 @@ class Diagnosis(Explained):
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        model, record = (
-            Path(source).name if Path(source).suffix == ending else f"{what}{ending}"
-            for source, what, ending in ((self.mode.source, "MODEL", ".toml"), (self.record.source, "RECORD", ".csv"))
-        )
-        return rank_tests(self.explanations, f"damping gap {model} {record}")
+        return rank_tests(self.explanations, name_command([(self.record, self.mode), *self.states], self.simulate))
 
     @property
     def next_test(self) -> NextTest | None:
@@ -160,7 +157,8 @@ def explain(
     cautions += weighing.describe_foreign(leading, foreign)
     left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
     left = left or known.dispersion > 1.0
-    return Explained(record, mode, known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
+    found = (known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
+    return Explained(record, mode, *found, tuple(states), simulate)
 
 
 @np.errstate(all="ignore")  # as above

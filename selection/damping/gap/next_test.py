@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import sqrt
+from pathlib import Path
+from shlex import join
 
 import numpy as np
 from scipy.special import logsumexp
@@ -18,7 +20,9 @@ from damping.effects.contract import Terms
 from damping.effects.terms import cross_motion, third_harmonic
 from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals, steady
+from damping.gap.problem import State
 from damping.gap.rows import UNSEEN, Rows
+from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
 from damping.gap.weighing import Explanation
 
@@ -175,6 +179,23 @@ class NextTest:
     def told(self) -> float:
         """Expected log odds as they are told, ``CERTAIN`` at most."""
         return min(self.expected_log_odds, CERTAIN)
+
+
+def name_command(states: Sequence[State], simulate: Simulate | None) -> str:
+    """The command that reads records with their modes, and a simulator; what is no file is named in capitals."""
+    files = [
+        source if Path(source).suffix == ending else f"{what}{ending}"
+        for record, mode in states
+        for source, what, ending in ((mode.source, "MODEL", ".toml"), (record.source, "RECORD", ".csv"))
+    ]
+    words = ["damping", "gap", *files[:2]]
+    for model, record in zip(files[2::2], files[3::2], strict=True):
+        words += ["--with", model, record]
+    if simulate is not None:
+        module, function = (getattr(simulate, name, "<") for name in ("__module__", "__qualname__"))
+        found = module != "__main__" and "<" not in function
+        words += ["--simulator", f"{module}:{function}" if found else "MODULE:FUNCTION"]
+    return join(words)
 
 
 def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:

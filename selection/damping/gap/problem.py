@@ -27,6 +27,8 @@ from damping.records.record import Record
 NOISE_ERROR = 0.2
 #: A resonance farther from the simulated one than this is that of another mode.
 _ANOTHER_MODE = 0.12
+_BROAD = 0.5  #: ... unless all rows between the two, more than so many, respond by at least this share of the largest
+_BROAD_ROWS = 2
 #: Rows without which a sweep says nothing of a resonance.
 _FEW_ROWS = 3
 
@@ -136,14 +138,18 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
     """Refuse a record that was plainly not made of the mode.
 
     Raises:
-        AnalysisError: the record's frequencies, or its largest amplitude per force, lie far from the mode's frequency.
+        AnalysisError: the record's frequencies, or its largest amplitude per force, lie far from the mode's frequency,
+            and no response as broad as a heavily damped resonance joins the two.
     """
     # where the row would lie without its added mass
     hertz = rows.omega / RAD_S_PER_HZ * np.sqrt(1.0 + rows.added / mode.mass)
-    peak = float(hertz[np.argmax(rows.A / rows.F)])
+    response = rows.A / rows.F
+    peak = float(hertz[np.argmax(response)])
     inside = hertz.min() * (1.0 - _ANOTHER_MODE) < mode.frequency < hertz.max() * (1.0 + _ANOTHER_MODE)
     edge = peak in (hertz.min(), hertz.max())
-    if inside and (edge or abs(peak / mode.frequency - 1.0) < _ANOTHER_MODE):
+    between = (hertz - peak) * (hertz - mode.frequency) <= 0.0
+    broad = len(np.unique(hertz[between])) > _BROAD_ROWS and bool(response[between].min() > _BROAD * response.max())
+    if inside and (edge or broad or abs(peak / mode.frequency - 1.0) < _ANOTHER_MODE):
         return
     message = (
         f"model and record are of different modes: simulated resonance {mode.frequency:g} Hz, "

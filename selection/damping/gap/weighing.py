@@ -6,7 +6,7 @@ answer leaves; its constants are those of ``python -m damping_validation.guard d
 generated cases whose cause is in the library or in none; ``damping blind`` says how well the chance is kept.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,8 +145,12 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
         return []
     if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
         return []
-    share = f"it closes {100.0 * held_out.shrinkage:.0f} % of their gap"
-    return [f"the explanation fails on levels that did not choose it: {share}"]
+    closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "nothing"
+    others = {" + ".join(fold.effects) or "no effect" for fold in held_out.folds if set(fold.effects) != leading.key}
+    if others:
+        chosen = f"without one {' or '.join(sorted(others))} is chosen"
+        return [f"the explanation hangs on single levels: {chosen}, which closes {closed} of the gap there"]
+    return [f"the explanation fails on levels that did not choose it: it closes {closed} of their gap"]
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
@@ -159,11 +163,12 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
 class Group:
     """Effects that may take one another's place in the leading explanation, those of the rig first.
 
-    ``distance``: the largest to the leading one.
+    ``distance``: the largest to the leading one. ``rig``: those of the rig that need none of the structure beside them.
     """
 
     effects: tuple[str, ...]
     distance: float
+    rig: tuple[str, ...]
 
 
 def distance(fit: ModelFit, other: ModelFit) -> float:
@@ -182,7 +187,7 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
     groups = []
     for effect in leading.effects:
         rest = leading.key - {effect}
-        members, farthest = [effect], 0.0
+        members, farthest, of_rig = [effect], 0.0, {effect} if _is_of_rig({effect}, library) else set()
         for other in hypotheses[1:]:
             swapped = other.key - rest
             alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
@@ -191,7 +196,12 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
                 if apart < INDISTINCT:
                     members += [name for name in other.effects if name in swapped and name not in members]
                     farthest = max(farthest, apart)
+                    of_rig |= swapped if _is_of_rig(swapped, library) else set()
         if len(members) > 1:
             members.sort(key=lambda name: library[name].kind != "instrument")
-            groups.append(Group(tuple(members), farthest))
+            groups.append(Group(tuple(members), farthest, tuple(name for name in members if name in of_rig)))
     return tuple(groups)
+
+
+def _is_of_rig(names: Collection[str], library: Mapping[str, Effect]) -> bool:
+    return all(library[name].kind == "instrument" for name in names)

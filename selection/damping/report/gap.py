@@ -54,7 +54,6 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "leading": leading,
         "effects": [f"{CATALOGUE[name].sentence} ({named[name]})" if name in CATALOGUE else name for name in named],
         "top": diagnosis.where[0],
-        "of_rig": {name for name, effect in CATALOGUE.items() if effect.kind == "instrument"},
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
         "test": diagnosis.next_test,
