@@ -7,7 +7,6 @@ and Verdinelli 1995, design for discrimination between models).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from math import sqrt
 from pathlib import Path
 from shlex import join
@@ -24,7 +23,7 @@ from damping.gap.problem import State
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import Explanation
+from damping.gap.weighing import INDISTINCT, Explanation, distance
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -104,27 +103,32 @@ class ProposedTest:
         )
 
 
-def _add_mass(share: float) -> tuple[ProposedTest, ProposedTest]:
-    """A second state, without and with the third harmonic."""
-    return (
-        ProposedTest(
-            f"a second state with a known mass of {share:.0%} of the modal mass added",
-            "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
-            ("added_mass",),
-            heavier=share,
-        ),
-        ProposedTest(
-            f"the same state, {share:.0%} heavier, with the third harmonic of the displacement",
-            "both what moves with frequency and what distorts show",
-            ("added_mass", *_THIRD),
-            heavier=share,
-            channel="third",
-        ),
+def _with_third(design: ProposedTest) -> ProposedTest:
+    """The same with the third harmonic."""
+    return replace(
+        design,
+        what=f"{design.what}, with the third harmonic of the displacement",
+        why=f"{design.why}; forces that are not linear in the motion distort it, paths and gains do not",
+        columns=(*design.columns, *_THIRD),
+        channel="third",
     )
 
 
-#: All tests that a record can hold.
-DESIGNS = (
+def _add_mass(share: float, factor: float = 1.0) -> ProposedTest:
+    """A second state."""
+    return ProposedTest(
+        f"a second state with a known mass of {share:.0%} of the modal mass added"
+        + (f", at {factor:g} times the highest force" if factor > 1.0 else ""),
+        "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
+        ("added_mass",),
+        factor=factor,
+        heavier=share,
+    )
+
+
+#: Tests of the displacement along the drive.
+_ALONG = (
+    ProposedTest("a sweep at the highest force", "what else it holds is measured beside it"),
     ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
     ProposedTest("a sweep at half the lowest force", "effects part with amplitude", factor=0.5, lowest=True),
     ProposedTest(
@@ -133,18 +137,17 @@ DESIGNS = (
         width=2.0,
     ),
     ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
-    *chain.from_iterable(_add_mass(share) for share in ADDED_MASSES),
+    *(_add_mass(share, factor) for share in ADDED_MASSES for factor in (1.0, 2.0)),
+)
+#: All tests that a record can hold.
+DESIGNS = (
+    *_ALONG[1:],
+    *(_with_third(design) for design in _ALONG),
     ProposedTest(
         "the highest sweep again, each frequency held until the motion is steady",
         "what a moving frequency does is gone",
         ("sweep_rate",),
         change=lambda terms: terms._replace(moving=()),
-    ),
-    ProposedTest(
-        "the third harmonic of the displacement at the highest force",
-        "forces that are not linear in the motion distort it, paths and gains do not",
-        _THIRD,
-        channel="third",
     ),
     ProposedTest(
         "the motion across the measured axis at the highest force",
@@ -204,8 +207,11 @@ def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ..
     Those that decide by more than first harmonics of one state come before the others.
 
     ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
+    Where nothing is blamed, effects too small to be seen are none.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
+    if not alive[0].effects:
+        rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
     p = np.array([rival.probability for rival in rivals])
