@@ -11,13 +11,13 @@ from math import pi
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Effect, Scales
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
-from damping.gap.rows import UNSEEN, Rows, join_states, read_rows
+from damping.gap.rows import UNSEEN, Rows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
 from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
@@ -78,21 +78,31 @@ class Setting:
 State = tuple[Record, Mode]
 
 
-def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: Simulate | None = None) -> Setting:
+def setting(
+    record: Record,
+    mode: Mode,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+    shaken: Sequence[FloatArray] = (),
+    groups: tuple[tuple[int, ...], ...] = (),
+) -> Setting:
     """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
 
     Args:
         states: further states of the same structure, whose effects are shared. simulate: the user's own simulation.
+        shaken, groups: of each state, see `damping.gap.driven.Driven`; empty where forces drive all.
 
     Raises:
         AnalysisError: states that simulate different damping forces.
     """
     rows = [stated_noise(read_rows(own, state), own) for own, state in ((record, mode), *states)]
+    if shaken:
+        rows = [on_base(own, masses[own.row]) for own, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
     swept = ("ringing", "law") if mode.rig.rate else ("ringing",)  # the law of a rate that a column has is its own
-    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator)
+    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
     own = mode.repeatability
