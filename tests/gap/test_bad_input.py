@@ -11,6 +11,7 @@ import pytest
 from damping.errors import AnalysisError
 from damping.gap.corrected import describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
+from damping.gap.problem import list_unread
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -89,6 +90,36 @@ def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
     found, said = answer(at, lab.mode())
     assert "fewer than 3 rows in sweep A" in said
     assert confident(found) == ()
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"amplitude_3": 1e-4}, ["amplitude_3 is without phase_3 and is not used"]),
+        (
+            {"phase_3": 0.1, "amplitude_y": 1e-4},
+            ["phase_3 is without amplitude_3 and", "amplitude_y is without phase_y and"],
+        ),
+        ({"amplitude_3": 1e-4, "phase_3": 0.1, "amplitude_y": np.nan}, []),
+    ],
+)
+def test_half_a_phasor_is_told_and_not_used(honest, columns, said):
+    record = honest()
+    one = Record(record.table.assign(**columns))
+    cautions = list_unread([(one, None)])
+    assert len(cautions) == len(said)
+    assert all(caution.startswith(start) for caution, start in zip(cautions, said, strict=True))
+
+
+def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):
+    record = honest()
+    phase = np.where(np.arange(len(record)) < 5, np.nan, 0.1)
+    partly = Record(record.table.assign(amplitude_3=1e-4, phase_3=phase))
+    expected = (
+        f"amplitude_3 of state 2 is without phase_3 in 5 of {len(record)} rows and is not used: both make one phasor"
+    )
+    assert list_unread([(record, lab.mode()), (partly, lab.mode())]) == [expected]
+    assert expected.replace(" of state 2", "") in diagnose(partly, lab.mode(), {}).cautions
 
 
 def test_too_many_rows(lab, honest):

@@ -21,6 +21,7 @@ from damping.gap.problem import (
     Setting,
     State,
     exclude_effects,
+    list_unread,
     record_cautions,
     refuse_other_mode,
     setting,
@@ -149,7 +150,7 @@ def explain(
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = [*driven.said, *record_cautions(rows, record, stated)]
+    cautions = [*driven.said, *list_unread(driven.states), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)

@@ -11,13 +11,13 @@ from math import pi
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.effects.contract import Effect, Scales
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
-from damping.gap.rows import UNSEEN, Rows, join_states, on_base, read_rows
+from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
 from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
@@ -198,6 +198,26 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     if not mode.damping:
         cautions.append("the simulation has no damping")
     return cautions
+
+
+def list_unread(states: Sequence[State]) -> list[str]:
+    """Further channels that are in the records and count for nothing, since half of their phasors is missing."""
+    cautions = []
+    for number, (record, _) in enumerate(states, 1):
+        for channel in FURTHER_CHANNELS:
+            amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
+            for name, other in ((amplitude, phase), (phase, amplitude)):
+                alone = _is_filled(record, name) & ~_is_filled(record, other)
+                if alone.any():
+                    rows = "" if alone.all() else f" in {alone.sum()} of {len(record)} rows"
+                    of_state = f" of state {number}" if len(states) > 1 else ""
+                    cautions.append(f"{name}{of_state} is without {other}{rows} and is not used: both make one phasor")
+    return cautions
+
+
+def _is_filled(record: Record, name: str) -> BoolArray:
+    """Which rows hold a number in a column, (n,)."""
+    return np.isfinite(record.column(name, np.nan))
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:

@@ -21,6 +21,8 @@ from damping.records.resonance import number_levels, tabulate_resonances
 
 #: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
 UNSEEN = 1e9
+#: Ends of the names of the columns of further phasors: third harmonics, the motion across.
+FURTHER_CHANNELS = ("3", "y")
 #: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
 SAME_STIFFNESS = 1e-3
 
@@ -156,7 +158,9 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     def optional(name: str, default: float) -> FloatArray:
         return record.column(name, default)[order]
 
-    third, cross = (optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in "3y")
+    third, cross = (
+        optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in FURTHER_CHANNELS
+    )
     rate = optional("sweep_rate", mode.rig.rate or 0.0)
     return Rows(
         row=order,
