@@ -11,7 +11,7 @@ import pytest
 from damping.errors import AnalysisError
 from damping.gap.corrected import describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
-from damping.gap.problem import list_unread
+from damping.gap.problem import list_repeated, list_unread
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -120,6 +120,22 @@ def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):
     )
     assert list_unread([(record, lab.mode()), (partly, lab.mode())]) == [expected]
     assert expected.replace(" of state 2", "") in diagnose(partly, lab.mode(), {}).cautions
+
+
+def test_a_state_that_repeats_another_is_told(lab, honest):
+    """The same record twice, its sweeps named otherwise, and a part of it; not another measurement of the same plan."""
+    one, mode = honest(), lab.mode()
+    renamed = Record(one.table.assign(sweep="again " + one.table["sweep"], state=2))
+    part = Record(one.table.iloc[3:20].reset_index(drop=True))
+    rows = lab.bench(**PLAN).rows
+    other = lab.record(rows, lab.linear(rows), 5)
+    assert list_repeated([(one, mode), (other, mode)]) == []
+    said = "of states {} and {} are identical, as those of two measurements never are: they count twice"
+    assert list_repeated([(other, mode), (one, mode), (renamed, mode)]) == ["the rows " + said.format(2, 3)]
+    assert list_repeated([(part, mode), (one, mode)]) == ["the rows " + said.format(1, 2)]
+    mixed = Record(pd.concat([one.table.iloc[:20], other.table.iloc[20:]], ignore_index=True))
+    assert list_repeated([(one, mode), (mixed, mode)]) == ["20 rows " + said.format(1, 2)]
+    assert "the rows " + said.format(1, 2) in diagnose(one, mode, {}, states=[(one, mode)]).cautions
 
 
 def test_too_many_rows(lab, honest):

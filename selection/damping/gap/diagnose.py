@@ -21,6 +21,7 @@ from damping.gap.problem import (
     Setting,
     State,
     exclude_effects,
+    list_repeated,
     list_unread,
     record_cautions,
     refuse_other_mode,
@@ -140,7 +141,8 @@ def explain(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    driven = drive_by_forces([(record, mode), *states], simulated=simulate is not None)
+    given = [(record, mode), *states]
+    driven = drive_by_forces(given, simulated=simulate is not None)
     (record, mode), *states = driven.states
     refuse_rows(driven.states)
     stated = mode
@@ -150,7 +152,7 @@ def explain(
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = [*driven.said, *list_unread(driven.states), *record_cautions(rows, record, stated)]
+    cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import pi
 
 import numpy as np
@@ -29,6 +30,10 @@ NOISE_ERROR = 0.2
 _ANOTHER_MODE = 0.12
 _BROAD = 0.5  #: ... unless all rows between the two, more than so many, respond by at least this share of the largest
 _BROAD_ROWS = 2
+#: Columns of a row that two measurements do not share to the last digit, and the share of rows that do where one is a
+#: copy: rounded peaks may agree once.
+_MEASURED = ("force", "frequency", "amplitude", "phase")
+_COPIED = 0.5
 #: Rows without which a sweep says nothing of a resonance.
 _FEW_ROWS = 3
 
@@ -218,6 +223,21 @@ def list_unread(states: Sequence[State]) -> list[str]:
 def _is_filled(record: Record, name: str) -> BoolArray:
     """Which rows hold a number in a column, (n,)."""
     return np.isfinite(record.column(name, np.nan))
+
+
+def list_repeated(states: Sequence[State]) -> list[str]:
+    """States that share rows to the last digit, which no measurement does."""
+    cautions = []
+    for (j, (one, _)), (k, (two, _)) in combinations(enumerate(states, 1), 2):
+        columns = [name for name in _MEASURED if name in one.table and name in two.table]
+        rows = [set(record.table[columns].itertuples(index=False, name=None)) for record in (one, two)]
+        shared, fewer = len(rows[0] & rows[1]), min(map(len, rows))
+        if shared >= _COPIED * fewer:
+            which = "the rows" if shared == fewer else f"{shared} rows"
+            cautions.append(
+                f"{which} of states {j} and {k} are identical, as those of two measurements never are: they count twice"
+            )
+    return cautions
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
