@@ -152,7 +152,7 @@ class Simulator:
         """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
 
         Raises:
-            InputError: another signature.
+            InputError: another signature, a value that is not finite, a tolerance below 0.
         """
         if not callable(function):
             raise InputError(f"the simulator is a {type(function).__name__}", expected="a function of force, frequency")
@@ -169,7 +169,15 @@ class Simulator:
                 raise InputError(
                     f"parameter {parameter.name} of the simulator", expected="a default (value, tolerance)"
                 )
-            values[parameter.name], tolerances[parameter.name] = map(float, pair)
+            value, tolerance = map(float, pair)
+            if not np.isfinite(value):
+                raise InputError(
+                    f"parameter {parameter.name} of the simulator is {value:g}", expected="a finite number"
+                )
+            if not 0.0 <= tolerance < np.inf:
+                what = f"the tolerance of parameter {parameter.name} of the simulator is {tolerance:g}"
+                raise InputError(what, expected="a relative standard uncertainty, 0 or more")
+            values[parameter.name], tolerances[parameter.name] = value, tolerance
         return Simulator(function, values, tolerances, mode)
 
     def beside(self, deviation: FloatArray) -> OfDrive:
@@ -186,10 +194,11 @@ class Simulator:
         key = (drive.F.tobytes(), drive.omega.tobytes())
         if key not in self._known:
             A, Z = self._stiffness(drive, {})
-            steps = [
-                (self._stiffness(drive, {name: value * np.exp(self.tolerances[name])})[1] - Z) / self.tolerances[name]
-                for name, value in self.values.items()
-            ]
+            free = {name: by for name, by in self.tolerances.items() if by > 0.0}
+            changed = {
+                name: self._stiffness(drive, {name: self.values[name] * np.exp(by)})[1] for name, by in free.items()
+            }
+            steps = [(changed[name] - Z) / free[name] if name in free else np.zeros_like(Z) for name in self.values]
             mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
             self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
         return self._known[key]
