@@ -13,6 +13,7 @@ from damping.errors import AnalysisError
 from damping.gap.corrected import effect_values
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.gap.driven import drive_by_forces
+from damping.gap.next_test import DESIGNS, name_command, rank_tests
 from damping.predict.measured import prepare
 from damping.records import audit
 from damping.records.base_drive import find_participation
@@ -140,6 +141,32 @@ def test_a_next_test_is_told_as_the_record_holds_it(quadratic):
         assert min(abs(share / 0.2 - 1.0), abs(share / 0.5 - 1.0)) < 1e-9
         np.testing.assert_allclose(run["force"], 0.4, rtol=1e-9, atol=0.0)
     assert {round(test.rows[0]["force"], 9) for test in quadratic.next_tests} <= {0.4, 0.8, 0.025}
+
+
+def test_a_next_test_is_of_the_first_state(mode, by_force):
+    """Proposed in the column of its record, an acceleration, and not as the force that drove the second state."""
+    states = [(shaken((0.05, 0.1, 0.2, 0.4), c2=100.0), mode), (shaken((9.0,), p=0.0, c2=100.0, seed=3), by_force)]
+    (record, counted), *further = states
+    found = diagnose(record, counted, EFFECTS, states=further)
+    assert found.leading.effects == ("velocity-squared",)
+    command = name_command(states, None)
+    runs = [design.plan(found.setting.problem) for design in DESIGNS]
+    assert all(np.all(run.state == 0.0) and np.all(run.shaken == 1.0) for run in runs)
+    assert all(test.rows[0]["force"] < 1.0 for test in rank_tests(found.hypotheses, command, found.unit))
+
+
+def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode):
+    """In kg and driven by the base, as the record is: it fits as it is."""
+    c2 = 100.0
+    record = together(shaken((0.05, 0.1, 0.2, 0.4), c2=c2), shaken((0.2,), added=ADDED, c2=c2, seed=4))
+    corrected = diagnose(record, mode, {"velocity-squared": EFFECTS["velocity-squared"]}).corrected
+    assert corrected.drive == "base"
+    # the participation is known to 0.5 %, the coefficient to 1 %
+    np.testing.assert_allclose(corrected.damping["velocity-squared"]["coefficient"], c2, rtol=0.03, atol=0.0)
+    np.testing.assert_allclose(corrected.mass, MASS, rtol=0.01, atol=0.0)
+    again = diagnose(record, corrected, EFFECTS)
+    assert again.leading.effects == ()
+    assert again.gap.nominal < 1.2
 
 
 def test_the_participation_is_one_of_all_sweeps(mode):

@@ -12,9 +12,9 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import describe_gain, list_ends
+from damping.gap.corrected import corrected_mode, describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import drive_by_forces
+from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
@@ -86,6 +86,12 @@ class Explained:
     def leading(self) -> Hypothesis:
         """The most probable hypothesis."""
         return self.hypotheses[0].hypothesis
+
+    @property
+    def corrected(self) -> Mode:
+        """The simulation corrected by the leading hypothesis, as it stands beside these records."""
+        corrected = corrected_mode(self.leading.best, CATALOGUE)
+        return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ coefficients those of a ranking; else in the unit of its force.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,14 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
     pairs = [_count(state, mode, used.get(k), unit, same=same[k]) for k, state in enumerate(states)]
     said = [f"base drive{_name(group, states)}: {known}" for group, known in zip(groups, found, strict=True)]
     return Driven(tuple(pair for pair, _ in pairs), tuple(mass for _, mass in pairs), unit, tuple(groups), tuple(said))
+
+
+def as_given(mode: Mode, unit: float, groups: Sequence[Sequence[int]]) -> Mode:
+    """A mode of the first state in the unit of the files, beside added masses or further states.
+
+    That of one base-driven state without them stays as it is: under the acceleration as force it is complete.
+    """
+    return replace(in_unit(mode, 1.0 / unit), drive="base") if groups and 0 in groups[0] else mode
 
 
 def _find_shared(states: Sequence[State], group: Sequence[int], same: Sequence[bool]) -> Participation:

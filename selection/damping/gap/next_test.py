@@ -71,7 +71,7 @@ class ProposedTest:
         Phases are measured where the record holds them: a column of a record is filled in every row. A further channel
         has the noise of the smallest amplitudes, or of `FLOOR`.
         """
-        rows, scales = problem.rows, problem.scales
+        rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
         level = rows.level.min() if self.lowest else rows.level.max()
         reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
         if not self.width:

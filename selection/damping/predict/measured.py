@@ -9,6 +9,7 @@ shaken with the structure, see :mod:`damping.records.base_drive`.
 
 from dataclasses import dataclass, replace
 
+from damping.effects import find_effect
 from damping.forces import shapes_of
 from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
@@ -73,6 +74,8 @@ def count_in(mode: Mode, participation: Participation) -> Mode:
 
 
 def in_unit(mode: Mode, unit: float) -> Mode:
-    """A mode under forces, its mass and its damping over ``unit``."""
-    damping = {name: rescale(shapes_of(name), table, name, 1.0 / unit) for name, table in mode.damping.items()}
-    return replace(mode, drive="force", mass=mode.mass / unit, damping=damping)
+    """A mode under forces, its mass, its damping and its effects over ``unit``."""
+    by = 1.0 / unit
+    damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
+    effects = {name: rescale(find_effect(name).shapes, table, name, by) for name, table in mode.effects.items()}
+    return replace(mode, drive="force", mass=mode.mass * by, damping=damping, effects=effects)
