@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import damping
-from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, DampingError, InputError
-from damping.gap.corrected import corrected_mode
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
@@ -73,7 +71,7 @@ def gap(
     if json_out is not None:
         write_plain(json_out, result.to_json())
     if model_out is not None:
-        write_text(model_out, describe_mode_to_toml(corrected_mode(result.diagnosis.leading.best, CATALOGUE)))
+        write_text(model_out, describe_mode_to_toml(result.diagnosis.corrected))
     if plot is not None:
         write_picture(plot, result.plot(), result.title)
     if report is not None:

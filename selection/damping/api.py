@@ -16,7 +16,7 @@ from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import observe_ranked
-from damping.predict.measured import as_driven_by_force, prepare
+from damping.predict.measured import prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -199,10 +199,9 @@ def diagnose(
         check_kind(own, Record, "record of a state")
         check_kind(state, Mode, "mode of a state")
         check(own, state).require(despite)
-    forced, said = as_driven_by_force(record, mode)
-    gap = diagnose_gap(record, forced, states=states, simulate=simulate)
-    against = () if states or simulate or not compare else compare_with_ranking(record, gap, findings, seed)
-    gap = replace(gap, cautions=(*map(str, findings.findings), *said, *gap.cautions))
+    gap = diagnose_gap(record, mode, states=states, simulate=simulate)
+    against = () if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
+    gap = replace(gap, cautions=(*map(str, findings.findings), *gap.cautions))
     sampled = None
     if posterior:
         with progress("posterior", 1) as done:

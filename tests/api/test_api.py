@@ -229,6 +229,19 @@ def test_a_sweep_is_a_record_that_can_be_ranked_and_diagnosed(mode, form_of, tmp
     check_drawing(result)
 
 
+@pytest.mark.parametrize("method", ["ritz", "time"])
+def test_a_base_that_shakes_drives_by_its_acceleration_times_the_mass(method):
+    """q = a/|omega_n^2 - omega^2 + i omega C/M| of a linear model, whatever the mass."""
+    omega_n, mass, viscous, a = 2.0 * np.pi * 5.0, 12.4, 20.0, 0.3
+    base = dp.Mode(name="base", frequency=5.0, mass=mass, damping={"viscous": viscous}, drive="base")
+    swept = dp.sweep(base, force=a, frequency=[4.8, 5.0, 5.2], method=method).table
+    omega = 2.0 * np.pi * swept["frequency"].to_numpy()
+    wanted = a / np.abs(omega_n**2 - omega**2 + 1j * omega * viscous / mass)
+    # the integration ends where windows of several periods agree to 1e-4
+    np.testing.assert_allclose(swept["amplitude"], wanted, rtol=1e-9 if method == "ritz" else 1e-3)
+    assert swept["force"].unique().tolist() == [a]
+
+
 def test_regress_takes_a_record_as_its_table():
     record = dp.read_record(SATURN / "records" / "config-2-mode-1.csv")
     of_record, of_table = (dp.regress(x, response="energy", terms="A^2*omega") for x in (record, record.table))

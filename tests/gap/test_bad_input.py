@@ -11,6 +11,7 @@ import pytest
 from damping.errors import AnalysisError
 from damping.gap.corrected import describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
+from damping.gap.problem import list_repeated, list_unread
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -89,6 +90,52 @@ def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
     found, said = answer(at, lab.mode())
     assert "fewer than 3 rows in sweep A" in said
     assert confident(found) == ()
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"amplitude_3": 1e-4}, ["amplitude_3 is without phase_3 and is not used"]),
+        (
+            {"phase_3": 0.1, "amplitude_y": 1e-4},
+            ["phase_3 is without amplitude_3 and", "amplitude_y is without phase_y and"],
+        ),
+        ({"amplitude_3": 1e-4, "phase_3": 0.1, "amplitude_y": np.nan}, []),
+    ],
+)
+def test_half_a_phasor_is_told_and_not_used(honest, columns, said):
+    record = honest()
+    one = Record(record.table.assign(**columns))
+    cautions = list_unread([(one, None)])
+    assert len(cautions) == len(said)
+    assert all(caution.startswith(start) for caution, start in zip(cautions, said, strict=True))
+
+
+def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):
+    record = honest()
+    phase = np.where(np.arange(len(record)) < 5, np.nan, 0.1)
+    partly = Record(record.table.assign(amplitude_3=1e-4, phase_3=phase))
+    expected = (
+        f"amplitude_3 of state 2 is without phase_3 in 5 of {len(record)} rows and is not used: both make one phasor"
+    )
+    assert list_unread([(record, lab.mode()), (partly, lab.mode())]) == [expected]
+    assert expected.replace(" of state 2", "") in diagnose(partly, lab.mode(), {}).cautions
+
+
+def test_a_state_that_repeats_another_is_told(lab, honest):
+    """The same record twice, its sweeps named otherwise, and a part of it; not another measurement of the same plan."""
+    one, mode = honest(), lab.mode()
+    renamed = Record(one.table.assign(sweep="again " + one.table["sweep"], state=2))
+    part = Record(one.table.iloc[3:20].reset_index(drop=True))
+    rows = lab.bench(**PLAN).rows
+    other = lab.record(rows, lab.linear(rows), 5)
+    assert list_repeated([(one, mode), (other, mode)]) == []
+    said = "of states {} and {} are identical, as those of two measurements never are: they count twice"
+    assert list_repeated([(other, mode), (one, mode), (renamed, mode)]) == ["the rows " + said.format(2, 3)]
+    assert list_repeated([(part, mode), (one, mode)]) == ["the rows " + said.format(1, 2)]
+    mixed = Record(pd.concat([one.table.iloc[:20], other.table.iloc[20:]], ignore_index=True))
+    assert list_repeated([(one, mode), (mixed, mode)]) == ["20 rows " + said.format(1, 2)]
+    assert "the rows " + said.format(1, 2) in diagnose(one, mode, {}, states=[(one, mode)]).cautions
 
 
 def test_too_many_rows(lab, honest):

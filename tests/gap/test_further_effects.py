@@ -15,9 +15,10 @@ from damping.effects.contract import Drive, Terms
 from damping.effects.forces import Contact, joint_force
 from damping.effects.rig import clipping, compressing
 from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
+from damping.errors import InputError
 from damping.forces import make
 from damping.forces.joints import Slip
-from damping.gap.corrected import effect_intervals, effect_values
+from damping.gap.corrected import effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
@@ -299,6 +300,40 @@ def test_a_simulation_of_the_users_own(lab):
     assert best.effects == ("phase-lag",)
     np.testing.assert_allclose(effect_values(best)["phase-lag"]["lag"], 0.08, rtol=0.0, atol=0.005)  # 56 values at 1 %
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
+
+
+@pytest.mark.parametrize(
+    ("pair", "said"),
+    [
+        (
+            (1.0, -0.1),
+            "the tolerance of parameter k of the simulator is -0.1; expected a relative standard uncertainty",
+        ),
+        ((1.0, np.nan), "the tolerance of parameter k of the simulator is nan"),
+        ((1.0, np.inf), "the tolerance of parameter k of the simulator is inf"),
+        ((np.nan, 0.1), "parameter k of the simulator is nan; expected a finite number"),
+        ((-np.inf, 0.1), "parameter k of the simulator is -inf"),
+    ],
+)
+def test_parameters_of_a_simulator_that_are_none(lab, pair, said):
+    def simulate(force, frequency, *, k=pair):
+        return k * force, frequency
+
+    with pytest.raises(InputError, match=said):
+        setting(lab.record(lab.bench().rows, lab.linear(lab.bench().rows)), lab.mode(), simulate=simulate)
+
+
+def test_a_parameter_of_a_simulator_without_a_tolerance_is_fixed(lab):
+    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.0)):
+        omega = 2 * np.pi * frequency
+        Y = stiffness - MASS * omega**2 + 1j * damping * omega
+        return force / np.abs(Y), np.angle(Y)
+
+    rows = lab.bench(levels=2, points=14).rows
+    start = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(), simulate=simulate)
+    best = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
+    assert np.isfinite(best.r).all()
+    assert refitted_values(best)["damping"] == 0.0
 
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):

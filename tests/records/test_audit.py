@@ -300,3 +300,33 @@ def test_the_implied_mass_is_exact_for_viscous_damping(ratio, offset):
         dp.Record(rows.assign(phase=np.angle(Y) + offset), "r.csv"), dp.Mode(name="m", frequency=5.0, mass=1.0)
     )
     np.testing.assert_allclose(found.implied["mass"], 1.0, rtol=1e-9)  # rounding
+
+
+@pytest.mark.parametrize(("noise", "points"), [(0.0, 29), (0.005, 29), (0.01, 121), (0.02, 15)])
+def test_a_phase_that_falls_through_an_antiresonance_is_a_lag(noise, points):
+    """An absorber of 1 % mass at 1.004 f_n: between the two peaks A is least where the phase falls.
+
+    The lead of the acceleration of the same structure, over the resonance without the absorber, stays a wrong sign.
+    """
+    M, f_n, rng = 12.4, 23.7, np.random.default_rng(points)
+    w_n, f = 2.0 * np.pi * f_n, np.linspace(23.0, 24.4, points)
+    w, w_a, m = 2.0 * np.pi * f, 1.004 * w_n, 0.01 * M
+    k_a = m * w_a**2 * (1.0 + 0.02j * w / w_a)
+    own = M * w_n**2 - M * w**2 + 0.012j * M * w_n * w
+    of_absorber = -(w**2) * m * k_a / (k_a - m * w**2)
+
+    def swept(Z: np.ndarray, lead: bool) -> dp.Record:
+        tables = []
+        for F in (0.5, 2.0):
+            A = F / np.abs(Z) * np.exp(noise * rng.normal(size=points))
+            phase = np.angle(Z) + noise * rng.normal(size=points)
+            columns = {"sweep": f"{F:g}", "force": F, "frequency": f, "amplitude": A}
+            tables.append(pd.DataFrame(columns | {"phase": np.pi - phase if lead else phase}))
+        return record_of(pd.concat(tables, ignore_index=True))
+
+    def named(record: dp.Record) -> bool:
+        return "phase-sign" in [finding.check for finding in audit(record).findings]
+
+    assert not named(swept(own + of_absorber, lead=False))
+    assert named(swept(own, lead=True))
+    assert not named(swept(own, lead=False))

@@ -33,7 +33,8 @@ class Drive(NamedTuple):
     row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
     rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
     M; the stiffness stays. ``state``: of the structure, from 0; ``ratio``, ``own``: its frequency, and its simulated
-    damping, over those of the first.
+    damping, over those of the first. ``shaken``: mass of the structure, without what is added, that a base's
+    acceleration acts on; 0 where a force drives.
     """
 
     F: FloatArray
@@ -48,6 +49,7 @@ class Drive(NamedTuple):
     state: Floats = 0.0
     ratio: Floats = 1.0
     own: Floats = 1.0
+    shaken: Floats = 0.0
 
 
 #: A change of a row's prediction that follows from what the rig does there.

@@ -12,14 +12,17 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import describe_gain, list_ends
+from damping.gap.corrected import corrected_mode, describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
+from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
+    list_repeated,
+    list_unread,
     record_cautions,
     refuse_other_mode,
     setting,
@@ -56,7 +59,8 @@ class Explained:
     """What effects can explain of a gap, before anything is said of it.
 
     Attributes:
-        record, mode: what is compared. setting: how noise and repeatability were taken. search: finished.
+        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. setting: how noise and
+            repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
         in_library: chance that the library holds the cause at all. unexplained: more than noise is left.
@@ -76,11 +80,18 @@ class Explained:
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
+    unit: float
 
     @property
     def leading(self) -> Hypothesis:
         """The most probable hypothesis."""
         return self.hypotheses[0].hypothesis
+
+    @property
+    def corrected(self) -> Mode:
+        """The simulation corrected by the leading hypothesis, as it stands beside these records."""
+        corrected = corrected_mode(self.leading.best, CATALOGUE)
+        return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
 
 
 @dataclass(frozen=True)
@@ -109,7 +120,8 @@ class Diagnosis(Explained):
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
-        return rank_tests(self.explanations, name_command([(self.record, self.mode), *self.states], self.simulate))
+        command = name_command([(self.record, self.mode), *self.states], self.simulate)
+        return rank_tests(self.explanations, command, self.unit)
 
     @property
     def next_test(self) -> NextTest | None:
@@ -135,15 +147,18 @@ def explain(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    refuse_rows([(record, mode), *states])
+    given = [(record, mode), *states]
+    driven = drive_by_forces(given, simulated=simulate is not None)
+    (record, mode), *states = driven.states
+    refuse_rows(driven.states)
     stated = mode
     if simulate is not None:  # the simulated damping is its own; the viscous part alone stands for it
         own = {name: table for name, table in mode.damping.items() if name == Viscous.name}
         mode = replace(mode, damping=own)
-    start = setting(record, mode, states, simulate)
+    start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = record_cautions(rows, record, stated)
+    cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)
@@ -158,7 +173,7 @@ def explain(
     left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
     left = left or known.dispersion > 1.0
     found = (known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
-    return Explained(record, mode, *found, tuple(states), simulate)
+    return Explained(record, mode, *found, tuple(states), simulate, driven.unit)
 
 
 @np.errstate(all="ignore")  # as above

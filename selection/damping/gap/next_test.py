@@ -70,7 +70,7 @@ class ProposedTest:
         Phases are measured where the record holds them: a column of a record is filled in every row. A further channel
         has the noise of the smallest amplitudes, or of `FLOOR`.
         """
-        rows, scales = problem.rows, problem.scales
+        rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
         level = rows.level.min() if self.lowest else rows.level.max()
         reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
         if not self.width:
@@ -80,13 +80,15 @@ class ProposedTest:
         again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
         planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - omega), axis=0))
         u = planned.u + np.log(self.factor)
+        F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
+        shaken = float(np.median(again.shaken))
         sd_amplitude = float(np.median(again.sd_amplitude))
         floor = min(float(np.min(sd_amplitude * np.exp(u))), FLOOR * float(np.max(np.exp(u))))
         return replace(
             planned,
             row=np.arange(_POINTS),
             sweep=np.zeros(_POINTS, dtype=np.int64),
-            F=np.full(_POINTS, float(np.median(again.F)) * self.factor),
+            F=np.full(_POINTS, F * (1.0 + added / shaken) if shaken else F),
             omega=omega,
             u=u,
             resonant=np.zeros(_POINTS, dtype=bool),
@@ -94,7 +96,7 @@ class ProposedTest:
             label=np.zeros(_POINTS),
             up=np.ones(_POINTS),
             rate=np.zeros(_POINTS),
-            added=np.full(_POINTS, self.heavier * scales.M),
+            added=np.full(_POINTS, added),
             sd_amplitude=np.full(_POINTS, sd_amplitude),
             sd_phase=np.full(_POINTS, float(np.median(again.sd_phase))),
             sd_third=np.full(_POINTS, floor if self.channel == "third" else UNSEEN),
@@ -201,13 +203,14 @@ def name_command(states: Sequence[State], simulate: Simulate | None) -> str:
     return join(words)
 
 
-def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ...]:
+def rank_tests(alive: Sequence[Explanation], command: str, unit: float = 1.0) -> tuple[NextTest, ...]:
     """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
 
     Those that decide by more than first harmonics of one state come before the others.
 
     ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
-    Where nothing is blamed, effects too small to be seen are none.
+    Where nothing is blamed, effects too small to be seen are none. ``unit``: of mass, in which the rows are counted;
+    what is to be run is told as a record holds it.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not alive[0].effects:
@@ -221,12 +224,13 @@ def rank_tests(alive: Sequence[Explanation], command: str) -> tuple[NextTest, ..
         odds = np.array([_odds(leading, rival.hypothesis.best, rows, design.change) for rival in rivals])
         # -ln sum p e^-odds: a test that settles the case against one rival only leaves the others where they are
         total = -float(logsumexp(-odds, b=p / p.sum()))
+        shaken = float(rows.shaken[0] + rows.added[0]) if rows.shaken[0] else 0.0
         run = {
-            "force": float(rows.F[0]),
+            "force": float(rows.F[0]) / shaken if shaken else float(rows.F[0]) * unit,
             "frequency_low": float((rows.omega / RAD_S_PER_HZ).min()),
             "frequency_high": float((rows.omega / RAD_S_PER_HZ).max()),
             "points": len(rows),
-            "added_mass": float(rows.added[0]),
+            "added_mass": float(rows.added[0]) * unit,
         }
         columns = (*_SWEEP, *(("phase",) if rows.has_phase else ()), *design.columns)
         tests.append(NextTest(design.what, design.why, total, columns, (run,), command))

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import pi
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.effects.contract import Effect, Scales
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
-from damping.gap.rows import UNSEEN, Rows, join_states, read_rows
+from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
 from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
@@ -29,6 +30,10 @@ NOISE_ERROR = 0.2
 _ANOTHER_MODE = 0.12
 _BROAD = 0.5  #: ... unless all rows between the two, more than so many, respond by at least this share of the largest
 _BROAD_ROWS = 2
+#: Columns of a row that two measurements do not share to the last digit, and the share of rows that do where one is a
+#: copy: rounded peaks may agree once.
+_MEASURED = ("force", "frequency", "amplitude", "phase")
+_COPIED = 0.5
 #: Rows without which a sweep says nothing of a resonance.
 _FEW_ROWS = 3
 
@@ -78,21 +83,31 @@ class Setting:
 State = tuple[Record, Mode]
 
 
-def setting(record: Record, mode: Mode, states: Sequence[State] = (), simulate: Simulate | None = None) -> Setting:
+def setting(
+    record: Record,
+    mode: Mode,
+    states: Sequence[State] = (),
+    simulate: Simulate | None = None,
+    shaken: Sequence[FloatArray] = (),
+    groups: tuple[tuple[int, ...], ...] = (),
+) -> Setting:
     """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
 
     Args:
         states: further states of the same structure, whose effects are shared. simulate: the user's own simulation.
+        shaken, groups: of each state, see `damping.gap.driven.Driven`; empty where forces drive all.
 
     Raises:
         AnalysisError: states that simulate different damping forces.
     """
     rows = [stated_noise(read_rows(own, state), own) for own, state in ((record, mode), *states)]
+    if shaken:
+        rows = [on_base(own, masses[own.row]) for own, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
     swept = ("ringing", "law") if mode.rig.rate else ("ringing",)  # the law of a rate that a column has is its own
-    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator)
+    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
     own = mode.repeatability
@@ -187,6 +202,41 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append("noise is not stated: it was estimated from the roughness along each sweep")
     if not mode.damping:
         cautions.append("the simulation has no damping")
+    return cautions
+
+
+def list_unread(states: Sequence[State]) -> list[str]:
+    """Further channels that are in the records and count for nothing, since half of their phasors is missing."""
+    cautions = []
+    for number, (record, _) in enumerate(states, 1):
+        for channel in FURTHER_CHANNELS:
+            amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
+            for name, other in ((amplitude, phase), (phase, amplitude)):
+                alone = _is_filled(record, name) & ~_is_filled(record, other)
+                if alone.any():
+                    rows = "" if alone.all() else f" in {alone.sum()} of {len(record)} rows"
+                    of_state = f" of state {number}" if len(states) > 1 else ""
+                    cautions.append(f"{name}{of_state} is without {other}{rows} and is not used: both make one phasor")
+    return cautions
+
+
+def _is_filled(record: Record, name: str) -> BoolArray:
+    """Which rows hold a number in a column, (n,)."""
+    return np.isfinite(record.column(name, np.nan))
+
+
+def list_repeated(states: Sequence[State]) -> list[str]:
+    """States that share rows to the last digit, which no measurement does."""
+    cautions = []
+    for (j, (one, _)), (k, (two, _)) in combinations(enumerate(states, 1), 2):
+        columns = [name for name in _MEASURED if name in one.table and name in two.table]
+        rows = [set(record.table[columns].itertuples(index=False, name=None)) for record in (one, two)]
+        shared, fewer = len(rows[0] & rows[1]), min(map(len, rows))
+        if shared >= _COPIED * fewer:
+            which = "the rows" if shared == fewer else f"{shared} rows"
+            cautions.append(
+                f"{which} of states {j} and {k} are identical, as those of two measurements never are: they count twice"
+            )
     return cautions
 
 

@@ -21,6 +21,8 @@ from damping.records.resonance import number_levels, tabulate_resonances
 
 #: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
 UNSEEN = 1e9
+#: Ends of the names of the columns of further phasors: third harmonics, the motion across.
+FURTHER_CHANNELS = ("3", "y")
 #: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
 SAME_STIFFNESS = 1e-3
 
@@ -33,9 +35,9 @@ class Rows:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
             each sweep, (sweeps,), lowest first; repeats of one level share it. u: ln of the amplitude. phase: lag, rad
             (pi/2 where none was measured).
-        F, omega, mass, resonant, time, label, up, rate, added, state, ratio, own: what the rig does there, see `Drive`
-            (``label`` is its ``sweep``: the number in the whole record, from 1). Rows are ``resonant`` where their
-            sweep has no other and no phase.
+        F, omega, mass, resonant, time, label, up, rate, added, state, ratio, own, shaken: what the rig does there, see
+            `Drive` (``label`` is its ``sweep``: the number in the whole record, from 1). Rows are ``resonant`` where
+            their sweep has no other and no phase.
         sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad,
             ``UNSEEN`` where no phase was measured.
         third, cross: phasors of the third harmonic, and of the motion across the measured axis, at the phase of the
@@ -61,6 +63,7 @@ class Rows:
     state: FloatArray
     ratio: FloatArray
     own: FloatArray
+    shaken: FloatArray
     sd_amplitude: FloatArray
     sd_phase: FloatArray
     third: ComplexArray
@@ -82,10 +85,15 @@ class Rows:
     def drive(self) -> Drive:
         """What the rig does at each row; what is the same at all rows is a number."""
         values = {name: getattr(self, name) for name in ("F", "omega", "time")} | {"sweep": self.label}
-        for name in ("mass", "resonant", "up", "rate", "added", "state", "ratio", "own"):
+        for name in ("mass", "resonant", "up", "rate", "added", "state", "ratio", "own", "shaken"):
             own = getattr(self, name)
             values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
         return Drive(**values)
+
+    @property
+    def bare_force(self) -> FloatArray:
+        """Force on the structure without what is added to it, which a base shakes too."""
+        return self.F * np.where(self.shaken > 0.0, self.shaken / np.maximum(self.shaken + self.added, 1e-300), 1.0)
 
     @cached_property
     def runs(self) -> list[IntArray]:
@@ -150,7 +158,9 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     def optional(name: str, default: float) -> FloatArray:
         return record.column(name, default)[order]
 
-    third, cross = (optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in "3y")
+    third, cross = (
+        optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in FURTHER_CHANNELS
+    )
     rate = optional("sweep_rate", mode.rig.rate or 0.0)
     return Rows(
         row=order,
@@ -171,6 +181,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         state=np.zeros(n),
         ratio=np.ones(n),
         own=np.ones(n),
+        shaken=np.zeros(n),
         sd_amplitude=np.ones(n),
         sd_phase=np.full(n, 1.0 if record.has_phase else UNSEEN),
         third=np.nan_to_num(third),
@@ -191,6 +202,19 @@ def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> Flo
     return up
 
 
+def is_same_structure(mode: Mode, first: Mode) -> bool:
+    """Whether a state has the stiffness of the first: then it differs by a known mass."""
+    return abs(mode.mass * mode.omega_n**2 / (first.mass * first.omega_n**2) - 1.0) < SAME_STIFFNESS
+
+
+def on_base(rows: Rows, shaken: FloatArray) -> Rows:
+    """The rows of a base whose acceleration acts on masses ``shaken`` (n,) and what is added; levels are its own."""
+    rows = replace(rows, shaken=shaken)
+    if not np.any(shaken * rows.added):
+        return rows
+    return replace(rows, level=number_levels(np.array([float(np.median(rows.bare_force[own])) for own in rows.runs])))
+
+
 def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     """The rows of several states of one structure, each beside the mode that simulates it, as one record.
 
@@ -206,10 +230,9 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     for number, (own, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
             raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
-        stiffness = mode.mass * mode.omega_n**2 / (base.mass * base.omega_n**2)
         n = len(own)
         place: dict[str, FloatArray] = {"state": np.full(n, float(number))}
-        if abs(stiffness - 1.0) < SAME_STIFFNESS:
+        if is_same_structure(mode, base):
             place["added"] = own.added + (mode.mass - base.mass)
         else:
             place |= {"mass": own.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
@@ -221,7 +244,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
     numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
     names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)
-    forces = np.array([float(np.median(rows.F[own])) for rows in parts for own in rows.runs])
+    forces = np.array([float(np.median(rows.bare_force[own])) for rows in parts for own in rows.runs])
     return replace(
         parts[0],
         **{name: np.concatenate([getattr(rows, name) for rows in numbered]) for name in BY_ROW},

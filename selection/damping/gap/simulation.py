@@ -16,6 +16,7 @@ from damping.effects.course import BETWEEN
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
+from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
 
 #: Largest deviation, in tolerances; one beyond is an effect of its own (natural-frequency, viscous-coefficient).
@@ -40,21 +41,24 @@ class Simulation:
 
     The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
     leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), the frequency of
-    each of the ``further`` states (numbers from 1) whose stiffness is its own, what is not known of a ``swept``
-    record's rates (fields of `Terms`, see `damping.effects.course.BETWEEN`), and the parameters of a simulator.
+    each of the ``further`` states (numbers from 1) whose stiffness is its own, the participation of each group of
+    states (numbers from 0) that a base has ``shaken``, what is not known of a ``swept`` record's rates (fields of
+    `Terms`, see `damping.effects.course.BETWEEN`), and the parameters of a simulator.
     """
 
     mode: Mode
     further: tuple[int, ...] = ()
     swept: tuple[str, ...] = ()
     simulator: Simulator | None = None
+    shaken: tuple[tuple[int, ...], ...] = ()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
         own = () if self.simulator is None else tuple(self.simulator.values)
         states = (f"frequency of state {number + 1}" for number in self.further)
-        return ("frequency", "mass", *self.mode.damping, *states, *self.swept, *own)
+        shaken = ("participation of state " + "+".join(str(number + 1) for number in group) for group in self.shaken)
+        return ("frequency", "mass", *self.mode.damping, *states, *shaken, *self.swept, *own)
 
     @cached_property
     def tolerance(self) -> FloatArray:
@@ -67,7 +71,8 @@ class Simulation:
         if own:  # what the simulator's own parameters leave open is theirs
             frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
         states, swept = [frequency] * len(self.further), [BETWEEN.width] * len(self.swept)
-        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *swept, *own])
+        shaken = [UNKNOWN_SPREAD] * len(self.shaken)  # it was taken from these very rows
+        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *shaken, *swept, *own])
 
     @cached_property
     def _damping(self) -> list[tuple[Callable[..., Force], str, Mapping[str, float]]]:
@@ -89,6 +94,8 @@ class Simulation:
             for k, state in enumerate(self.further)
         )
         first += len(self.further)
+        received = tuple(_received(group, deviation[:, first + k]) for k, group in enumerate(self.shaken))
+        first += len(self.shaken)
         rates: dict[str, Any] = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
         first += len(self.swept)
         return Terms(
@@ -96,11 +103,26 @@ class Simulation:
             omega_n=self.mode.omega_n * factor[:, 0],
             forces=tuple(forces),
             simulated=len(forces),
+            received=received,
             detuned=detuned,
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
             law=rates.get("law", 0.0),
             ringing=rates.get("ringing", 0.0),
         )
+
+
+def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
+    """ln of the force in states on a base, over that of the participation as first estimated; ln deviation (batch, 1).
+
+    The base shakes p m of the structure, and all of a mass that is added.
+    """
+
+    def part(drive: Drive) -> FloatArray:
+        whole = np.maximum(drive.shaken + drive.added, 1e-300)
+        share = np.where(np.isin(drive.state, states), drive.shaken / whole, 0.0)
+        return np.asarray(np.log1p(share * np.expm1(deviation)))
+
+    return part
 
 
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
@@ -130,7 +152,7 @@ class Simulator:
         """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
 
         Raises:
-            InputError: another signature.
+            InputError: another signature, a value that is not finite, a tolerance below 0.
         """
         if not callable(function):
             raise InputError(f"the simulator is a {type(function).__name__}", expected="a function of force, frequency")
@@ -147,7 +169,15 @@ class Simulator:
                 raise InputError(
                     f"parameter {parameter.name} of the simulator", expected="a default (value, tolerance)"
                 )
-            values[parameter.name], tolerances[parameter.name] = map(float, pair)
+            value, tolerance = map(float, pair)
+            if not np.isfinite(value):
+                raise InputError(
+                    f"parameter {parameter.name} of the simulator is {value:g}", expected="a finite number"
+                )
+            if not 0.0 <= tolerance < np.inf:
+                what = f"the tolerance of parameter {parameter.name} of the simulator is {tolerance:g}"
+                raise InputError(what, expected="a relative standard uncertainty, 0 or more")
+            values[parameter.name], tolerances[parameter.name] = value, tolerance
         return Simulator(function, values, tolerances, mode)
 
     def beside(self, deviation: FloatArray) -> OfDrive:
@@ -164,10 +194,11 @@ class Simulator:
         key = (drive.F.tobytes(), drive.omega.tobytes())
         if key not in self._known:
             A, Z = self._stiffness(drive, {})
-            steps = [
-                (self._stiffness(drive, {name: value * np.exp(self.tolerances[name])})[1] - Z) / self.tolerances[name]
-                for name, value in self.values.items()
-            ]
+            free = {name: by for name, by in self.tolerances.items() if by > 0.0}
+            changed = {
+                name: self._stiffness(drive, {name: self.values[name] * np.exp(by)})[1] for name, by in free.items()
+            }
+            steps = [(changed[name] - Z) / free[name] if name in free else np.zeros_like(Z) for name in self.values]
             mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
             self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
         return self._known[key]

@@ -44,7 +44,8 @@ def simulate_sweeps(
     """Sweep a model through ``frequencies`` (n,), Hz and rising, at each force.
 
     Sweeps are labelled A, B, C, ... in the order of ``forces``; rows are in the order swept. ``method`` is ``ritz``
-    (first-harmonic averages) or ``time`` (integration in time to the steady state).
+    (first-harmonic averages) or ``time`` (integration in time to the steady state). Of a model that a base shakes
+    ``forces`` are accelerations a, which drive with M a: a participation of 1.
 
     Raises:
         InputError: an argument that is not what it should be, before any work.
@@ -52,15 +53,16 @@ def simulate_sweeps(
     """
     _check(forces, frequencies, direction, method)
     order = frequencies if direction == "up" else frequencies[::-1]
+    excited = mode.mass if mode.drive == "base" else 1.0
     tables = []
     with progress(f"{method} sweeps {direction}", len(forces) * frequencies.size) as advance:
         for number, level in enumerate(forces):
             rows: list[tuple[float, float]] = []
             if method == "ritz":
-                coming = _averaged(level, frequencies, mode, direction)
+                coming = _averaged(level * excited, frequencies, mode, direction)
             else:
                 hertz, force = RAD_S_PER_HZ * frequencies, simulated_force(mode)
-                steady = sweep_in_time(force, level, hertz, mode.mass, mode.omega_n, direction)
+                steady = sweep_in_time(force, level * excited, hertz, mode.mass, mode.omega_n, direction)
                 coming = ((state.amplitude, state.phase) for state in steady)
             for part in np.array_split(order, 4):
                 rows += list(islice(coming, part.size))

@@ -3,24 +3,20 @@
 A base that moves with acceleration a drives the motion q relative to it by the modal force p m a, p the participation:
 m q'' + C + K q = p m a. Divided by p m that is a mode of mass 1/p under the force a. A record of a and q tells all of
 it: the mass 1/p as the slope of a/q against frequency squared, and damping as coefficients over p m. What a response at
-a design acceleration needs is free of p; only a damping ratio is not, and takes its uncertainty.
+a design acceleration needs is free of p; only a damping ratio is not, and takes its uncertainty. Added masses are
+shaken with the structure, see :mod:`damping.records.base_drive`.
 """
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
+from damping.effects import find_effect
 from damping.forces import shapes_of
 from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
+from damping.records.base_drive import Participation, find_participation, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import View, take_median
-
-#: Least relative standard uncertainty of a participation: masses of single sweeps hold no better than that.
-LEAST_SPREAD = 0.005
-#: Relative standard uncertainty of a participation of which the rows say nothing.
-UNKNOWN_SPREAD = 0.5
 
 
 @dataclass(frozen=True)
@@ -40,9 +36,11 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
     """
     if mode is not None:
-        base = mode.drive == "base"
-        mode, said = as_driven_by_force(record, mode)
-        mode = replace(mode, units=mode.units.of_base_drive) if base else mode
+        said = []
+        if mode.drive == "base":
+            participation = find_participation([(record, mode.mass, 0.0)])
+            record, said = shake(record, mode, participation), [f"base drive: {participation}"]
+            mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
         mass, frequency = mode.mass, mode.frequency
@@ -64,19 +62,20 @@ def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
     """
     if mode.drive == "force":
         return mode, []
-    masses = View(record, None).implied["mass"].to_numpy(dtype=np.float64)
-    known = masses[np.isfinite(masses) & (masses > 0.0)]
-    if len(known):
-        participation = 1.0 / float(np.median(known))
-        # half of the quartiles' distance is 0.67 standard deviations of normal numbers, and a median is 1.25 of a mean
-        quartiles = np.subtract(*np.quantile(np.log(known), [0.75, 0.25]))
-        spread = float(np.hypot(LEAST_SPREAD, 1.25 * quartiles / 1.35 / np.sqrt(len(known))))
-        said = f"base drive: the rows imply a participation of {participation:.4g} +- {100.0 * spread:.2g} %"
-    else:
-        participation, spread = 1.0, UNKNOWN_SPREAD
-        said = "base drive: the rows do not show the participation; damping ratios are those of a participation of 1"
-    by = 1.0 / (participation * mode.mass)
+    participation = find_participation([(record, mode.mass, 0.0)])
+    return count_in(mode, participation), [f"base drive: {participation}"]
+
+
+def count_in(mode: Mode, participation: Participation) -> Mode:
+    """A base-driven mode as one that a force drives, over p m; its mass is as well known as p."""
+    forced = in_unit(mode, participation.value * mode.mass)
+    known = replace(mode.tolerance, mass=participation.spread, from_record=participation.known)
+    return replace(forced, tolerance=known)
+
+
+def in_unit(mode: Mode, unit: float) -> Mode:
+    """A mode under forces, its mass, its damping and its effects over ``unit``."""
+    by = 1.0 / unit
     damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
-    tolerance = replace(mode.tolerance, mass=spread, from_record=bool(len(known)))
-    forced = replace(mode, drive="force", mass=1.0 / participation, damping=damping, tolerance=tolerance)
-    return forced, [said]
+    effects = {name: rescale(find_effect(name).shapes, table, name, by) for name, table in mode.effects.items()}
+    return replace(mode, drive="force", mass=mode.mass * by, damping=damping, effects=effects)

@@ -15,6 +15,7 @@ import pandas as pd
 
 from damping.errors import InputError, Refused
 from damping.records import check_sweeps, check_units
+from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding, View
@@ -112,6 +113,8 @@ def require_checks(names: Collection[str]) -> None:
 
 def audit(record: Record, mode: Mode | None = None) -> Audit:
     """The audit of a record, beside the mode that simulates it where one is given."""
+    if mode and mode.drive == "base" and has_masses(record):
+        record = shake(record, mode, find_participation([(record, mode.mass, 0.0)]))
     view, findings, explained = View(record, mode), [], set()
     for check, explains in CHECKS:
         finding = check(view)

@@ -13,7 +13,15 @@ import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray
 from damping.records.resonance import ROWS_ASIDE, like_pairs, weighted_median
-from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola, has_resonance
+from damping.records.runs import (
+    FALL,
+    FEWEST_ROWS,
+    NO_PARABOLA,
+    NOISE_BESIDE_FALL,
+    Run,
+    fit_parabola,
+    has_resonance,
+)
 
 
 @dataclass(frozen=True)
@@ -192,6 +200,24 @@ def classify_phase(turn: Implied) -> str:
     if turn.taken < -CERTAIN:
         return "acceleration" if half else "negated"
     return "minus pi" if half and turn.taken > CERTAIN else ""
+
+
+def has_antiresonance(run: Run) -> bool:
+    """Whether the phase, between 0 and pi, falls through pi/2 where A/F is least, as an absorber makes it fall.
+
+    The lead of an acceleration falls through pi/2 too, but where A/F is largest.
+    """
+    if run.phase is None or np.mean(np.sin(run.phase)) <= 0.0:
+        return False
+    cos, g = np.cos(run.phase), run.compliance
+    crossed = np.flatnonzero(cos[1:] * cos[:-1] <= 0.0)
+    if len(crossed) == 0 or not cos[0] < 0.0 < cos[-1]:
+        return False
+    first, last = int(crossed[0]), int(crossed[-1]) + 1  # the rows about all crossings
+    if first == 0 or last == len(run) - 1:
+        return False
+    rise = min(g[:first].max(), g[last + 1 :].max()) - g[first : last + 1].max()
+    return bool(rise > max(FALL, NOISE_BESIDE_FALL * run.noise))
 
 
 #: Rows of at least this share of the largest A/F show a rate of sweeping; beyond, the response beats after its peak.

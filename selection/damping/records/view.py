@@ -15,6 +15,7 @@ from damping.records.implied import (
     classify_phase,
     estimate_mass_without_phase,
     find_implied,
+    has_antiresonance,
     is_incoherent,
     sense_rate,
 )
@@ -138,7 +139,7 @@ class View:
                 sine = float(np.mean(np.sin(run.phase)))
                 kind = "" if sine > -0.5 else "negated"
             else:
-                kind = classify_phase(turn)
+                kind = "" if has_antiresonance(run) else classify_phase(turn)
             if kind:
                 kinds[run.sweep] = kind
         return kinds
