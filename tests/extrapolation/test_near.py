@@ -23,7 +23,7 @@ from damping.extrapolation.near import (
     without_offset,
 )
 from damping.forces import CubicStiffness, Slip, Sum, Viscous
-from damping.infer.doubt import ANY_JOINT, JOINTS
+from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
@@ -191,9 +191,11 @@ def test_the_resonance_says_how_far_damping_may_let_go():
         data = peaks(force, truth.amplitude(force))
         data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
         plan = plan_loads(data, laws, mode=Mode(name="", frequency=1.0, mass=truth.mass), estimate=brief_evidence)
-        loads, unknown = (
-            extrapolate_loads(data, design, plan=own).loads for own in (plan, replace(plan, joint=ANY_JOINT))
-        )
+        plans = (plan, replace(plan, joint=JointEvidence(JOINTS, -1.0)), replace(plan, joint=ANY_JOINT))
+        loads, unknown, untold = (extrapolate_loads(data, design, plan=own).loads for own in plans)
+        assert untold.average.high > 1.02 * unknown.average.high
+        np.testing.assert_allclose(untold.parts["parameters"], unknown.parts["parameters"], rtol=1e-12)
+        assert any("would tell a joint from a damper" in caution for caution in untold.cautions[0])
         higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
         said = any("as where a joint slips" in caution for caution in loads.cautions[0])
         if name == "Bouc-Wen":

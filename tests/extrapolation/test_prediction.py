@@ -17,16 +17,19 @@ from damping.extrapolation.draws import (
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer import doubt
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JOINTS, JointEvidence
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping.records.mode import read_mode
 from damping_reed1970 import data_folder
 
+#: As probable as before, and not about to let go.
+NO_JOINT_NEAR = JointEvidence(JOINTS, -1.0)
+
 
 def member(components, data, weight=1.0):
     c = Coordinates.of(Law(components), data)
-    return Member(c.law.name, weight, c, evidence(c, data).draws)
+    return Member(c.law.name, weight, c, evidence(c, data).draws, NO_JOINT_NEAR)
 
 
 def test_linear_is_proportional_from_the_largest_force(saturn):

@@ -11,6 +11,7 @@ from scipy.stats import multivariate_normal, norm
 from damping.forces.joints import Slip
 from damping.infer.doubt import (
     ANY_JOINT,
+    BENT,
     FREQUENCY_SCATTER,
     JOINT_FALL,
     JOINTS,
@@ -23,6 +24,7 @@ from damping.infer.doubt import (
     SLOWER,
     STEADY,
     STEEPER,
+    UNTOLD,
     JointEvidence,
     extend,
     find_joint,
@@ -66,8 +68,10 @@ def test_slopes_stay_within_what_damping_can_do():
     assert slope.min() >= SLOPES[0] - 1e-12
     assert slope.max() <= SLOPES[1] + 1e-12
     # small strays add to the law's slope, upward ones by their factor
+    measured = JointEvidence(JOINTS, -1.0)  # as probable as before
     for stray_slope, added in ((-1e-5, -1e-5), (1e-5, STEEPER * 1e-5)):
-        np.testing.assert_allclose(extend(0.7 * z[None], stray_slope * z[None], z), (0.7 + added) * z[None], rtol=1e-8)
+        found = extend(0.7 * z[None], stray_slope * z[None], z, measured)
+        np.testing.assert_allclose(found, (0.7 + added) * z[None], rtol=1e-8)
 
 
 def test_a_law_without_resonance_counts_as_steep():
@@ -119,13 +123,20 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     z = np.array([0.0, 1.0, 2.0])
     far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
-    for fall, up, least in (*certain, (np.nan, 1.0, 0.0), (0.0, 1.0 / STEADY, 0.0)):
+    untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
+    for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / STEADY, 0.0)):
         joint = JointEvidence(float(up == 1.0), fall) if np.isfinite(fall) else ANY_JOINT
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
             own = factor * stray_slope / 0.7
             np.testing.assert_allclose(near, own, rtol=1e-3)  # second order: 1e-5 of it
             np.testing.assert_allclose(beyond, np.copysign(np.hypot(own, least), own), rtol=1e-3)
+
+
+def test_damping_in_proportion_to_amplitude_strays_as_far_whether_a_resonance_tells_or_not():
+    z, strays = np.array([[0.0, 1.0, 2.0]]), np.array([[0.0, 0.1, 0.3]])
+    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(JOINTS, -1.0), ANY_JOINT))
+    np.testing.assert_allclose(untold, told, rtol=1e-14)  # q = 1
 
 
 def test_levels_of_a_decay_drift_together(peaks):

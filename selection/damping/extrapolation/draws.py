@@ -158,17 +158,16 @@ def draw_spread(
     beyond = z >= tested.max()
     columns = np.searchsorted(z, asked)
 
-    def at_forces(strays: FloatArray) -> FloatArray:
+    def at_forces(strays: FloatArray, joint: JointEvidence) -> FloatArray:
         log_A = of_law + strays
-        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], member.joint)
+        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], joint)
         return np.asarray(log_A[:, columns])
 
-    law = at_forces(mean)
+    law = at_forces(mean, member.joint._replace(fall=-1.0))  # where a joint may let go is part of its straying
     # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
     noise = np.sqrt(noise[which] + known) * rng.standard_normal(len(which))
-    return Spread(
-        law, at_forces(drawn) - law, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns])
-    )
+    strayed = at_forces(drawn, member.joint) - law
+    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns]))
 
 
 def _levels(

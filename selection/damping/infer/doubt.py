@@ -17,7 +17,8 @@ Whether damping will let go, amplitudes alone do not say; the resonance does. A 
 dissipates: while it slips in part, C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
 (n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, one that saturates too,
 leaves the frequency where it is. So the fall of M omega^2 over the loss F/A says how probable a joint is, and how near
-it is to letting go; by both :func:`extend` lets slopes stray farther or less far.
+it is to letting go; by both :func:`extend` lets slopes stray farther or less far. Where levels have one frequency, a
+law that is not linear may be a joint's.
 """
 
 from typing import NamedTuple
@@ -60,6 +61,10 @@ LETS_GO = 0.45
 #: Fall over loss of such a joint. Below, slip has only begun, and in proportion less is left; above, most of the joint
 #: has let go before. The slopes of joints of ``damping calibrate`` from one to four times the tested force say so.
 FALLS_AT_GO = (0.5, 1.0)
+#: The same where no resonance tells, of a law whose |q - 1| is at least ``BENT``; of others in proportion. With less,
+#: Iwan and Bouc-Wen joints of ``damping calibrate`` that are tested at one frequency escape above in more than a fifth.
+UNTOLD = 0.6
+BENT = 0.5
 #: Square roots of the primes: steps of points that fill the directions in which paths differ most (Richtmyer 1951).
 _STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0])
 #: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
@@ -175,10 +180,11 @@ def extend(log_A: FloatArray, strays: FloatArray, z: FloatArray, joint: JointEvi
     """
     lean = joint.probability / JOINTS - 1.0
     near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
-    goes = LETS_GO * max(lean, 0.0) * near
     step = np.diff(z)
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *SLOPES)
+    told, untold = LETS_GO * max(lean, 0.0) * near, UNTOLD * np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
+    goes = untold if joint == ANY_JOINT else told
     delta = np.diff(strays, axis=1) / step
     grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
     spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
