@@ -86,6 +86,21 @@ def test_linear_resonance_is_exact(n, control):
         assert found.force == pytest.approx(1.5, rel=rel)
 
 
+@pytest.mark.parametrize("tilt", [-0.2, 0.0, 0.2])
+@pytest.mark.parametrize("depth", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("width", [0.25, 0.5, 1.0, 2.0])
+def test_the_tested_force_is_that_at_resonance(tilt, depth, width):
+    """A force that rises or falls over the sweep, with a drop of ``width`` half-power bandwidths about resonance."""
+    frequency = grid(41, span=3.0) + 0.026 * HALF_WIDTH
+    x = (frequency - OMEGA_N / (2 * pi)) / HALF_WIDTH
+    force = 1.5 * (1.0 + tilt * x) * (1.0 - depth * np.exp(-np.log(2.0) * (x / width) ** 2))
+    A, phase = linear(frequency, force)
+    found = resonance(record(force, frequency, A, phase), "A")
+    # of the narrowest and deepest drop the lowest row but one is 5 % above its bottom
+    assert found.force == pytest.approx(1.5 * (1.0 - depth), rel=0.06 if (depth, width) == (0.6, 0.25) else 0.015)
+    assert found.amplitude / found.force == pytest.approx(LINEAR_PEAK / 1.5, rel=3e-4)
+
+
 @pytest.mark.parametrize("offset", [-0.3, -0.01, 0.0, 0.05, 0.6])
 def test_phase_offset_of_a_linear_mode_is_exact(offset):
     frequency = grid(60)
