@@ -315,6 +315,6 @@ def test_the_order_of_rows_moves_nothing(example):
     mixed = Record(pd.concat([rows.sample(frac=1.0, random_state=1) for _, rows in own]))
     columns = ["sweep", "force", "frequency", "amplitude", "phase_offset"]
     pd.testing.assert_frame_equal(tabulate_resonances(mixed)[columns], tabulate_resonances(measured)[columns])
-    a, b = observe(mixed), observe(measured)
-    for name in ("A", "omega", "D", "R", "tested_force", "tested_amplitude"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    # bit by bit the same, and so is what is drawn: sweeps in any order too
+    for rows in (mixed.table, measured.table.sample(frac=1.0, random_state=2)):
+        assert observe(Record(rows)).content == observe(measured).content
