@@ -66,10 +66,16 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     levels, modes = defaultdict[float, list[Point]](list), defaultdict[str, list[Point]](list)
     rows = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     rows = rows or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]
+    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
+    missing = list[str]()
     for mode, level, row in rows:
         point = _as_point(mode, row)
         if level is not None and point is not None:
             levels[level].append(point)
+            continue
+        at = f"amplitude {row.amplitude}" if level is None else f"{drive} {level:g} {unit}".rstrip()
+        why = next((caution for caution in row.cautions if caution.startswith("no prediction")), "no damping predicted")
+        missing.append(f"left out: {mode} at {at}: {why}")
     if not levels:
         raise AnalysisError(f"{source}: no level holds a damping ratio; write it with damping curve or extrapolate")
     for points in levels.values():
@@ -77,7 +83,6 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         for point in points:
             modes[point.mode].append(point)
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
-    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
     fitted = [(mode, which, points, fit_coefficients(points, which, unit)) for (mode, points), which in of_modes]
     values = {
         "code": code,
@@ -88,12 +93,15 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "drive": drive,
         "unit": unit,
         "fitted": fitted,
+        "missing": missing,
         "flank": FLANK,
         "ratios_per_line": RATIOS_PER_LINE,
     }
     write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
     show = console()
     show.print(f"{out} written: damping for {code}")
+    for said in missing:
+        show.print(f"- {said}")
     for mode, which, _, found in fitted:
         if abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")

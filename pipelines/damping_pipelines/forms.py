@@ -138,6 +138,7 @@ class DampedRow(FormPart):
     extrapolation_ratio: float | None = None
     tested: bool | None = None
     by_model: list[dict[str, Any]] = []
+    cautions: list[str] = []
 
 
 class DampedMode(FormPart):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -96,6 +98,23 @@ def test_a_cubic_spring_is_followed_far_beyond_the_test():
     truth = OMEGA_N * np.sqrt(1.0 + 0.166 * 2.5**2) / (2.0 * np.pi)
     np.testing.assert_allclose(said.median, truth, rtol=0.005)
     assert said.low < truth < said.high
+
+
+def test_a_resonance_that_becomes_bistable_beyond_the_test_is_told(peaks):
+    """omega^2 = omega_0^2 (1 + b A^2) in closed form: bandwidths c/M that it has moved by at twice and four times F."""
+    A = np.geomspace(0.3, 1.0, 5)
+
+    def omega(A):
+        return OMEGA_N * np.sqrt(1.0 + 0.02 * A**2)
+
+    data, asked = peaks(A, 0.12 * omega(A) * A, omega(A)), np.array([1.0, 1.5, 2.5])
+    moved = (omega(asked) - omega(A[0])) / (0.12 / M)
+    assert (moved > 1.0).tolist() == [False, False, True]
+    traced = trace_loads(known(0.12 * omega(asked) * asked, asked), backbone_of(A, omega(A)), data)
+    assert [len(said) for said in traced.cautions] == [0, 0, 1]
+    assert f"move by {moved[2]:.1f} half-power bandwidths" in traced.cautions[2][0]
+    of_masses = replace(data, tested_mass=np.full(len(A), M))  # levels of several masses say nothing of a spring
+    assert not any(trace_loads(known(asked, asked), backbone_of(A, omega(A)), of_masses).cautions)
 
 
 def test_a_resonance_that_hardly_moves_is_solved_at_its_frequency():

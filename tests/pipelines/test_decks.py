@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from damping_pipelines.decks import BOUNDS, FLANK, Point, fit_coefficients
+from damping_pipelines.decks import BOUNDS, COMMENTS, FLANK, Point, fit_coefficients
 
 FORM = {
     "format": "loads/1",
@@ -80,6 +80,22 @@ def test_a_deck_says_what_a_level_is_and_its_unit(deck, code):
     if code != "openfast":
         form = {**CAMPAIGN, "level_name": "base acceleration", "level_unit": "g"}
         assert " base acceleration 0.6 g, low" in deck(form, code)
+
+
+@pytest.mark.parametrize("code", COMMENTS)
+def test_a_level_without_a_prediction_is_named(damping, tmp_path: Path, code):
+    """In the deck and on the terminal, of loads that were refused and of a campaign's mode at one level only."""
+    third = {**CAMPAIGN["modes"][0], "name": "third"}
+    refused = {"level": 2.0, "frequency": None, "damping_ratio": {"median": None}, "cautions": ["no prediction: why"]}
+    modes = {**CAMPAIGN, "modes": [{**third, "at": [*third["at"], refused]}]}
+    for form, named in ((FORM, "mode at force 900: no damping"), (modes, "third at level 2: no prediction: why")):
+        if code == "openfast" and form is modes:  # which takes no campaign
+            continue
+        (tmp_path / "form.json").write_text(json.dumps(form))
+        run = damping("export", tmp_path / "form.json", "--to", code, "--out", tmp_path / "deck.txt")
+        said = " ".join((run.out + run.err).split())
+        assert f"left out: {named}" in said
+        assert f"{COMMENTS[code]} left out: {named}" in (tmp_path / "deck.txt").read_text()
 
 
 def test_nastran_deck_of_a_campaign_has_the_modes_by_frequency(deck):

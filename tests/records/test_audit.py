@@ -15,7 +15,7 @@ import damping as dp
 from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
-from damping.records.mode import read_mode
+from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import Run, find_prominent
@@ -100,6 +100,17 @@ def test_an_energy_that_contradicts_its_row_is_refused(factor):
     one_row[int(np.argmax(truth["amplitude"]))] *= factor
     found = audit(record_of(measured(truth, b).assign(energy=one_row)), b.mode).findings
     assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, []), (1000.0, ["beyond-model"]), (1e5, ["units"])])
+def test_peaks_in_another_unit_are_doubted_by_their_damping(factor, said):
+    """Peaks A = F/(2 zeta K) of zeta = 0.005 in mm beside a mode in m: zeta would be 5e-6, as of no assembly."""
+    F = np.array([1.0, 2.0, 4.0])
+    A = factor * F / (2.0 * 0.005 * 5.0 * (2.0 * np.pi * 15.0) ** 2) * np.array([1.0, 1.01, 0.99])
+    table = pd.DataFrame({"sweep": ["a", "b", "c"], "force": F, "frequency": 15.0, "amplitude": A})
+    found = audit(dp.Record(table), Mode(name="m", frequency=15.0, mass=5.0)).findings
+    assert [one.check for one in found] == said
+    assert all("mm for m" in str(one) for one in found if one.check == "beyond-model")
 
 
 def test_turns_are_named_as_turns():

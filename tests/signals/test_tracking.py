@@ -75,6 +75,19 @@ def test_a_dwell_is_its_last_settled_window():
     np.testing.assert_allclose(found.rate[last], 0.0, atol=0.01)
 
 
+def test_noise_makes_no_rate():
+    """Neither of a sweep so slow that several windows are of one frequency, nor of dwells a twentieth of a Hz apart."""
+    t = np.arange(0.0, 60.0, 1.0 / RATE)
+    slow = track_sine([measured(2.0 * np.pi * (15.0 * t + 0.5 * 0.01 * t**2), 0.02)], 0, 1.0 / RATE)
+    assert len(slow.time) < 100  # of 225 windows
+    np.testing.assert_allclose(slow.rate, 0.01, rtol=0.05)
+    step = 15.0 + 0.05 * np.floor(t / 6.0)
+    dwells = track_sine([measured(2.0 * np.pi * np.cumsum(step) / RATE, 0.02)], 0, 1.0 / RATE)
+    settled = np.abs(dwells.frequency - np.round(20.0 * dwells.frequency) / 20.0) < 2e-3
+    assert settled.sum() >= 10
+    np.testing.assert_array_equal(dwells.rate[settled], 0.0)
+
+
 def test_a_mode_swept_through_its_resonance():
     """Amplitude and phase of the slow envelope, integrated in time, where it changes within a window."""
     f_n, ratio, mass = 30.0, 0.01, 2.0

@@ -25,7 +25,7 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import NEAREST, ROUNDING
+from damping.extrapolation.near import BISTABLE, NEAREST, ROUNDING
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
@@ -186,8 +186,23 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         frequency=f,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
-        cautions=loads.cautions,
+        cautions=tuple(
+            (*said, *_describe_jump(float(hertz), float(ratio), data) * (not any("bistable" in one for one in said)))
+            for said, hertz, ratio in zip(loads.cautions, f.median, zeta, strict=True)
+        ),
     )
+
+
+def _describe_jump(hertz: float, zeta: float, data: Observations) -> tuple[str, ...]:
+    """A caution where a resonance moves so far from that of the lowest level as to be bistable; of one mass alone."""
+    if data.tested_mass is not None or (data.added_mass is not None and np.ptp(data.added_mass)):
+        return ()
+    lowest = float(data.tested_omega[np.argmin(data.tested_force)]) / RAD_S_PER_HZ
+    moved = abs(hertz - lowest) / (2.0 * zeta * hertz)
+    if not moved >= BISTABLE:
+        return ()
+    said = f"the resonance is predicted to move by {moved:.1f} half-power bandwidths from that of the lowest level"
+    return (f"{said}: the mode is bistable there, and a sweep may jump before it reaches this amplitude",)
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:

@@ -20,7 +20,6 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.records.record import Record
 from damping.records.resonance import energy_per_cycle, tabulate_resonances
-from damping.records.runs import order_rows
 
 #: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
@@ -148,13 +147,14 @@ _PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass",
 def observe(record: Record) -> Observations:
     """Turn a record into damping observations.
 
-    Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
+    Sweeps by rising tested force and rows by frequency, in whichever order the record has them: sums and draws are then
+    the same. Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
     :func:`damping.records.resonance.tabulate_resonances` is not removed here: ``D`` is what was measured.
 
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.
     """
-    table = pd.concat([order_rows(own)[0] for _, own in record.table.groupby("sweep", sort=False)])
+    table = record.table.sort_values(["frequency", "amplitude", "force"], kind="stable")
     sweeps = table["sweep"].nunique()
     if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
         raise AnalysisError(
@@ -171,7 +171,7 @@ def observe(record: Record) -> Observations:
     labels = list(dict.fromkeys(rows["sweep"].astype(str)))
     number = {label: i for i, label in enumerate(labels)}
     peaks = tabulate_resonances(record).set_index("sweep").loc[labels]
-    return Observations(
+    observed = Observations(
         A=A,
         omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
         D=D,
@@ -188,6 +188,7 @@ def observe(record: Record) -> Observations:
         added_mass=record.added_masses[peaks["row"]],
         tested_mass=record.column("mass")[peaks["row"]] if "mass" in table else None,
     )
+    return observed.take_sweeps(np.lexsort((observed.tested_omega, observed.tested_amplitude, observed.tested_force)))
 
 
 def at_resonance(data: Observations) -> Observations:

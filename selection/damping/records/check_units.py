@@ -101,6 +101,7 @@ NEAR_RESONANCE = 0.7  #: sine of a phase from which noise of the phase hardly mo
 ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
 
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
+SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a unit is the likelier cause
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
 OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
 NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
@@ -170,6 +171,9 @@ def check_beyond_model(view: View) -> Finding | None:
     simulated, zeta = view.simulated, float(table["damping_ratio"].iloc[0])
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
+    elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:
+        name = name_factor(zeta / 0.01, UNIT_FACTORS, within=inf)
+        differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
     if not differences:
         return None
     hertz = view.record.column("frequency")

@@ -40,6 +40,7 @@ PURITY = 0.2  #: most that a window of the drive may hold beside its sine, as a 
 _HYSTERESIS = 0.1  # of the amplitude, by which a crossing of zero must be left again to count
 _FEWEST_SAMPLES = 4.0  # a cycle of a drive
 ROWS_A_SIDE = 5  #: rows before and after one over which the rate of a sweep is told
+STILL = 0.5  #: a row of several windows is a dwell if it drifts by less than this share of the rate from row to row
 _REFINED = 2  # times that the phase of a window is made exact
 
 
@@ -173,7 +174,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     """
     kept = np.empty((0, 0))
     rows: list[_Row] = []
-    start, anchor = 0, 0.0
+    start, anchor, began = 0, 0.0, 0.0
     for block in blocks:
         if not np.isfinite(block).all():
             raise InputError("samples that are no numbers", expected="finite numbers in every channel")
@@ -185,17 +186,18 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
             row = _fit_window(kept, drive, window, step, start)
             first += HOP
             if row is not None and rows and abs(row.frequency / anchor - 1.0) < SAME_FREQUENCY:
-                rows[-1] = row._replace(is_dwell=True)
+                rows[-1] = row._replace(drift=(row.frequency - anchor) / (row.time - began))
             elif row is not None:
-                rows, anchor = [*rows, row], row.frequency
+                rows, anchor, began = [*rows, row], row.frequency, row.time
         if not first and kept.size > MOST_KEPT:
             raise AnalysisError(f"the drive does not rise through zero {CYCLES} times within {kept.shape[1]} samples")
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
         kept, start = kept[:, used:], start + used
     if not rows:
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
-    frequency, rate, time, size, response, third, dwells = (np.array(values) for values in zip(*rows, strict=True))
-    rate = np.where(dwells, rate, _smooth_rate(time, frequency, rate))
+    frequency, rate, time, size, response, third, drift = (np.array(values) for values in zip(*rows, strict=True))
+    rate = _smooth_rate(time, frequency, np.where(np.isnan(drift), rate, drift))
+    rate[np.abs(drift) < STILL * np.abs(rate)] = 0.0
     return TrackedSine(frequency, rate, time, size, response.T, third.T)
 
 
@@ -212,7 +214,7 @@ def _find_crossings(x: FloatArray) -> FloatArray:
 
 
 class _Row(NamedTuple):
-    """A row of a ``TrackedSine``; ``is_dwell``: of several windows."""
+    """A row of a ``TrackedSine``; ``drift``: rate from the first to the last of its windows, NaN of one alone."""
 
     frequency: float
     rate: float
@@ -220,7 +222,7 @@ class _Row(NamedTuple):
     drive: float
     response: ComplexArray
     third: ComplexArray
-    is_dwell: bool = False
+    drift: float = float("nan")
 
 
 def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, start: int) -> _Row | None:
