@@ -16,7 +16,8 @@ from scipy.special import logsumexp
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects.contract import Terms
-from damping.effects.terms import cross_motion, third_harmonic
+from damping.effects.rig import recorded_third
+from damping.effects.terms import cross_motion
 from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals, steady
 from damping.gap.problem import State
@@ -263,9 +264,8 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     seen = replace(rows, u=motion.u, phase=motion.phase)
     if not rows.channels:
         return seen
-    A = np.exp(motion.u - np.ravel(terms.gain))
-    third = third_harmonic(terms, A, motion.phase, rows.drive).reshape(-1)
-    cross = cross_motion(terms, A, rows.drive).reshape(-1)
+    third = recorded_third(terms, motion.u, motion.phase, rows.drive).reshape(-1)
+    cross = cross_motion(terms, np.exp(motion.u - np.ravel(terms.gain)), rows.drive).reshape(-1)
     sd_third = np.hypot(rows.sd_third, FURTHER_ERROR * np.abs(third))
     sd_cross = np.hypot(rows.sd_cross, FURTHER_ERROR * np.abs(cross))
     return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)
