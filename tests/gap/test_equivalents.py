@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from damping.effects import CATALOGUE
 from damping.gap import weighing
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import WORTH, name_command
+from damping.gap.next_test import DESIGNS, WORTH, name_command
+from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
+from damping.records.reading import read_record
 from damping.records.record import Record
 
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
@@ -68,6 +71,28 @@ def test_the_next_test_for_what_differs_by_a_power_of_frequency(lab):
     assert heavier
     assert all(0.0 < row["added_mass"] <= 0.5 * lab.mass * 1.1 for test in heavier for row in test.rows)
     assert not any("amplitude_y" in test.columns for test in found.next_tests)  # neither has a second plane
+
+
+def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
+    """They come after it, fill the columns that no row of it may lack, and are as noisy as what it measured."""
+    record = lab.measured("velocity-squared")
+    table = record.table.assign(time=60.0 * np.arange(len(record)))
+    found = diagnose(Record(table), lab.mode())
+    test = found.next_test
+    run, further = test.rows[0], table.tail(20).reset_index(drop=True)
+    further = further.assign(sweep="Z", frequency=np.linspace(run["frequency_low"], run["frequency_high"], 20))
+    further = further[["sweep", *(name for name in test.columns if name in further)]]
+    path = tmp_path / "record.csv"
+    pd.concat([table, further]).to_csv(path, index=False)
+    assert len(read_record(path)) == len(record) + 20  # every cell that must be filled is
+    assert "time" in test.columns  # without which the times of all rows count for nothing
+    problem = found.leading.best.model.problem
+    design = next(own for own in DESIGNS if own.channel == "third")
+    step = 1.0 / (len(record) - 1.0)
+    np.testing.assert_allclose(design.plan(problem).time, 0.5 + step * (1.0 + np.arange(40)), rtol=1e-12, atol=0.0)
+    third = np.where(problem.rows.sweep == 0, 3e-6, UNSEEN)
+    measured = replace(problem, rows=replace(problem.rows, sd_third=third))
+    np.testing.assert_array_equal(design.plan(measured).sd_third, 3e-6)
 
 
 def test_a_record_without_phases_is_asked_for_none(lab):
