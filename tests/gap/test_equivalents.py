@@ -17,6 +17,7 @@ from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
 from damping.records.reading import read_record
 from damping.records.record import Record
+from damping.report.gap import describe_diagnosis
 
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
 
@@ -147,10 +148,21 @@ def test_the_rig_is_looked_at_first_only_where_it_alone_could_do_it(monkeypatch)
         Known(("amplitude-scale", "planar-coupling"), -1.0),
     ]
     (group,) = weighing.group_equivalent_effects(ranked, CATALOGUE)
-    assert group.rig == ()
+    assert group.rig == 0
+    assert group.ways == (("second-mode",), ("residual-modes",), ("amplitude-scale", "planar-coupling"))
     assert set(group.effects) == {"second-mode", "residual-modes", "amplitude-scale", "planar-coupling"}
     (group,) = weighing.group_equivalent_effects([*ranked, Known(("force-dropout",), -1.0)], CATALOGUE)
-    assert group.rig == ("force-dropout",)
+    assert (group.rig, group.ways[0]) == (1, ("force-dropout",))
+
+
+def test_places_and_doubts_are_told_as_they_are(lab):
+    """A cell of one row is at a frequency, and effects that do together what one does are not told one by one."""
+    found = lab.diagnosed("stiffness-hardening")
+    cell = replace(found.where[0], frequency_low=2.98765, frequency_high=2.98765)
+    group = weighing.Group((("phase-lag",), ("amplitude-scale", "planar-coupling")), 1.0, 1)
+    told = describe_diagnosis(replace(found, where=(cell, *found.where[1:]), groups=(group,)))
+    assert " at 2.9876 Hz" in told["place"][0]
+    assert "cannot tell phase-lag and amplitude-scale + planar-coupling apart" in told["doubts"][0]
 
 
 def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
