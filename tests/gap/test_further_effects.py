@@ -270,7 +270,10 @@ def test_values_taken_from_the_record_do_not_hold_it(lab):
     rows = lab.bench().rows
     record = lab.record(rows, lab.linear(rows, viscous=1.4 * lab.viscous), 3)
     assert diagnose(record, lab.mode()).leading.effects == ("viscous-coefficient",)
-    assert diagnose(record, lab.mode(tolerance=Tolerance(from_record=True))).leading.effects == ()
+    found = diagnose(record, lab.mode(tolerance=Tolerance(from_record=True)))
+    assert found.leading.effects == ()
+    assert "within their tolerance" not in describe_diagnosis(found)["verdict"][0]
+    assert any("can never be found" in caution for caution in found.cautions)
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 64.0])
