@@ -11,7 +11,7 @@ import pytest
 from damping.effects import CATALOGUE, with_effects
 from damping.effects.contract import Scales
 from damping.effects.terms import predict
-from damping.gap.corrected import effect_values
+from damping.gap.corrected import effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
 from damping.gap.model import steady
 from damping.gap.problem import setting
@@ -48,6 +48,9 @@ def test_a_simulation_wrong_in_frequency_and_damping_is_named_so(lab, no_folds, 
     # standard errors of 60 rows of 1 %: 1e-5 of the frequency, the mass within its tolerance of the damping
     np.testing.assert_allclose(values["natural-frequency"]["relative"], off - 1.0, rtol=0.0, atol=1e-4)
     np.testing.assert_allclose(values["viscous-coefficient"]["relative"], damped - 1.0, rtol=0.05, atol=0.0)
+    own, intervals = refitted_values(found.leading.best), effect_intervals(found.leading.best)["simulation"]
+    assert own.keys() == intervals.keys() == {"mass"}  # what else is free has its interval too
+    assert intervals["mass"][0] < own["mass"] < intervals["mass"][1]
 
 
 def test_two_planes_of_any_distance_are_a_model_that_can_be_written(lab):
