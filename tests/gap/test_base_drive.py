@@ -130,6 +130,18 @@ def test_damping_of_a_base_driven_state_is_found_beside_an_added_mass(mode):
     assert not found.unexplained
 
 
+@pytest.mark.parametrize(
+    ("error", "damped", "cause"),
+    [(1.01, 1.0, {"natural-frequency"}), (1.0, 2.0, {"viscous-coefficient"}), (1.0, 1.0, set())],
+)
+def test_a_wrong_model_of_a_base_driven_record_is_named(mode, error, damped, cause):
+    """The rows tell the participation, not what the model claims to know: a gain is all that they cannot tell."""
+    wrong = replace(mode, frequency=F_N / error, damping={"viscous": {"coefficient": VISCOUS / damped}})
+    found = diagnose(shaken((0.05, 0.1, 0.2, 0.4)), wrong)
+    assert found.leading.key == cause
+    assert all("amplitude-scale" not in one.effects for one in found.hypotheses)
+
+
 def test_a_next_test_is_told_as_the_record_holds_it(quadratic):
     """Half the modal mass is 6.2 kg and not 6.2/(p m), and the base keeps its acceleration."""
     proposed = [test for test in quadratic.next_tests if "added_mass" in test.columns]

@@ -5,15 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from damping.effects import CATALOGUE
 from damping.gap import weighing
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import WORTH, name_command
+from damping.gap.next_test import DESIGNS, WORTH, name_command
+from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
+from damping.records.reading import read_record
 from damping.records.record import Record
+from damping.report.gap import describe_diagnosis
 
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
 
@@ -70,6 +74,28 @@ def test_the_next_test_for_what_differs_by_a_power_of_frequency(lab):
     assert not any("amplitude_y" in test.columns for test in found.next_tests)  # neither has a second plane
 
 
+def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
+    """They come after it, fill the columns that no row of it may lack, and are as noisy as what it measured."""
+    record = lab.measured("velocity-squared")
+    table = record.table.assign(time=60.0 * np.arange(len(record)))
+    found = diagnose(Record(table), lab.mode())
+    test = found.next_test
+    run, further = test.rows[0], table.tail(20).reset_index(drop=True)
+    further = further.assign(sweep="Z", frequency=np.linspace(run["frequency_low"], run["frequency_high"], 20))
+    further = further[["sweep", *(name for name in test.columns if name in further)]]
+    path = tmp_path / "record.csv"
+    pd.concat([table, further]).to_csv(path, index=False)
+    assert len(read_record(path)) == len(record) + 20  # every cell that must be filled is
+    assert "time" in test.columns  # without which the times of all rows count for nothing
+    problem = found.leading.best.model.problem
+    design = next(own for own in DESIGNS if own.channel == "third")
+    step = 1.0 / (len(record) - 1.0)
+    np.testing.assert_allclose(design.plan(problem).time, 0.5 + step * (1.0 + np.arange(40)), rtol=1e-12, atol=0.0)
+    third = np.where(problem.rows.sweep == 0, 3e-6, UNSEEN)
+    measured = replace(problem, rows=replace(problem.rows, sd_third=third))
+    np.testing.assert_array_equal(design.plan(measured).sd_third, 3e-6)
+
+
 def test_a_record_without_phases_is_asked_for_none(lab):
     """A column is filled in every row: rows with phases after rows without could not be read."""
     record = lab.measured("velocity-squared")
@@ -122,10 +148,21 @@ def test_the_rig_is_looked_at_first_only_where_it_alone_could_do_it(monkeypatch)
         Known(("amplitude-scale", "planar-coupling"), -1.0),
     ]
     (group,) = weighing.group_equivalent_effects(ranked, CATALOGUE)
-    assert group.rig == ()
+    assert group.rig == 0
+    assert group.ways == (("second-mode",), ("residual-modes",), ("amplitude-scale", "planar-coupling"))
     assert set(group.effects) == {"second-mode", "residual-modes", "amplitude-scale", "planar-coupling"}
     (group,) = weighing.group_equivalent_effects([*ranked, Known(("force-dropout",), -1.0)], CATALOGUE)
-    assert group.rig == ("force-dropout",)
+    assert (group.rig, group.ways[0]) == (1, ("force-dropout",))
+
+
+def test_places_and_doubts_are_told_as_they_are(lab):
+    """A cell of one row is at a frequency, and effects that do together what one does are not told one by one."""
+    found = lab.diagnosed("stiffness-hardening")
+    cell = replace(found.where[0], frequency_low=2.98765, frequency_high=2.98765)
+    group = weighing.Group((("phase-lag",), ("amplitude-scale", "planar-coupling")), 1.0, 1)
+    told = describe_diagnosis(replace(found, where=(cell, *found.where[1:]), groups=(group,)))
+    assert " at 2.9876 Hz" in told["place"][0]
+    assert "cannot tell phase-lag and amplitude-scale + planar-coupling apart" in told["doubts"][0]
 
 
 def test_what_another_choice_fails_at_is_not_told_of_the_explanation():

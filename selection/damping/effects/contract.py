@@ -68,10 +68,14 @@ Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class Reading(NamedTuple):
-    """What an instrument reads of amplitudes; ``unread`` is the inverse, kept finite."""
+    """What an instrument reads of amplitudes; ``unread`` is the inverse, kept finite.
+
+    ``third``: amplitude of sin 3 theta in what it makes of A sin theta, from ln A.
+    """
 
     read: Instrument
     unread: Instrument
+    third: Callable[[FloatArray], FloatArray]
 
 
 class Terms(NamedTuple):

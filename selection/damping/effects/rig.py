@@ -7,8 +7,9 @@ from math import log
 
 import numpy as np
 
-from damping.arrays import FloatArray, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms
+from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, add_parts
+from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
 #: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
@@ -133,7 +134,13 @@ def clipping(level: Floats) -> Reading:
         slope = np.where(value > 0.0, np.interp(over, _OVER, _CLIPPED_SLOPE), 1.0)
         return over + base, np.where(value > _CLIPPED[_TURN - 1], 0.0, 1.0 / np.maximum(slope, _LEAST_SLOPE))
 
-    return Reading(read, unread)
+    def third(v: FloatArray) -> FloatArray:
+        a = np.maximum(np.exp(v - base), 1.0)
+        end = np.arcsin(1.0 / a)  # where it clips: (4/pi) int sin 3 theta min(a sin theta, 1)
+        turned = a * (0.25 * np.sin(2.0 * end) - 0.125 * np.sin(4.0 * end)) + np.cos(3.0 * end) / 3.0
+        return np.asarray(level * (4.0 / np.pi) * turned)
+
+    return Reading(read, unread, third)
 
 
 def compressing(level: Floats, power: Floats) -> Reading:
@@ -149,7 +156,27 @@ def compressing(level: Floats, power: Floats) -> Reading:
         left = np.maximum(1.0 - grown, _LEAST_SLOPE)
         return u - np.log(left) / power, np.where(left > _LEAST_SLOPE, 1.0 / left, 0.0)
 
-    return Reading(read, unread)
+    def third(v: FloatArray) -> FloatArray:
+        """Of what is lost, the share that q |q|^power has of sin 3 theta beside sin theta."""
+        return np.asarray((np.exp(v) - np.exp(read(v)[0])) * power / (power + 4.0))
+
+    return Reading(read, unread, third)
+
+
+def recorded_third(terms: Terms, u: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
+    """Phasor of the third harmonic that is read beside a first one of ln amplitude u and lag ``phase``.
+
+    That of the motion, and what a sensor that saturates adds, both through the instrument at 3 omega.
+    """
+    offset = add_parts(terms.offset, drive)
+    v, lag = u - terms.gain - np.real(offset), phase - terms.lag + np.imag(offset)
+    for reading in reversed(terms.readings):
+        v = reading.unread(v)[0]
+    third = third_harmonic(terms, np.exp(v), lag, drive)
+    for reading in terms.readings:
+        third, v = third + reading.third(v) * np.exp(-3j * lag), reading.read(v)[0]
+    factor = terms.gain - 1j * terms.lag + add_parts(terms.offset, drive._replace(omega=3.0 * drive.omega))
+    return np.asarray(third * np.exp(factor))
 
 
 def saturation_forms(scales: Scales) -> tuple[Form, ...]:

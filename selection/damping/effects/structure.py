@@ -113,10 +113,10 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
 
 def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
-        return terms._replace(plane=Plane(weight, 1.0 + sign * distance, in_both, damping))
+        return terms._replace(plane=Plane(weight, (1.0 + distance) ** sign, in_both, damping))
 
     def report(weight: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
-        plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": 1.0 + sign * distance}
+        plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": (1.0 + distance) ** sign}
         return plane | {"damping_ratio": damping} | ({"alike": 1.0} if in_both else {})
 
     label = ("above" if sign > 0.0 else "below") + (", damped alike" if in_both else "")

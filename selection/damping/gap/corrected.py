@@ -61,20 +61,17 @@ def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[s
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
-    """Intervals of the parameters of every effect of a fit, of `CONTENT`, from its Gaussian posterior.
+    """Intervals of the parameters of every effect of a fit and of its ``simulation``, of `CONTENT`, from its posterior.
 
-    Parameters that are not free (which sweep it is) have none.
+    It is taken to be Gaussian. Parameters that are not free (which sweep it is) have none.
     """
     draws = np.random.default_rng(0).multivariate_normal(fit.y, fit.covariance, size=_DRAWS, method="cholesky")
-    intervals = {}
-    for part, x in fit.model.own_variables(draws):
-        values = [value[:, 0] for value in part.values(x)]
-        tail = 0.5 - 0.5 * CONTENT
-        intervals[part.form.effect] = {
-            name: (float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail)))
-            for name, drawn in part.form.report(*values).items()
-            if np.ndim(drawn) == 1 and np.ptp(drawn) > 0.0
-        }
+    intervals: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in (*fit.effects, "simulation")}
+    tail = 0.5 - 0.5 * CONTENT
+    for key, drawn in parameters(fit, draws).items():
+        if np.ptp(drawn) > 0.0:
+            of, name = key.split(": ")
+            intervals[of][name] = float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail))
     return intervals
 
 
@@ -177,7 +174,7 @@ def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
 def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     """Parameters at variables x (points, variables), each (points,)."""
     simulation = leading.model.problem.simulation
-    replaced = {part.form.replaces for part in leading.model.parts}
+    replaced = {part.form.replaces for part in leading.model.parts} | {*simulation.swept}
     relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
     drawn = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
     for part, own in leading.model.own_variables(x):

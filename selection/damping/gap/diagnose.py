@@ -121,7 +121,7 @@ class Diagnosis(Explained):
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
-        return rank_tests(self.explanations, command, self.unit)
+        return rank_tests(self.explanations, command, self.unit, self.record.table.columns)
 
     @property
     def next_test(self) -> NextTest | None:

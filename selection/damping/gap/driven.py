@@ -17,6 +17,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.gap.problem import State
 from damping.gap.rows import is_same_structure
+from damping.gap.simulation import NO_KNOWLEDGE
 from damping.predict.measured import count_in, in_unit
 from damping.records.base_drive import Participation, drive_by, find_participation, has_masses
 from damping.records.mode import Mode
@@ -55,8 +56,12 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
     record, mode = states[0]
     if len(states) == 1 and not has_masses(record):  # p and the mass are one: the slope of a/q
         known = find_participation([(record, mode.mass, 0.0)])
-        pair, unit = (record, count_in(mode, known)), known.value * mode.mass
-        return Driven((pair,), (np.ones(len(record)),), unit, said=(f"base drive: {known}",))
+        counted, stated = count_in(mode, known), mode.tolerance
+        if known.known:  # of the mass alone: what is known of frequency and damping ratio stays knowledge
+            viscous, mass = float(np.hypot(stated.viscous, known.spread)), max(stated.mass, NO_KNOWLEDGE["mass"])
+            counted = replace(counted, tolerance=replace(stated, viscous=viscous, mass=mass))
+        unit = known.value * mode.mass
+        return Driven(((record, counted),), (np.ones(len(record)),), unit, said=(f"base drive: {known}",))
     if simulated:
         what = "a simulator is a function of force and frequency, and knows nothing of masses that a base shakes too"
         raise AnalysisError(f'{record.source}: {what}: give it one state without added mass, or drive = "force"')

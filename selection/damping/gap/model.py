@@ -24,7 +24,8 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales, Terms
-from damping.effects.terms import Prediction, cross_motion, predict, third_harmonic
+from damping.effects.rig import recorded_third
+from damping.effects.terms import Prediction, cross_motion, predict
 from damping.gap.rows import Rows, wrapped
 from damping.gap.simulation import Simulation
 
@@ -230,13 +231,13 @@ def residuals(
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
     """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
-    A = np.exp(np.clip(u, rows.u - NEAR, rows.u + NEAR) - terms.gain)
+    u = np.clip(u, rows.u - NEAR, rows.u + NEAR)
     parts: list[FloatArray] = []
     for channel in rows.channels:
         if channel == "third":
-            left = third_harmonic(terms, A, phase + terms.lag, rows.drive) - rows.third
+            left = recorded_third(terms, u, phase, rows.drive) - rows.third
         else:
-            left = _cross(terms, rows, A, phase)
+            left = _cross(terms, rows, np.exp(u - terms.gain), phase)
         left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
         parts += [left.real, left.imag]
     return parts

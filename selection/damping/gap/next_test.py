@@ -5,7 +5,7 @@ distance of the two predictions, in units of all that the rival leaves open, is 
 and Verdinelli 1995, design for discrimination between models).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
@@ -16,7 +16,8 @@ from scipy.special import logsumexp
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects.contract import Terms
-from damping.effects.terms import cross_motion, third_harmonic
+from damping.effects.rig import recorded_third
+from damping.effects.terms import cross_motion
 from damping.gap.fit import ModelFit
 from damping.gap.model import STEP, Problem, residuals, steady
 from damping.gap.problem import State
@@ -43,6 +44,8 @@ CERTAIN = 100.0
 
 _SWEEP = ("force", "frequency", "amplitude")
 _THIRD = ("amplitude_3", "phase_3")
+#: Columns of a record that further rows have to fill, or say nothing of what the others do.
+_KEPT = ("phase", "energy", "amplitude_sd", "phase_sd", "force_sd", "sweep_rate", "time")
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,9 @@ class ProposedTest:
     change: Callable[[Terms], Terms] = lambda terms: terms
 
     def plan(self, problem: Problem) -> Rows:
-        """Its rows, whose amplitudes are yet unknown: each as the nearest of the sweep that is run again.
+        """Its rows, after those of the record, each as the nearest of the sweep that is run again: so its amplitude.
 
-        Phases are measured where the record holds them: a column of a record is filled in every row. A further channel
-        has the noise of the smallest amplitudes, or of `FLOOR`.
+        A further channel has the noise that it has in the record; else that of the smallest amplitudes, or of `FLOOR`.
         """
         rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
         level = rows.level.min() if self.lowest else rows.level.max()
@@ -84,6 +86,11 @@ class ProposedTest:
         shaken = float(np.median(again.shaken))
         sd_amplitude = float(np.median(again.sd_amplitude))
         floor = min(float(np.min(sd_amplitude * np.exp(u))), FLOOR * float(np.max(np.exp(u))))
+        sd = {name: np.full(_POINTS, UNSEEN) for name in ("third", "cross")}
+        if self.channel:
+            known = float(getattr(rows, f"sd_{self.channel}").min())
+            sd[self.channel] = np.full(_POINTS, known if known < UNSEEN else floor)
+        turn = np.arange(_POINTS)[:: 1 if again.up[0] > 0.0 else -1]
         return replace(
             planned,
             row=np.arange(_POINTS),
@@ -92,15 +99,14 @@ class ProposedTest:
             omega=omega,
             u=u,
             resonant=np.zeros(_POINTS, dtype=bool),
-            time=np.full(_POINTS, 0.5),
+            time=0.5 + (1.0 + turn) / max(len(rows) - 1, 1),
             label=np.zeros(_POINTS),
-            up=np.ones(_POINTS),
-            rate=np.zeros(_POINTS),
+            rate=planned.rate * ("sweep_rate" not in self.columns),
             added=np.full(_POINTS, added),
             sd_amplitude=np.full(_POINTS, sd_amplitude),
             sd_phase=np.full(_POINTS, float(np.median(again.sd_phase))),
-            sd_third=np.full(_POINTS, floor if self.channel == "third" else UNSEEN),
-            sd_cross=np.full(_POINTS, floor if self.channel == "cross" else UNSEEN),
+            sd_third=sd["third"],
+            sd_cross=sd["cross"],
             channels=(self.channel,) if self.channel else (),
         )
 
@@ -203,14 +209,16 @@ def name_command(states: Sequence[State], simulate: Simulate | None) -> str:
     return join(words)
 
 
-def rank_tests(alive: Sequence[Explanation], command: str, unit: float = 1.0) -> tuple[NextTest, ...]:
+def rank_tests(
+    alive: Sequence[Explanation], command: str, unit: float = 1.0, columns: Collection[str] = ("phase",)
+) -> tuple[NextTest, ...]:
     """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
 
     Those that decide by more than first harmonics of one state come before the others.
 
     ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
     Where nothing is blamed, effects too small to be seen are none. ``unit``: of mass, in which the rows are counted;
-    what is to be run is told as a record holds it.
+    what is to be run is told as a record holds it. ``columns``: of the record; further rows have some of them too.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not alive[0].effects:
@@ -232,8 +240,8 @@ def rank_tests(alive: Sequence[Explanation], command: str, unit: float = 1.0) ->
             "points": len(rows),
             "added_mass": float(rows.added[0]) * unit,
         }
-        columns = (*_SWEEP, *(("phase",) if rows.has_phase else ()), *design.columns)
-        tests.append(NextTest(design.what, design.why, total, columns, (run,), command))
+        filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
+        tests.append(NextTest(design.what, design.why, total, tuple(filled), (run,), command))
     worth = [test for test in tests if test.expected_log_odds > WORTH]
     return tuple(sorted(worth, key=lambda test: (not test.comes_first, -test.expected_log_odds)))
 
@@ -263,9 +271,8 @@ def _simulate(terms: Terms, rows: Rows) -> Rows:
     seen = replace(rows, u=motion.u, phase=motion.phase)
     if not rows.channels:
         return seen
-    A = np.exp(motion.u - np.ravel(terms.gain))
-    third = third_harmonic(terms, A, motion.phase, rows.drive).reshape(-1)
-    cross = cross_motion(terms, A, rows.drive).reshape(-1)
+    third = recorded_third(terms, motion.u, motion.phase, rows.drive).reshape(-1)
+    cross = cross_motion(terms, np.exp(motion.u - np.ravel(terms.gain)), rows.drive).reshape(-1)
     sd_third = np.hypot(rows.sd_third, FURTHER_ERROR * np.abs(third))
     sd_cross = np.hypot(rows.sd_cross, FURTHER_ERROR * np.abs(cross))
     return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)

@@ -119,7 +119,9 @@ def setting(
 
 def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
     """The library without what is known of the rig, and what the simulation claims no knowledge of."""
+    on_one_base = bool(rows.shaken.all()) and not np.ptp(rows.state) and not rows.added.any()
     known = {
+        "amplitude-scale": on_one_base,  # a gain is a participation, which the rows themselves tell
         "planar-coupling": mode.rig.planes == 1,
         "force-dropout": mode.rig.force == "measured",
         "sweep-rate": mode.rig.rate is not None or bool(np.any(rows.rate != 0.0)),
@@ -202,6 +204,11 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append("noise is not stated: it was estimated from the roughness along each sweep")
     if not mode.damping:
         cautions.append("the simulation has no damping")
+    if mode.tolerance.from_record:
+        cautions.append(
+            "frequency, mass and damping of the simulation were taken from this very record (from_record): they are "
+            "free, and that they are wrong can never be found"
+        )
     return cautions
 
 

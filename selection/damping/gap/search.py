@@ -36,31 +36,23 @@ MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
 _MOST_DOUBTING = 4
-#: Modes whose evidence is within this of the best are weighed.
-_CLOSE_MODES = 10.0
-#: Another form of an effect whose evidence is within this is kept when effects are added.
-_CLOSE = 3.0
-#: ln of the evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
-_WORTH = 12.0
-#: ln of the evidence behind the best from which predictions are not taken again at a hypothesis' own motion.
-_LOST = 100.0
+_CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
+_CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
+_WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
+_LOST = 100.0  #: ... and predictions are not taken again at its own motion.
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3
-#: ln p behind the best from which hypotheses of several effects are not fitted to another problem.
-_LOST_AGAIN = 30.0
+_LOST_AGAIN = 30.0  #: ln p behind the best from which hypotheses of several effects are not fitted to another problem.
 #: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
 _STARTS = 4
 #: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
 _MOST_FORMS_BESIDE = 3
-#: Modes of a hypothesis that are gone on from.
-_MOST_BASES = 2
+_MOST_BASES = 2  #: Modes of a hypothesis that are gone on from.
 _ROUGH = 1.5
-#: Deviation of a sweep, in units of repeatability, beyond which it hides something.
-_APART = 3.0
-#: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
-_HOPELESS = 0.01
+_APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
+_HOPELESS = 0.01  #: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
 
 
 @dataclass(frozen=True)
@@ -128,7 +120,15 @@ class Search:
         return self
 
     def combine(self) -> None:
-        """Add effects to what was fitted as long as the data demand them."""
+        """Add effects to what was fitted as long as the data demand them.
+
+        Parameters of the simulation that are wrong together come first: alone none of them leads to the others.
+        """
+        base = self.hypotheses[frozenset()]
+        for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
+            if base.key | {name} not in self.hypotheses and not _leaves_noise(self.hypotheses[frozenset()]):
+                self.extend(base, name)
+            base = self.hypotheses.get(base.key | {name}, base)
         for size in range(1, self._most_effects()):
             before = len(self.hypotheses)
             self._combine(size)

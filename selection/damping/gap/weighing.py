@@ -8,6 +8,7 @@ generated cases whose cause is in the library or in none; ``damping blind`` says
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from scipy.special import expit, logsumexp, softmax
@@ -161,14 +162,19 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
 
 @dataclass(frozen=True)
 class Group:
-    """Effects that may take one another's place in the leading explanation, those of the rig first.
+    """Effects that may take one another's place in the leading explanation, alone or together: ``ways``.
 
-    ``distance``: the largest to the leading one. ``rig``: those of the rig that need none of the structure beside them.
+    ``distance``: the largest to the leading one. ``rig``: how many of the ways, the first ones, are of the rig alone.
     """
 
-    effects: tuple[str, ...]
+    ways: tuple[tuple[str, ...], ...]
     distance: float
-    rig: tuple[str, ...]
+    rig: int
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """All effects of the ways, each once."""
+        return tuple(dict.fromkeys(chain.from_iterable(self.ways)))
 
 
 def distance(fit: ModelFit, other: ModelFit) -> float:
@@ -187,19 +193,18 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
     groups = []
     for effect in leading.effects:
         rest = leading.key - {effect}
-        members, farthest, of_rig = [effect], 0.0, {effect} if _is_of_rig({effect}, library) else set()
+        ways, farthest = list[tuple[str, ...]]([(effect,)]), 0.0
         for other in hypotheses[1:]:
             swapped = other.key - rest
             alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
             if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
                 apart = distance(leading.best, other.best)
-                if apart < INDISTINCT:
-                    members += [name for name in other.effects if name in swapped and name not in members]
+                if apart < INDISTINCT and not any(swapped >= set(way) for way in ways):
+                    ways.append(tuple(name for name in other.effects if name in swapped))
                     farthest = max(farthest, apart)
-                    of_rig |= swapped if _is_of_rig(swapped, library) else set()
-        if len(members) > 1:
-            members.sort(key=lambda name: library[name].kind != "instrument")
-            groups.append(Group(tuple(members), farthest, tuple(name for name in members if name in of_rig)))
+        if len(ways) > 1:
+            ways.sort(key=lambda way: not _is_of_rig(way, library))
+            groups.append(Group(tuple(ways), farthest, sum(_is_of_rig(way, library) for way in ways)))
     return tuple(groups)
 
 

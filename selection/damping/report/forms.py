@@ -219,6 +219,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "effects": list(leading.effects),
         "explanations": [{"effects": list(e.effects), "probability": e.probability} for e in diagnosis.explanations],
         "equivalents": [list(group.effects) for group in diagnosis.groups],
+        "equivalent_ways": [[list(way) for way in group.ways] for group in diagnosis.groups],
         "unexplained": diagnosis.unexplained,
         "in_library": diagnosis.in_library,
         "levels": [asdict(level) for level in diagnosis.levels],
