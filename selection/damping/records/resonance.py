@@ -16,7 +16,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
-from damping.records.runs import FEWEST_ROWS, order_rows
+from damping.records.runs import order_rows
 
 #: Rows between the half-power points (|cot phase| <= 1) that make a fit of them better than two neighbours.
 ROWS_FOR_FIT = 5
@@ -25,10 +25,6 @@ WINDOWS = (1.0, 0.5, 0.25, 0.125)
 #: What a fit leaves of a force that drops: root mean square, relative, and correlation of the motion's rest with it.
 LEAVES = 0.01
 FOLLOWS = 0.7
-#: ln of a force over that at the largest A/F, and of A/F there, from which on the largest amplitude is off resonance;
-#: of the force four times its noise, if that is more, which neighbours far apart overstate.
-DROP = 0.05
-MOST_DROP = 0.2
 #: Two neighbours on either side of resonance are interpolated if one is within 60 degrees of it (|cot phase| <= 1.73).
 NEIGHBOUR = 3.0**0.5
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
@@ -46,7 +42,7 @@ class Resonance:
 
     ``force``, ``frequency`` (Hz) and ``amplitude`` there; ``phase_offset`` (rad) is what was taken off the phases of
     the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows) or ``peak``
-    (``find_peak``); ``row`` is the row of the record at or nearest to it.
+    (row of largest amplitude); ``row`` is the row of the record at or nearest to it.
     """
 
     sweep: str
@@ -62,16 +58,15 @@ def energy_per_cycle(record: Record) -> FloatArray:
     """Energy input per cycle of each row (n,), in force times length.
 
     The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may carry below 0; else, without
-    phases, pi F A where the row is taken to be at phase resonance (``find_peak`` of its sweep, the only one in a sweep
-    of one) and NaN elsewhere.
+    phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
+    one in a sweep of one) and NaN elsewhere.
     """
     if "energy" in record.table.columns:
         return record.column("energy")
     largest = pi * record.column("force") * record.column("amplitude")
     if record.has_phase:
         return largest * np.sin(record.column("phase"))
-    sweeps = (order_rows(own)[0] for _, own in record.table.groupby("sweep", sort=False))
-    peaks = [own.index[find_peak(own["force"].to_numpy(float), own["amplitude"].to_numpy(float))] for own in sweeps]
+    peaks = record.table.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
     energy = np.full(len(record), np.nan)
     energy[peaks] = largest[peaks]
     return energy
@@ -110,7 +105,7 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     constant amplitude, averages noise, and minds neither order, direction nor repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact
     for a linear mode under constant force; where the sweep jumps past resonance the nearer one decides. The amplitude
-    is force / Im Z. Without phases or a passage, a row is taken (``find_peak``).
+    is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -123,25 +118,9 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
         if passage is not None:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
             return Resonance(sweep, *passage, offset, "interpolated", row)
-    peak = find_peak(force, amplitude)
+    peak = int(np.argmax(amplitude))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
-
-
-def find_peak(force: FloatArray, amplitude: FloatArray) -> int:
-    """Place of the row of a sweep that is at resonance, as far as its forces and amplitudes (n,) say.
-
-    The row of largest amplitude; of largest A/F (median of three) where the force there is clearly the smaller one: it
-    drops at resonance, where the structure takes it, or was controlled for a steady amplitude.
-    """
-    peak, log_F = int(np.argmax(amplitude)), np.log(force)
-    if len(force) < FEWEST_ROWS:
-        return peak
-    compliance = np.log(amplitude) - log_F
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(compliance, 3), axis=1)
-    top, noise = 1 + int(np.argmax(smooth)), np.median(np.abs(np.diff(log_F, 2))) / (0.6745 * 6.0**0.5)
-    drops = log_F[peak] - log_F[top] > np.clip(4.0 * noise, DROP, MOST_DROP)
-    return top if drops and smooth[top - 1] - compliance[peak] > DROP else peak
 
 
 def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> float:

@@ -184,7 +184,7 @@ class View:
     @cached_property
     def implied(self) -> pd.DataFrame:
         """One row for each sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
-        table = tabulate_resonances(self.right)
+        table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
         for leg in self.legs:
             mass.setdefault(leg.run.sweep, []).append(leg.mass[0])
@@ -218,6 +218,19 @@ def take_median(values: Iterable[float]) -> float:
     """Median of the finite values; NaN where there is none."""
     known = np.array([value for value in values if np.isfinite(value)])
     return float(np.median(known)) if len(known) else float("nan")
+
+
+def _replace_steady_amplitudes(table: pd.DataFrame, record: Record) -> pd.DataFrame:
+    """Resonances with those of sweeps at one amplitude and without phases where the force is least."""
+    replaced = table.copy()
+    for place in np.flatnonzero(table["method"] == "peak"):
+        own = record.table[record.table["sweep"] == table["sweep"][place]]
+        if np.ptp(np.log(own["amplitude"])) < 0.5 * np.ptp(np.log(own["force"])):
+            row = (own["force"] / own["amplitude"]).idxmin()
+            for name in ("force", "frequency", "amplitude"):
+                replaced.loc[place, name] = own[name][row]
+            replaced.loc[place, "row"] = row
+    return replaced
 
 
 def label_sweeps(runs: Iterable[Run]) -> tuple[str, ...]:
