@@ -111,6 +111,16 @@ def test_no_test_is_proposed_where_one_explanation_is_alive(lab):
     assert replace(found, explanations=found.explanations[:1]).next_test is None  # alive is what the answer lists
 
 
+def test_where_nothing_is_blamed_only_more_than_first_harmonics_of_one_state_is_proposed(lab):
+    """These raise no probability beyond .95; where an effect is blamed they are proposed all the same."""
+    found = lab.diagnosed("planar-coupling")
+    first, nothing = found.hypotheses[0], next(own for own in found.hypotheses if not own.effects)
+    blamed, cleared = (replace(found, explanations=pair).next_tests for pair in ((first, nothing), (nothing, first)))
+    assert any(not test.comes_first for test in blamed)
+    assert cleared
+    assert all(test.comes_first for test in cleared)
+
+
 def test_the_command_of_a_next_test_names_files_as_given_with_states_and_simulator(lab):
     def of(name):
         return Record(lab.measured("").table, f"{name}/data.csv"), lab.mode(source=f"{name}/model.toml")

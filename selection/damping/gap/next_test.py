@@ -217,11 +217,12 @@ def rank_tests(
     Those that decide by more than first harmonics of one state come before the others.
 
     ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
-    Where nothing is blamed, effects too small to be seen are none. ``unit``: of mass, in which the rows are counted;
-    what is to be run is told as a record holds it. ``columns``: of the record; further rows have some of them too.
+    Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state say no more.
+    ``unit``: of mass, in which the rows are counted; what is to be run is told as a record holds it. ``columns``: of
+    the record; further rows have some of them too.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
-    if not alive[0].effects:
+    if not (blames := bool(alive[0].effects)):
         rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
@@ -242,7 +243,7 @@ def rank_tests(
         }
         filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
         tests.append(NextTest(design.what, design.why, total, tuple(filled), (run,), command))
-    worth = [test for test in tests if test.expected_log_odds > WORTH]
+    worth = [test for test in tests if test.expected_log_odds > WORTH and (blames or test.comes_first)]
     return tuple(sorted(worth, key=lambda test: (not test.comes_first, -test.expected_log_odds)))
 
 

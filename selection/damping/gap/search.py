@@ -120,10 +120,9 @@ class Search:
         return self
 
     def combine(self) -> None:
-        """Add effects to what was fitted as long as the data demand them.
+        """Add effects to what was fitted as long as the data demand them, first those that correct the simulation.
 
-        Parameters of the simulation that are wrong together come first: alone none of them leads to the others.
-        """
+        Its parameters that are wrong together: alone none of them leads to the others."""
         base = self.hypotheses[frozenset()]
         for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
             if base.key | {name} not in self.hypotheses and not _leaves_noise(self.hypotheses[frozenset()]):
@@ -253,7 +252,8 @@ class Search:
             top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
-            self._store((*base.effects, name), polish_fits(worth) if top > known - _LOST else worth, len(candidates))
+            if fits := polish_fits(worth) if top > known - _LOST else worth:  # none where their own motion is lost
+                self._store((*base.effects, name), fits, len(candidates))
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
