@@ -187,8 +187,8 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
         cautions=tuple(
-            (*said, *_describe_jump(float(hertz), float(ratio), data) * (not any("bistable" in one for one in said)))
-            for said, hertz, ratio in zip(loads.cautions, f.median, zeta, strict=True)
+            said if any("bistable" in caution for caution in said) else (*said, *_describe_jump(hertz, ratio, data))
+            for said, hertz, ratio in zip(loads.cautions, f.median.tolist(), zeta.tolist(), strict=True)
         ),
     )
 

@@ -120,9 +120,8 @@ class Search:
         return self
 
     def combine(self) -> None:
-        """Add effects to what was fitted as long as the data demand them, first those that correct the simulation.
-
-        Its parameters that are wrong together: alone none of them leads to the others."""
+        """Add effects to what was fitted as long as the data demand them."""
+        # parameters of the simulation first: where several are wrong together, none leads to the others alone
         base = self.hypotheses[frozenset()]
         for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
             if base.key | {name} not in self.hypotheses and not _leaves_noise(self.hypotheses[frozenset()]):
@@ -252,8 +251,8 @@ class Search:
             top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
-            if fits := polish_fits(worth) if top > known - _LOST else worth:  # none where their own motion is lost
-                self._store((*base.effects, name), fits, len(candidates))
+            if worth := polish_fits(worth) if top > known - _LOST else worth:  # none where their own motion is lost
+                self._store((*base.effects, name), worth, len(candidates))
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
