@@ -194,7 +194,10 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
 
 
 def _describe_jump(hertz: float, zeta: float, data: Observations) -> tuple[str, ...]:
-    """A caution where a resonance moves so far from that of the lowest level as to be bistable; of one mass alone."""
+    """A caution where a resonance is predicted so far from the lowest level's that the mode is bistable there.
+
+    None where levels have masses of their own, which move the resonance too.
+    """
     if data.tested_mass is not None or (data.added_mass is not None and np.ptp(data.added_mass)):
         return ()
     lowest = float(data.tested_omega[np.argmin(data.tested_force)]) / RAD_S_PER_HZ

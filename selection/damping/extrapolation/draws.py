@@ -163,8 +163,8 @@ def draw_spread(
         log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], joint)
         return np.asarray(log_A[:, columns])
 
-    law = at_forces(mean, member.joint._replace(fall=-1.0))  # where a joint may let go is part of its straying
-    # one draw for all forces: a band is then smooth, and does not depend on which other forces are asked for
+    law = at_forces(mean, member.joint._replace(fall=-1.0))  # a joint that lets go is part of the straying
+    # one draw for all forces: a band is then smooth
     noise = np.sqrt(noise[which] + known) * rng.standard_normal(len(which))
     strayed = at_forces(drawn, member.joint) - law
     return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns]))

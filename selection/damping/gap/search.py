@@ -39,7 +39,7 @@ _MOST_DOUBTING = 4
 _CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
 _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
-_LOST = 100.0  #: ... and predictions are not taken again at its own motion.
+_LOST = 100.0  #: ln evidence behind the best from which predictions are not taken again at a fit's own motion.
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
 _AGAIN = 6
 _AGAIN_SIMPLE = 3

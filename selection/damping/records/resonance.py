@@ -103,9 +103,9 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points, or to those
     nearer by (``WINDOWS``) where the force drops within them. It is exact for a linear mode under constant force or at
     constant amplitude, averages noise, and minds neither order, direction nor repeated points. With fewer than
-    ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact
-    for a linear mode under constant force; where the sweep jumps past resonance the nearer one decides. The amplitude
-    is force / Im Z. Without phases or a passage, the row of largest amplitude is taken.
+    ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
+    force; where the sweep jumps past resonance the nearer one decides. The amplitude is force / Im Z. Without phases or
+    a passage, the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
