@@ -10,6 +10,7 @@ from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.draws import (
     Member,
     Spread,
+    _read_path,
     amplitude_draws,
     choose_next_level,
     draw_spread,
@@ -17,14 +18,14 @@ from damping.extrapolation.draws import (
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer import doubt
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JOINTS, JointEvidence
+from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping.records.mode import read_mode
 from damping_reed1970 import data_folder
 
 #: As probable as before, and not about to let go.
-NO_JOINT_NEAR = JointEvidence(JOINTS, -1.0)
+NO_JOINT_NEAR = JointEvidence(told=True)
 
 
 def member(components, data, weight=1.0):
@@ -153,6 +154,27 @@ def test_between_model_part_is_the_spread_of_two_laws(saturn):
     rng = np.random.default_rng(0)  # means given the levels are no matter of chance
     a, b = (draw_spread(m, np.array([90.0]), data, 0.0, rng).law.mean() for m in members)
     np.testing.assert_allclose(loads.parts["between_model"], 50.0 * abs(a - b), rtol=1e-9)
+
+
+def test_a_prediction_does_not_move_with_the_other_forces_asked(saturn):
+    """Nor does that of a law that has no resonance beyond some force."""
+    data = saturn("config-2-mode-1")
+    members = [member(("velocity-squared",), data, 0.5), member(("viscous", "slip"), data, 0.3)]
+    members.append(member(("slip",), data, 0.2))
+    asked, others = np.array([20.0, 45.0, 90.0]), np.array([10.0, 20.0, 25.0, 45.0, 60.0, 90.0, 2000.0])
+    few, many = (predict(members, force, data, 0.9, seed=1) for force in (asked, others))
+    same = [1, 3, 5]
+    for own, beside in ((few.average, many.average), *zip(few.by_model, many.by_model, strict=True)):
+        for end in ("low", "median", "high", "credible_low", "credible_high"):
+            np.testing.assert_allclose(getattr(own, end), getattr(beside, end)[same], rtol=1e-9)
+
+
+def test_between_two_steps_a_path_rises_as_the_law_does():
+    """Share of the way by the law's ln A; evenly in ln F where the law has no resonance."""
+    steps, asked = np.array([0.0, 1.0, 3.0]), np.array([0.25, 1.0, 2.0])
+    law, path = np.array([[0.0, 1.0, np.nan]]), np.array([[0.1, 2.1, 6.1]])
+    found = _read_path(path, law, np.array([[0.5, 1.0, np.nan]]), asked, steps)
+    np.testing.assert_allclose(found, [[1.1, 2.1, 4.1]], rtol=1e-14)
 
 
 def test_bands_widen_with_doubt_and_with_distance(saturn):

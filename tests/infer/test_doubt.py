@@ -10,7 +10,6 @@ from scipy.stats import multivariate_normal, norm
 
 from damping.forces.joints import Slip
 from damping.infer.doubt import (
-    ANY_JOINT,
     BENT,
     FREQUENCY_SCATTER,
     JOINT_FALL,
@@ -29,6 +28,7 @@ from damping.infer.doubt import (
     extend,
     find_joint,
     nonlinearity,
+    place_steps,
     stray,
     stray_covariance,
 )
@@ -46,37 +46,59 @@ def test_covariance_is_the_double_integral(a, b):
 
 
 def test_draws_given_the_levels_are_those_of_the_normal_law():
-    """Mean and variance beyond the test against the dense conditional normal."""
-    at, grid, n = np.array([-0.7, 0.0, 0.7]), np.array([1.2, 2.1]), 40_000
+    """Mean and covariance within and beyond the test against the dense conditional normal."""
+    at, within, beyond, n = np.array([-0.7, 0.0, 0.7]), np.array([0.3, 0.7]), np.array([1.2, 2.1]), 40_000
     left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
-    rows = np.ones((n, 1))
-    mean, drawn = stray(
-        np.full(n, 0.2), rows * left, np.ones((n, 1, 1)) * np.diag(variance), at, grid, np.random.default_rng(0)
-    )
+    noise, grid = np.ones((n, 1, 1)) * np.diag(variance), np.concatenate([within, beyond])
+    mean, drawn = stray(np.full(n, 0.2), np.ones((n, 1)) * left, noise, at, within, beyond, np.random.default_rng(0))
     K = 0.04 * stray_covariance(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
+    exact = K[3:, 3:] - gain @ K[:3, 3:]
     np.testing.assert_allclose(mean[0], gain @ left, rtol=1e-9)
     np.testing.assert_allclose(drawn.mean(axis=0), gain @ left, atol=5 * 0.2 / np.sqrt(n))  # five standard errors
-    exact = np.diag(K[3:, 3:] - gain @ K[:3, 3:])
-    np.testing.assert_allclose(drawn.var(axis=0), exact, rtol=5 * np.sqrt(2.0 / n))
+    np.testing.assert_allclose(drawn.var(axis=0), np.diag(exact), rtol=5 * np.sqrt(2.0 / n))
+    outward = np.s_[1:, 1:]  # the largest level and what is beyond are one path
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    np.testing.assert_allclose((np.cov(drawn.T) / scale)[outward], (exact / scale)[outward], atol=5 / np.sqrt(n))
+
+
+def test_paths_do_not_depend_on_how_far_they_are_followed():
+    """Nor on other places within the test; a repeat of a level has nothing of its own."""
+    at, steps = np.log([1.0, 1.5, 1.5, 2.0]), np.log(2.0) + place_steps(3.0)[1:]
+    sigma, left, noise = np.full(500, 0.1), np.zeros((500, 4)), np.tile(1e-4 * np.eye(4), (500, 1, 1))
+
+    def draw(within, number):
+        return stray(sigma, left, noise, at, np.log(within), steps[:number], np.random.default_rng(3))[1]
+
+    near, far = draw([1.2, 1.5], 2), draw([1.2, 1.3, 1.5, 1.8], 9)
+    np.testing.assert_allclose(near, far[:, [0, 2, 4, 5]], atol=1e-12)  # of the order of .1
+
+
+def test_steps_reach_as_far_as_is_asked():
+    """Geometric steps, the first of them whatever is asked."""
+    for farthest in (0.0, 1e-9, 0.15, 1.4, 20.0):
+        steps = place_steps(farthest)
+        assert steps[0] == 0.0
+        assert steps[-1] >= farthest * (1.0 - 1e-12)
+        assert len(steps) < 3 or steps[-2] < farthest
+        np.testing.assert_allclose(steps, place_steps(30.0)[: len(steps)], rtol=1e-14)
 
 
 def test_slopes_stay_within_what_damping_can_do():
     z = np.linspace(0.0, 1.4, 8)
     strays = np.random.default_rng(1).standard_normal((200, 8)).cumsum(axis=1)
-    slope = np.diff(extend(np.tile(0.7 * z, (200, 1)), strays, z), axis=1) / np.diff(z)
+    slope = np.diff(extend(np.tile(0.7 * z, (200, 1)), strays, z, JointEvidence()), axis=1) / np.diff(z)
     assert slope.min() >= SLOPES[0] - 1e-12
     assert slope.max() <= SLOPES[1] + 1e-12
     # small strays add to the law's slope, upward ones by their factor
-    measured = JointEvidence(JOINTS, -1.0)  # as probable as before
     for stray_slope, added in ((-1e-5, -1e-5), (1e-5, STEEPER * 1e-5)):
-        found = extend(0.7 * z[None], stray_slope * z[None], z, measured)
+        found = extend(0.7 * z[None], stray_slope * z[None], z, JointEvidence(), lets_go=False)
         np.testing.assert_allclose(found, (0.7 + added) * z[None], rtol=1e-8)
 
 
 def test_a_law_without_resonance_counts_as_steep():
     z = np.array([0.0, 0.5, 1.0])
-    found = extend(np.array([[0.0, np.nan, np.nan]]), np.zeros((1, 3)), z)
+    found = extend(np.array([[0.0, np.nan, np.nan]]), np.zeros((1, 3)), z, JointEvidence())
     np.testing.assert_allclose(found, SLOPES[1] * z[None], rtol=1e-12)
 
 
@@ -111,12 +133,12 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
 
     joint = quad(density, 0.0, 9.0, points=[fall])[0]
     expected = JOINTS * joint / (JOINTS * joint + (1.0 - JOINTS) * other)
-    np.testing.assert_allclose(find_joint(A, F, omega, mass, tolerance), (expected, fall), rtol=1e-7)
+    np.testing.assert_allclose(find_joint(A, F, omega, mass, tolerance), (expected, fall, True), rtol=1e-7)
     assert find_joint(A, F, omega, mass, 0.0).probability > 0.8
     assert find_joint(A, F, omega[::-1], mass, 0.0).probability < JOINTS
     # in other units the same; nothing known: as before
     np.testing.assert_allclose(find_joint(25.4 * A, F, omega, mass / 25.4, tolerance).probability, expected, rtol=1e-9)
-    assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == ANY_JOINT
+    assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == JointEvidence(JOINTS, 0.0, told=False)
 
 
 def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
@@ -125,7 +147,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
     untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
     for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / STEADY, 0.0)):
-        joint = JointEvidence(float(up == 1.0), fall) if np.isfinite(fall) else ANY_JOINT
+        joint = JointEvidence(float(up == 1.0), fall, told=True) if np.isfinite(fall) else JointEvidence()
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
             own = factor * stray_slope / 0.7
@@ -135,7 +157,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
 
 def test_damping_in_proportion_to_amplitude_strays_as_far_whether_a_resonance_tells_or_not():
     z, strays = np.array([[0.0, 1.0, 2.0]]), np.array([[0.0, 0.1, 0.3]])
-    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(JOINTS, -1.0), ANY_JOINT))
+    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(told=True), JointEvidence()))
     np.testing.assert_allclose(untold, told, rtol=1e-14)  # q = 1
 
 

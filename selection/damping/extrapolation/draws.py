@@ -24,7 +24,7 @@ from scipy.special import gammaln
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
-from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, stray
+from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -38,8 +38,6 @@ LEAST_WEIGHT = 0.01
 FEWEST_DRAWS = 1000
 #: Draws of a law of at most ``LEAST_WEIGHT``, whose own band is known to 10 % of its width.
 FEWEST_OF_LITTLE = 250
-#: Points from the largest tested force to the largest one asked for, at which slopes are held to what damping can do.
-_POINTS = 7
 #: Digits of ln F: forces that rounding alone keeps apart are one point, in any units.
 _DIGITS = 12
 
@@ -130,23 +128,23 @@ def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> Fl
 def draw_spreads(
     members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
 ) -> list[Spread]:
-    """Draws of every law's parts at ``force`` (forces,)."""
-    rng = np.random.default_rng(seed)
-    return [draw_spread(member, force, data, repeatability, rng) for member in members]
+    """Draws of every law's parts at ``force`` (forces,); those at one force do not depend on the others."""
+    rngs = np.random.default_rng(seed).spawn(len(members))
+    return [draw_spread(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
 def draw_spread(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Spread:
     """Draws of one law's parts; NaN where a draw has no resonance."""
-    tested, asked = np.log(data.tested_force), np.log(force)
-    between = np.linspace(tested.max(), max(asked.max(), tested.max()), _POINTS)
-    tested, asked, between = (np.asarray(np.round(part, _DIGITS), float) for part in (tested, asked, between))
-    z = np.unique(np.concatenate([asked, between]))
+    tested, asked = (np.asarray(np.round(np.log(part), _DIGITS), float) for part in (data.tested_force, force))
+    top = tested.max()
+    within, steps = asked[asked <= top], top + place_steps(asked.max() - top)
     new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampled ones stand several times
     draws, which = member.draws[new], np.cumsum(new) - 1
     damping = member.coordinates.force(draws)
-    of_law = np.log(member.solve(damping, np.exp(z), data))[which]
+    of_law = np.log(member.solve(damping, np.exp(np.concatenate([asked, steps])), data))[which]
+    of_law, on_steps = of_law[:, : len(asked)], of_law[:, len(asked) :]
     row, level = member.coordinates.scatter(draws)
     if member.coordinates.with_level_scatter:
         level = np.maximum(level, repeatability)
@@ -154,20 +152,37 @@ def draw_spread(
         row = np.maximum(row, repeatability)
     sigma, noise = member.coordinates.doubt(draws, damping), row**2 + level**2
     left, errors, known = (part[which] for part in _levels(damping, row, level, data))
-    mean, drawn = stray(sigma[which], left, errors, tested, z, rng)
-    beyond = z >= tested.max()
-    columns = np.searchsorted(z, asked)
+    of_noise, of_paths = rng.spawn(2)
+    places = (np.append(within, top), steps[1:])
+    mean, drawn = stray(sigma[which], left, errors, tested, *places, of_paths)
 
-    def at_forces(strays: FloatArray, joint: JointEvidence) -> FloatArray:
-        log_A = of_law + strays
-        log_A[:, beyond] = extend(of_law[:, beyond], strays[:, beyond], z[beyond], joint)
-        return np.asarray(log_A[:, columns])
+    def follow(strays: FloatArray, *, lets_go: bool) -> FloatArray:
+        log_A = np.empty(of_law.shape)
+        log_A[:, asked <= top] = of_law[:, asked <= top] + strays[:, : len(within)]
+        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, lets_go=lets_go)
+        log_A[:, asked > top] = _read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
+        return log_A
 
-    law = at_forces(mean, member.joint._replace(fall=-1.0))  # a joint that lets go is part of the straying
+    law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
     # one draw for all forces: a band is then smooth
-    noise = np.sqrt(noise[which] + known) * rng.standard_normal(len(which))
-    strayed = at_forces(drawn, member.joint) - law
-    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law[:, columns]))
+    noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
+    strayed = follow(drawn, lets_go=True) - law
+    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law))
+
+
+def _read_path(
+    path: FloatArray, on_steps: FloatArray, of_law: FloatArray, asked: FloatArray, steps: FloatArray
+) -> FloatArray:
+    """ln A (draws, asked) of paths (draws, steps): between two steps it rises as the law's own, where that is known.
+
+    ``on_steps``, ``of_law``: ln A of the law at the steps and at the forces ``asked``; ``asked``, ``steps``: ln F.
+    """
+    after = np.minimum(np.searchsorted(steps, asked), len(steps) - 1)  # rounding may leave the last step short
+    even = (asked - steps[after - 1]) / np.diff(steps)[after - 1]
+    with np.errstate(all="ignore"):
+        share = (of_law - on_steps[:, after - 1]) / (on_steps[:, after] - on_steps[:, after - 1])
+    share = np.where(np.isfinite(share), share, even)
+    return np.asarray(path[:, after - 1] + share * (path[:, after] - path[:, after - 1]))
 
 
 def _levels(

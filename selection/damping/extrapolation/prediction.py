@@ -17,7 +17,6 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
-from damping.infer.doubt import ANY_JOINT
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
 
@@ -46,7 +45,7 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says."""
     p, said = plan.trend, [plan.fit.sentence, plan.excluded, plan.bistable]
     beyond = force > plan.data.tested_force.max()
-    if beyond and plan.joint == ANY_JOINT and plan.allows(np.asarray(force)):
+    if beyond and not plan.joint.told and plan.allows(np.asarray(force)):
         said.append("the levels have one frequency, which would tell a joint from a damper: the band allows for either")
     elif beyond and plan.joint.probability > 0.5:
         said.append(
