@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import damping
-from damping.answers import CurveResult, LoadsResult, RankingResult
+from damping.answers import CurveResult, LoadsResult, PredictedResult, RankingResult
 from damping.errors import InputError
 from damping.extrapolation import check_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
@@ -99,13 +99,18 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
     out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
-    notes.show(out, result.cautions)
+    _print_notes(notes, result)
 
 
 def _print_headlines(sentences: Iterable[str]) -> None:
     """What stands before an answer."""
     for sentence in sentences:
         console().print(f"{sentence[0].upper()}{sentence[1:]}.", style="bold red")
+
+
+def _print_notes(notes: Notes, result: RankingResult | PredictedResult) -> None:
+    """The notes, and the cautions that do not stand before the answer."""
+    notes.show(console(), (caution for caution in result.cautions if caution not in result.headlines))
 
 
 def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
@@ -172,7 +177,7 @@ def print_loads(result: LoadsResult) -> None:
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.")
     if by_force:
         _print_what_if(result)
-    notes.show(out, result.cautions)
+    _print_notes(notes, result)
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:
@@ -249,4 +254,4 @@ def print_curve(result: CurveResult) -> None:
         "The low end is the one a load is sized with. Loss factor = 1/Q."
     )
     out.print(_name_laws(result.extrapolation.members))
-    notes.show(out, result.cautions)
+    _print_notes(notes, result)

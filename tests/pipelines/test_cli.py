@@ -273,6 +273,14 @@ def test_loads_form(damping, saturn_data, tmp_path):
     assert at_test["low"] < 1.567 < at_test["high"]
 
 
+@pytest.mark.parametrize("command", [("extrapolate", "--force", 90), ("curve", "--force", 90)])
+def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, damping, saturn_data):
+    """The flagship, of which ranking and diagnosis disagree."""
+    name, *options = command
+    printed = " ".join(damping(name, *files(saturn_data), *options).out.split())
+    assert printed.lower().count("ranking and diagnosis disagree") == 1
+
+
 @pytest.mark.sampling
 def test_sweep_writes_a_record_that_rank_and_extrapolate_accept(damping, saturn_data, tmp_path):
     model, out = saturn_data / "modes" / "config-2-mode-1.toml", tmp_path / "sweep.csv"
