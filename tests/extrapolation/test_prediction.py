@@ -10,7 +10,6 @@ from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.draws import (
     Member,
     Spread,
-    _read_path,
     amplitude_draws,
     choose_next_level,
     draw_spread,
@@ -167,14 +166,6 @@ def test_a_prediction_does_not_move_with_the_other_forces_asked(saturn):
     for own, beside in ((few.average, many.average), *zip(few.by_model, many.by_model, strict=True)):
         for end in ("low", "median", "high", "credible_low", "credible_high"):
             np.testing.assert_allclose(getattr(own, end), getattr(beside, end)[same], rtol=1e-9)
-
-
-def test_between_two_steps_a_path_rises_as_the_law_does():
-    """Share of the way by the law's ln A; evenly in ln F where the law has no resonance."""
-    steps, asked = np.array([0.0, 1.0, 3.0]), np.array([0.25, 1.0, 2.0])
-    law, path = np.array([[0.0, 1.0, np.nan]]), np.array([[0.1, 2.1, 6.1]])
-    found = _read_path(path, law, np.array([[0.5, 1.0, np.nan]]), asked, steps)
-    np.testing.assert_allclose(found, [[1.1, 2.1, 4.1]], rtol=1e-14)
 
 
 def test_bands_widen_with_doubt_and_with_distance(saturn):

@@ -29,6 +29,7 @@ from damping.infer.doubt import (
     find_joint,
     nonlinearity,
     place_steps,
+    read_path,
     stray,
     stray_covariance,
 )
@@ -82,6 +83,14 @@ def test_steps_reach_as_far_as_is_asked():
         assert steps[-1] >= farthest * (1.0 - 1e-12)
         assert len(steps) < 3 or steps[-2] < farthest
         np.testing.assert_allclose(steps, place_steps(30.0)[: len(steps)], rtol=1e-14)
+
+
+def test_between_two_steps_a_path_rises_as_the_law_does():
+    """Share of the way by the law's ln A; evenly in ln F where the law has no resonance."""
+    steps, asked = np.array([0.0, 1.0, 3.0]), np.array([0.25, 1.0, 2.0])
+    law, path = np.array([[0.0, 1.0, np.nan]]), np.array([[0.1, 2.1, 6.1]])
+    found = read_path(path, law, np.array([[0.5, 1.0, np.nan]]), asked, steps)
+    np.testing.assert_allclose(found, [[1.1, 2.1, 4.1]], rtol=1e-14)
 
 
 def test_slopes_stay_within_what_damping_can_do():

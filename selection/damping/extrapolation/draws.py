@@ -24,7 +24,7 @@ from scipy.special import gammaln
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
-from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, stray
+from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, read_path, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -160,7 +160,7 @@ def draw_spread(
         log_A = np.empty(of_law.shape)
         log_A[:, asked <= top] = of_law[:, asked <= top] + strays[:, : len(within)]
         path = extend(on_steps, strays[:, len(within) :], steps, member.joint, lets_go=lets_go)
-        log_A[:, asked > top] = _read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
+        log_A[:, asked > top] = read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
         return log_A
 
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
@@ -168,21 +168,6 @@ def draw_spread(
     noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
     strayed = follow(drawn, lets_go=True) - law
     return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law))
-
-
-def _read_path(
-    path: FloatArray, on_steps: FloatArray, of_law: FloatArray, asked: FloatArray, steps: FloatArray
-) -> FloatArray:
-    """ln A (draws, asked) of paths (draws, steps): between two steps it rises as the law's own, where that is known.
-
-    ``on_steps``, ``of_law``: ln A of the law at the steps and at the forces ``asked``; ``asked``, ``steps``: ln F.
-    """
-    after = np.minimum(np.searchsorted(steps, asked), len(steps) - 1)  # rounding may leave the last step short
-    even = (asked - steps[after - 1]) / np.diff(steps)[after - 1]
-    with np.errstate(all="ignore"):
-        share = (of_law - on_steps[:, after - 1]) / (on_steps[:, after] - on_steps[:, after - 1])
-    share = np.where(np.isfinite(share), share, even)
-    return np.asarray(path[:, after - 1] + share * (path[:, after] - path[:, after - 1]))
 
 
 def _levels(

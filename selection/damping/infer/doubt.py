@@ -226,3 +226,18 @@ def extend(
     slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), *SLOPES)  # 10: far beyond ``SLOPES``
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
+
+
+def read_path(
+    path: FloatArray, on_steps: FloatArray, of_law: FloatArray, asked: FloatArray, steps: FloatArray
+) -> FloatArray:
+    """ln A (draws, asked) of paths (draws, steps): between two steps it rises as the law's own, where that is known.
+
+    ``on_steps``, ``of_law``: ln A of the law at the steps and at the forces ``asked``; ``asked``, ``steps``: ln F.
+    """
+    after = np.minimum(np.searchsorted(steps, asked), len(steps) - 1)  # rounding may leave the last step short
+    even = (asked - steps[after - 1]) / np.diff(steps)[after - 1]
+    with np.errstate(all="ignore"):
+        share = (of_law - on_steps[:, after - 1]) / (on_steps[:, after] - on_steps[:, after - 1])
+    share = np.where(np.isfinite(share), share, even)
+    return np.asarray(path[:, after - 1] + share * (path[:, after] - path[:, after - 1]))
