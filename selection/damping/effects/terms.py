@@ -266,8 +266,8 @@ class _Memory(NamedTuple):
 def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     """J with all that changes along each sweep, (batch, n).
 
-    V is ``lewis`` before resonance and ``quiet`` beyond it: neither rings there, and both change evenly from row to
-    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
+    V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both change evenly from row
+    to row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
     taken to follow one that went on for ever.
     """
     ways = np.sign(memory.alpha)
@@ -280,7 +280,8 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
     first = (np.diff(sweep[order], prepend=np.nan) != 0.0) | (np.diff(way[order], prepend=np.nan) != 0.0)
     last = _Memory._make(np.roll(part, 1, -1) for part in memory)
-    V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
+    beyond = memory.beyond & last.beyond  # what is quiet beyond resonance grows without limit before it
+    V, before = (np.where(beyond, own.quiet, own.lewis) for own in (memory, last))
     by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
     by_rate = memory.by_rate(V, by_p)
     rate = 0.5 * (alpha + last.alpha)
