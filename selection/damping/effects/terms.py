@@ -267,8 +267,8 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     """J with all that changes along each sweep, (batch, n).
 
     V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both change evenly from row
-    to row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
-    taken to follow one that went on for ever.
+    to row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep
+    is taken to follow one that went on for ever.
     """
     ways = np.sign(memory.alpha)
     if ways.ndim > 1 and np.any(ways != ways[:1]):  # the order of the rows is that of the way
