@@ -382,8 +382,8 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     assert any("velocity-squared of the mode file is not simulated" in caution for caution in found.cautions)
 
 
-def remembered(p, alpha, omega, sweep, begun=0.0):
-    drive = SimpleNamespace(omega=np.asarray(omega), F=np.ones(len(omega)), sweep=np.asarray(sweep))
+def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0):
+    drive = SimpleNamespace(omega=np.asarray(omega), F=F * np.ones(len(omega)), sweep=np.asarray(sweep))
     return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun), drive)
 
 
@@ -421,6 +421,14 @@ def test_a_sweep_that_is_held_at_its_first_row_rings_there():
     np.testing.assert_allclose(held, true, rtol=1e-5)  # what the integration leaves
     np.testing.assert_allclose(before, _Memory.of(p, np.full(15, alpha)).lewis, rtol=1e-9)
     assert abs(held[1] / before[1] - 1.0) > 0.04  # four sigma of 1 %, which were taken for another effect
+
+
+def test_a_motion_does_not_follow_a_force_in_no_time():
+    """Rows read twice on the way, with a force that wanders: the motion J F is the same both times."""
+    detuning = np.repeat(np.linspace(-3.0, 4.0, 15), 2)
+    F = 1.0 + 0.03 * np.sin(7.0 * np.arange(30))
+    motion = F * remembered(1.0 + 1j * detuning, np.full(30, 0.5), 100.0 + detuning, np.zeros(30), F=F)
+    np.testing.assert_allclose(motion[3::2], motion[2::2], rtol=1e-9)
 
 
 def test_ways_of_a_sweep_do_not_remember_each_other():

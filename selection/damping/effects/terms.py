@@ -294,8 +294,9 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     turned = 0.5 * (p + last.p) * time
     decay = np.exp(np.minimum(-turned.real, _LOUDEST) - 1j * turned.imag)
     share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
-    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
-    decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))
+    force = np.roll(F, 1) / F  # which goes evenly from row to row
+    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha) + 0.5 * (V + before) * (1.0 - force)
+    decay = np.where(first, 0.0, decay * force)
     motion = np.where(first, memory.start, V - before * decay - moved * share)
     for step in 2 ** np.arange(int(len(order) - 1).bit_length()):  # each row reaches twice as far back
         motion[..., step:] = motion[..., step:] + decay[..., step:] * motion[..., :-step]
