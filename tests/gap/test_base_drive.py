@@ -164,7 +164,8 @@ def test_a_next_test_is_of_the_first_state(mode, by_force):
     command = name_command(states, None)
     runs = [design.plan(found.setting.problem) for design in DESIGNS]
     assert all(np.all(run.state == 0.0) and np.all(run.shaken == 1.0) for run in runs)
-    assert all(test.rows[0]["force"] < 1.0 for test in rank_tests(found.hypotheses, command, found.unit))
+    tests = rank_tests(found.hypotheses, found.hypotheses, found.in_library, command, found.unit)
+    assert all(test.rows[0]["force"] < 1.0 for test in tests)
 
 
 def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode):

@@ -382,9 +382,9 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     assert any("velocity-squared of the mode file is not simulated" in caution for caution in found.cautions)
 
 
-def remembered(p, alpha, omega, sweep):
-    drive = SimpleNamespace(omega=np.asarray(omega), F=np.ones(len(omega)), sweep=np.asarray(sweep))
-    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float)), drive)
+def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0):
+    drive = SimpleNamespace(omega=np.asarray(omega), F=F * np.ones(len(omega)), sweep=np.asarray(sweep))
+    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun), drive)
 
 
 def test_a_dwell_remembers_nothing():
@@ -392,6 +392,43 @@ def test_a_dwell_remembers_nothing():
     p = np.array([1.0 - 2.0j, 1.0 - 1.0j, 1.0, 0.5, 1.0, 2.0])
     motion = remembered(p, [0.5, 0.5, 0.5, 0.0, 0.0, 0.0], [10.0, 11.0, 12.0, 12.0, 12.0, 12.0], [0, 0, 0, 1, 1, 1])
     np.testing.assert_allclose(motion[3:], 1.0 / p[3:], rtol=1e-12)
+
+
+def test_a_slow_sweep_of_few_rows_follows_a_damping_that_changes():
+    """J' = 1 - p J integrated, p straight between rows of which two lie about resonance and one beyond it."""
+    alpha, detuning = 0.04, np.array([-8.0, -4.0, -1.5, -0.5, 0.02, 1.5, 2.0, 3.4, 5.0])
+    p = 1.0 + 0.5 / (1.0 + detuning**2) + 1j * detuning
+    times = (detuning - detuning[0]) / alpha
+
+    def slope(t, y):
+        own = np.interp(t, times, p.real) + 1j * (detuning[0] + alpha * t)
+        return 1.0 - own * y
+
+    start = np.array([1.0 / p[0]])
+    true = solve_ivp(slope, (0.0, times[-1]), start, t_eval=times, rtol=1e-9, atol=1e-12).y[0]
+    motion = remembered(p, np.full(9, alpha), 100.0 + detuning, np.zeros(9))
+    # what changes between two rows is taken at its mean: of the second order in their distance, below a sigma of 2 %
+    np.testing.assert_allclose(motion, true, rtol=0.02)
+
+
+def test_a_sweep_that_is_held_at_its_first_row_rings_there():
+    """J' = 1 - p J integrated from J = 1/p; one that began long before is I(p) from its first row on."""
+    alpha, detuning = 1.0, np.linspace(-3.0, 4.0, 15)
+    p, times = 1.0 + 1j * detuning, (detuning - detuning[0]) / alpha
+    start = np.array([1.0 / p[0]])
+    true = solve_ivp(lambda t, y: 1.0 - (p[0] + 1j * alpha * t) * y, (0.0, 7.0), start, t_eval=times, rtol=1e-9).y[0]
+    held, before = (remembered(p, np.full(15, alpha), 100.0 + detuning, np.zeros(15), begun) for begun in (1.0, 0.0))
+    np.testing.assert_allclose(held, true, rtol=1e-5)  # what the integration leaves
+    np.testing.assert_allclose(before, _Memory.of(p, np.full(15, alpha)).lewis, rtol=1e-9)
+    assert abs(held[1] / before[1] - 1.0) > 0.04  # four sigma of 1 %, which were taken for another effect
+
+
+def test_a_motion_does_not_follow_a_force_in_no_time():
+    """Rows read twice on the way, with a force that wanders: the motion J F is the same both times."""
+    detuning = np.repeat(np.linspace(-3.0, 4.0, 15), 2)
+    F = 1.0 + 0.03 * np.sin(7.0 * np.arange(30))
+    motion = F * remembered(1.0 + 1j * detuning, np.full(30, 0.5), 100.0 + detuning, np.zeros(30), F=F)
+    np.testing.assert_allclose(motion[3::2], motion[2::2], rtol=1e-9)
 
 
 def test_ways_of_a_sweep_do_not_remember_each_other():

@@ -88,7 +88,8 @@ class Terms(NamedTuple):
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
             are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
-            known one goes. ringing: how what rings is read, see `damping.effects.terms.hurried`.
+            known one goes. ringing: how what rings is read, see `damping.effects.terms.hurried`. begun: how a moving
+            frequency began, 0 long before the first row of each sweep, 1 there, where it was held.
     """
 
     M: Floats
@@ -108,6 +109,7 @@ class Terms(NamedTuple):
     moving: tuple[OfDrive, ...] = ()
     law: Floats = 0.0
     ringing: Floats = 0.0
+    begun: Floats = 0.0
 
     def plus(self, **parts: Any) -> Terms:
         """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""

@@ -1,6 +1,7 @@
 """What changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import chain
 from math import log
 
@@ -28,7 +29,7 @@ _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _MOST_JUMPS = 8
 #: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
 _MANY_SWEEPS = 6
-#: Power of frequency with which a rate goes, and how what rings is read: between none and one of either.
+#: Power of frequency with which a rate goes, how what rings is read, how a sweep begins: between none and one of each.
 BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
 #: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
 _RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
@@ -162,25 +163,26 @@ LEVEL_OFFSET = Effect(
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
 
-    Shapes: the power of frequency with which it goes, 0 for an even rate and 1 for octaves, and how what rings is read.
+    Shapes: the power of frequency with which it goes, 0 for an even rate and 1 for octaves, how what rings is read, and
+    how each sweep began.
     """
     unit = (scales.bandwidth * scales.omega_n) ** 2
 
-    def change(terms: Terms, size: Floats, law: Floats, ringing: Floats) -> Terms:
-        return moving(terms, size * unit, law, ringing)
+    def change(terms: Terms, size: Floats, law: Floats, ringing: Floats, begun: Floats) -> Terms:
+        return moving(terms, size * unit, law, ringing, begun)
 
-    def report(size: Floats, law: Floats, ringing: Floats) -> dict[str, Floats]:
-        return {"rate": size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing}
+    def report(size: Floats, law: Floats, ringing: Floats, begun: Floats) -> dict[str, Floats]:
+        return {"rate": size * unit / RAD_S_PER_HZ, "law": law, "ringing": ringing, "begun": begun}
 
-    shapes = (BETWEEN, BETWEEN)
+    shapes = (BETWEEN, BETWEEN, replace(BETWEEN, starts=(0.0,)))
     return SWEEP_RATE.either_sign(report, change=change, shapes=shapes, largest=_MOST_RATE, sizes=_RATES)
 
 
-def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats) -> Terms:
+def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats, begun: Floats) -> Terms:
     """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
     centre = terms.omega_n
     moved = terms.plus(moving=lambda drive: rate * drive.up * (drive.omega / centre) ** law)
-    return moved._replace(ringing=ringing)
+    return moved._replace(ringing=ringing, begun=begun)
 
 
 SWEEP_RATE = Effect(
@@ -188,8 +190,13 @@ SWEEP_RATE = Effect(
     kind="instrument",
     sentence="the frequency moved too fast for a steady state",
     forms=rate_forms,
-    simulate=lambda terms, table: moving(terms, RAD_S_PER_HZ * table["rate"], table["law"], table["ringing"]),
-    shapes=(Shape("rate", TIME**-2.0), Shape("law", default=0.0), Shape("ringing", default=0.0)),
+    simulate=lambda terms, table: moving(
+        terms, RAD_S_PER_HZ * table["rate"], table["law"], table["ringing"], table["begun"]
+    ),
+    shapes=(
+        Shape("rate", TIME**-2.0),
+        *(Shape(name, default=0.0) for name in ("law", "ringing", "begun")),
+    ),
     need="sweep",
 )
 

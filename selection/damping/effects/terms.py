@@ -225,7 +225,7 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     own = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
     p = 0.5 * loss + 1j * (omega - own)
     p, alpha = np.broadcast_arrays(p + share * ((Z - 1j * M * alpha) / (2j * M * omega) - p), alpha)
-    memory = _Memory.of(p, alpha)
+    memory = _Memory.of(p, alpha, terms.begun)
     motion = memory.lewis if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
     per = (1.0 - share) / (2j * M * own) + share / (2j * M * omega)
     other = (1.0 - share) / (2j * M * own) / (0.5 * loss + 1j * (omega + own))
@@ -233,24 +233,29 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
 
 
 class _Memory(NamedTuple):
-    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` does not ring."""
+    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` does not ring.
+
+    ``start``: J at the first row of a sweep.
+    """
 
     lewis: ComplexArray
     quiet: ComplexArray
+    start: ComplexArray
     beyond: BoolArray
     p: ComplexArray
     alpha: FloatArray
 
     @staticmethod
-    def of(p: ComplexArray, alpha: FloatArray) -> _Memory:
-        """Both solutions; 1/p where the frequency hardly moves."""
+    def of(p: ComplexArray, alpha: FloatArray, begun: Floats = 0.0) -> _Memory:
+        """Both solutions; 1/p where the frequency hardly moves. ``begun``: see `damping.effects.contract.Terms`."""
         moving = np.abs(alpha) > _SLOW * np.abs(p) ** 2
         root = np.sqrt(np.where(moving, -0.5j * alpha, p * p))
         z = 0.5j * p / root
         lewis = np.where(moving, 0.5 * np.sqrt(np.pi) / root * wofz(z), 1.0 / np.where(moving, 1.0, p))
         squared = z * z
         ringing = np.sqrt(np.pi) / root * np.exp(np.minimum(-squared.real, _LOUDEST) - 1j * squared.imag)
-        return _Memory(lewis, np.where(moving, lewis - ringing, lewis), z.imag < 0.0, p, alpha)
+        quiet, start = np.where(moving, lewis - ringing, lewis), lewis + begun * (1.0 / p - lewis)
+        return _Memory(lewis, quiet, start, z.imag < 0.0, p, alpha)
 
     def by_p(self, V: ComplexArray) -> ComplexArray:
         """Derivative of a solution V by p: i alpha V' = 1 - p V."""
@@ -266,9 +271,8 @@ class _Memory(NamedTuple):
 def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     """J with all that changes along each sweep, (batch, n).
 
-    V is ``lewis`` before resonance and ``quiet`` beyond it: neither rings there, and both change evenly from row to
-    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha. The first row of each sweep is
-    taken to follow one that went on for ever.
+    V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both change evenly from row
+    to row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha.
     """
     ways = np.sign(memory.alpha)
     if ways.ndim > 1 and np.any(ways != ways[:1]):  # the order of the rows is that of the way
@@ -280,7 +284,8 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     p, alpha, omega, F = memory.p, memory.alpha, drive.omega[order], drive.F[order]
     first = (np.diff(sweep[order], prepend=np.nan) != 0.0) | (np.diff(way[order], prepend=np.nan) != 0.0)
     last = _Memory._make(np.roll(part, 1, -1) for part in memory)
-    V, before = (np.where(memory.beyond, own.quiet, own.lewis) for own in (memory, last))
+    beyond = memory.beyond & last.beyond  # what is quiet beyond resonance grows without limit before it
+    V, before = (np.where(beyond, own.quiet, own.lewis) for own in (memory, last))
     by_p = 0.5 * (memory.by_p(V) + last.by_p(before))
     by_rate = memory.by_rate(V, by_p)
     rate = 0.5 * (alpha + last.alpha)
@@ -289,9 +294,10 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     turned = 0.5 * (p + last.p) * time
     decay = np.exp(np.minimum(-turned.real, _LOUDEST) - 1j * turned.imag)
     share = np.where(np.abs(turned) > _SLOWLY, (1.0 - decay) / np.where(turned == 0.0, 1.0, turned), 1.0)
-    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha)
-    decay = np.where(first, 0.0, decay * (np.roll(F, 1) / F))
-    motion = np.where(first, memory.lewis, V - before * decay - moved * share)
+    force = np.roll(F, 1) / F  # which goes evenly from row to row
+    moved = by_p * (p - last.p - 1j * rate * time) + by_rate * (alpha - last.alpha) + 0.5 * (V + before) * (1.0 - force)
+    decay = np.where(first, 0.0, decay * force)
+    motion = np.where(first, memory.start, V - before * decay - moved * share)
     for step in 2 ** np.arange(int(len(order) - 1).bit_length()):  # each row reaches twice as far back
         motion[..., step:] = motion[..., step:] + decay[..., step:] * motion[..., :-step]
         decay[..., step:] = decay[..., step:] * decay[..., :-step]

@@ -121,7 +121,8 @@ class Diagnosis(Explained):
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
-        return rank_tests(self.explanations, command, self.unit, self.record.table.columns)
+        columns = self.record.table.columns
+        return rank_tests(self.explanations, self.hypotheses, self.in_library, command, self.unit, columns)
 
     @property
     def next_test(self) -> NextTest | None:

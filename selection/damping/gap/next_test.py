@@ -1,12 +1,16 @@
 """What to test next: of the rows that a record can hold, those that should tell explanations still alive apart best.
 
 Each candidate is simulated with the leading explanation and fitted by each rival to first order: half the squared
-distance of the two predictions, in units of all that the rival leaves open, is the log odds to be expected (Chaloner
-and Verdinelli 1995, design for discrimination between models).
+distance of the two predictions, in units of all that the rival leaves open, is the log odds D to be expected (Chaloner
+and Verdinelli 1995, design for discrimination between models). How probable the leading explanation will then be, if it
+is true, follows by the rules of every answer, which trust most what is measured beyond first harmonics of one state
+(`damping.gap.weighing.blend_probabilities`). The test that comes first is the mildest of those that settle the case:
+one that leaves what was tested also shows what no model of it holds.
 """
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import sqrt
 from pathlib import Path
 from shlex import join
@@ -24,7 +28,7 @@ from damping.gap.problem import State
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import INDISTINCT, Explanation, distance
+from damping.gap.weighing import COVER, INDISTINCT, Explanation, distance, foresee_probability
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -35,10 +39,10 @@ FLOOR = 3e-4
 #: Expected log odds D below which a test is not worth its time: what it gives scatters by sqrt(2 D), and of 6 it is
 #: above 3, 20 to 1, in four of five.
 WORTH = 6.0
+#: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
+SURELY = 2.0
 #: Explanations compared with the leading one.
 MOST_RIVALS = 3
-#: Log odds from which on a test decides, though models err: those that also tell imitations from causes come first.
-DECISIVE = 10.0
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
 CERTAIN = 100.0
 
@@ -134,23 +138,22 @@ def _add_mass(share: float, factor: float = 1.0) -> ProposedTest:
     )
 
 
-#: Tests of the displacement along the drive.
+#: Tests of the displacement along the drive, the mildest first.
 _ALONG = (
     ProposedTest("a sweep at the highest force", "what else it holds is measured beside it"),
-    ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
+    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
     ProposedTest("a sweep at half the lowest force", "effects part with amplitude", factor=0.5, lowest=True),
     ProposedTest(
         "a sweep of twice the band at the highest force",
         "other paths and other powers of frequency show far from resonance",
         width=2.0,
     ),
-    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
-    *(_add_mass(share, factor) for share in ADDED_MASSES for factor in (1.0, 2.0)),
+    *map(_add_mass, ADDED_MASSES),
+    ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
+    *(_add_mass(share, 2.0) for share in ADDED_MASSES),
 )
-#: All tests that a record can hold.
+#: All tests that a record can hold, the mildest first.
 DESIGNS = (
-    *_ALONG[1:],
-    *(_with_third(design) for design in _ALONG),
     ProposedTest(
         "the highest sweep again, each frequency held until the motion is steady",
         "what a moving frequency does is gone",
@@ -163,6 +166,7 @@ DESIGNS = (
         ("amplitude_y", "phase_y"),
         channel="cross",
     ),
+    *chain.from_iterable((design, _with_third(design)) for design in _ALONG),
 )
 
 
@@ -170,6 +174,7 @@ DESIGNS = (
 class NextTest:
     """A test with the log odds it is expected to give for the leading explanation, if that is true, against the rest.
 
+    ``probability``: that this explanation then has, where the test gives ``SURELY`` standard deviations less.
     ``columns``: those that the new rows fill. ``rows``: what is to be run, in numbers (force, Hz, added mass).
     ``command`` reads them once they are appended.
     """
@@ -177,14 +182,15 @@ class NextTest:
     what: str
     why: str
     expected_log_odds: float
+    probability: float
     columns: tuple[str, ...]
     rows: tuple[dict[str, float], ...]
     command: str
 
     @property
-    def comes_first(self) -> bool:
-        """Whether it decides, and by more than first harmonics of one state (`damping.gap.rows.Rows.beyond`)."""
-        return self.expected_log_odds >= DECISIVE and not {"added_mass", *_THIRD}.isdisjoint(self.columns)
+    def is_beyond(self) -> bool:
+        """Whether it gives more than first harmonics of one state (`damping.gap.rows.Rows.beyond`)."""
+        return not {"added_mass", *_THIRD}.isdisjoint(self.columns)
 
     @property
     def told(self) -> float:
@@ -210,41 +216,56 @@ def name_command(states: Sequence[State], simulate: Simulate | None) -> str:
 
 
 def rank_tests(
-    alive: Sequence[Explanation], command: str, unit: float = 1.0, columns: Collection[str] = ("phase",)
+    alive: Sequence[Explanation],
+    fitted: Sequence[Explanation],
+    in_library: float,
+    command: str,
+    unit: float = 1.0,
+    columns: Collection[str] = ("phase",),
 ) -> tuple[NextTest, ...]:
-    """Every test worth its time with its expected log odds, the best first; none where nothing rivals the first.
+    """Every test worth its time: those that settle the case, the mildest first, then the others, the surest first.
 
-    Those that decide by more than first harmonics of one state come before the others.
-
-    ``alive``: the explanations that are listed, in order of probability. The log odds are those against all rivals.
-    Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state say no more.
-    ``unit``: of mass, in which the rows are counted; what is to be run is told as a record holds it. ``columns``: of
-    the record; further rows have some of them too.
+    ``alive``: the explanations that are listed, in order of probability, of all that were ``fitted``. The log odds are
+    those against all rivals; none are worth it where nothing rivals the first. ``in_library``: chance that the library
+    holds the cause. Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state
+    say no more. ``unit``: of mass, in which the rows are counted; what is to be run is told as a record holds it.
+    ``columns``: of the record; further rows have some of them too.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not (blames := bool(alive[0].effects)):
         rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
+    compared = [alive[0], *rivals]
+    every = [*compared, *(own for own in fitted if own.effects not in {one.effects for one in compared})]
     p = np.array([rival.probability for rival in rivals])
     tests = []
     for design in DESIGNS:
         rows = design.plan(leading.model.problem)
         odds = np.array([_odds(leading, rival.hypothesis.best, rows, design.change) for rival in rivals])
+        gained = np.zeros(len(every))  # of rivals that are not compared nothing is foreseen
+        gained[1 : len(compared)] = odds - SURELY * np.sqrt(2.0 * odds)
+        probability = foresee_probability(every, gained, in_library, leading.model.problem.rows.beyond_with(rows))
+        filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
         # -ln sum p e^-odds: a test that settles the case against one rival only leaves the others where they are
         total = -float(logsumexp(-odds, b=p / p.sum()))
-        shaken = float(rows.shaken[0] + rows.added[0]) if rows.shaken[0] else 0.0
-        run = {
-            "force": float(rows.F[0]) / shaken if shaken else float(rows.F[0]) * unit,
-            "frequency_low": float((rows.omega / RAD_S_PER_HZ).min()),
-            "frequency_high": float((rows.omega / RAD_S_PER_HZ).max()),
-            "points": len(rows),
-            "added_mass": float(rows.added[0]) * unit,
-        }
-        filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
-        tests.append(NextTest(design.what, design.why, total, tuple(filled), (run,), command))
-    worth = [test for test in tests if test.expected_log_odds > WORTH and (blames or test.comes_first)]
-    return tuple(sorted(worth, key=lambda test: (not test.comes_first, -test.expected_log_odds)))
+        tests.append(
+            NextTest(design.what, design.why, total, probability, tuple(filled), (_tell_run(rows, unit),), command)
+        )
+    worth = [test for test in tests if test.expected_log_odds > WORTH and (blames or test.is_beyond)]
+    return tuple(sorted(worth, key=lambda test: -min(test.probability, COVER)))
+
+
+def _tell_run(rows: Rows, unit: float) -> dict[str, float]:
+    """What is to be run, in numbers, as a record holds it; ``unit``: see `rank_tests`."""
+    shaken = float(rows.shaken[0] + rows.added[0]) if rows.shaken[0] else 0.0
+    return {
+        "force": float(rows.F[0]) / shaken if shaken else float(rows.F[0]) * unit,
+        "frequency_low": float((rows.omega / RAD_S_PER_HZ).min()),
+        "frequency_high": float((rows.omega / RAD_S_PER_HZ).max()),
+        "points": len(rows),
+        "added_mass": float(rows.added[0]) * unit,
+    }
 
 
 def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Terms], Terms]) -> float:

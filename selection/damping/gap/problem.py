@@ -106,7 +106,7 @@ def setting(
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
-    swept = ("ringing", "law") if mode.rig.rate else ("ringing",)  # the law of a rate that a column has is its own
+    swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # the law of a rate that a column has is its own
     simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]

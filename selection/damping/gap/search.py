@@ -149,12 +149,16 @@ class Search:
             self._shorten()
 
     def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:
-        """A hypothesis without one of its effects, fitted where it was not."""
+        """A hypothesis without one of its effects, from its modes: a fit far behind it may have lost its own."""
         effects = tuple(other for other in hypothesis.effects if other != name)
-        if frozenset(effects) in self.hypotheses:
-            return self.hypotheses[frozenset(effects)]
+        before = self.hypotheses.get(frozenset(effects))
+        if before is not None and before.log_evidence > hypothesis.log_evidence - _LOST:
+            return before
         fits = [fit_roughly(*drop_effect(fit, name)) for fit in hypothesis.near]
-        return self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+        again = self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+        if before is not None and before.log_posterior > again.log_posterior:
+            self.hypotheses[before.key] = before
+        return self.hypotheses[again.key]
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""

@@ -108,6 +108,7 @@ class Simulation:
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
             law=rates.get("law", 0.0),
             ringing=rates.get("ringing", 0.0),
+            begun=rates.get("begun", 0.0),
         )
 
 

@@ -105,6 +105,16 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, 
     )
 
 
+def foresee_probability(hypotheses: Sequence[Explanation], gained: FloatArray, in_library: float, beyond: int) -> float:
+    """Probability that the first of the hypotheses has once data gave log odds ``gained`` (n,) for it against each.
+
+    ``in_library`` as it is now; ``beyond``: as of the record with these data.
+    """
+    log_odds = np.array([own.hypothesis.log_posterior for own in hypotheses]) - gained
+    after = tuple(replace(own, probability=float(p)) for own, p in zip(hypotheses, softmax(log_odds), strict=True))
+    return blend_probabilities(after, in_library, beyond)[0].probability
+
+
 def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], foreign: Hypothesis | None) -> FloatArray:
     """What speaks against the first of ``hypotheses``, (4,).
 
