@@ -176,6 +176,24 @@ def test_importance_draws_give_the_evidence_of_laplace(sampled):
     )
 
 
+def test_a_hypothesis_that_lost_its_mode_is_fitted_again_from_one_that_holds_it(lab):
+    """A lag is fitted, then forgotten: without the other effect of a pair it is as probable as it was at first."""
+    start = setting(lab.measured("phase-lag"), lab.mode())
+    library = {name: CATALOGUE[name] for name in ("phase-lag", "amplitude-scale")}
+    search = Search(start.problem, library, start.unknowns)
+    search.singles()
+    lag = search.hypotheses[frozenset({"phase-lag"})]
+    search.extend(lag, "amplitude-scale")
+    pair = search.hypotheses[frozenset(library)]
+    lost = replace(lag, log_evidence=lag.log_evidence - 1e4, log_posterior=lag.log_posterior - 1e4)
+    search.hypotheses[lag.key] = lost
+    again = search.drop(pair, "amplitude-scale")
+    assert search.hypotheses[lag.key] is again
+    # a fit settles within a hundredth of its ln p, and of its scatter as much again
+    np.testing.assert_allclose(again.log_posterior, lag.log_posterior, rtol=0.0, atol=0.05)
+    assert search.drop(pair, "amplitude-scale") is again  # one that is not far behind stays as it is
+
+
 def fit_alone(lab, name):
     """The best mode of one effect, at the noise stated, and its problem's deviations of sweeps: none."""
     start = setting(lab.measured(name), lab.mode())
