@@ -117,6 +117,15 @@ def test_a_resonance_that_becomes_bistable_beyond_the_test_is_told(peaks):
     assert not any(trace_loads(known(asked, asked), backbone_of(A, omega(A)), of_masses).cautions)
 
 
+def test_mass_that_was_added_at_every_level_makes_no_mode_bistable(peaks):
+    """5 % of the mass, on all levels, moves every resonance by 2.4 %, or 2.5 bandwidths c/M: the mode stays linear."""
+    A, c = np.array([1.0, 2.0, 4.0]), 0.01 * M * OMEGA_N
+    lower = OMEGA_N / np.sqrt(1.05)
+    data = replace(peaks(A, c * lower * A, lower), added_mass=np.full(3, 0.05 * M))
+    traced = trace_loads(known(c * OMEGA_N * 2.0 * A, 2.0 * A), backbone_of(A, OMEGA_N), data)
+    assert not any(traced.cautions)
+
+
 def test_a_resonance_that_hardly_moves_is_solved_at_its_frequency():
     amplitude, omega = phase_resonance(Sum((Viscous(0.12), CubicStiffness(1e-3))), FORCE, M, OMEGA_N)
     drawn = backbone_of(amplitude, omega).solve(Viscous(np.full((3, 1), 0.12)), FORCE * 2.0, omega[-1])

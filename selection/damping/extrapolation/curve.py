@@ -25,7 +25,7 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import BISTABLE, NEAREST, ROUNDING
+from damping.extrapolation.near import NEAREST, OF_PREDICTED, ROUNDING, describe_bistability
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
@@ -177,6 +177,10 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
+    cautions, lowest = loads.cautions, float(backbone.omega[np.argmin(backbone.amplitude)])
+    if data.tested_mass is None:  # masses that the record gives of its levels move their resonances too
+        rows = zip(cautions, RAD_S_PER_HZ * f.median, zeta, strict=True)
+        cautions = tuple(_add_jump(said, lowest, omega, ratio) for said, omega, ratio in rows)
     given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
     low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
@@ -186,26 +190,17 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         frequency=f,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
-        cautions=tuple(
-            said if any("bistable" in caution for caution in said) else (*said, *_describe_jump(hertz, ratio, data))
-            for said, hertz, ratio in zip(loads.cautions, f.median.tolist(), zeta.tolist(), strict=True)
-        ),
+        cautions=cautions,
     )
 
 
-def _describe_jump(hertz: float, zeta: float, data: Observations) -> tuple[str, ...]:
-    """A caution where a resonance is predicted so far from the lowest level's that the mode is bistable there.
+def _add_jump(said: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
+    """The cautions of a resonance, and that the mode is bistable there, as far from the ``lowest`` level's, rad/s.
 
-    None where levels have masses of their own, which move the resonance too.
+    Not where the levels themselves say so.
     """
-    if data.tested_mass is not None or (data.added_mass is not None and np.ptp(data.added_mass)):
-        return ()
-    lowest = float(data.tested_omega[np.argmin(data.tested_force)]) / RAD_S_PER_HZ
-    moved = abs(hertz - lowest) / (2.0 * zeta * hertz)
-    if not moved >= BISTABLE:
-        return ()
-    said = f"the resonance is predicted to move by {moved:.1f} half-power bandwidths from that of the lowest level"
-    return (f"{said}: the mode is bistable there, and a sweep may jump before it reaches this amplitude",)
+    jump = describe_bistability(np.array([lowest, omega]), 2.0 * zeta * omega, OF_PREDICTED)
+    return said if not jump or any("bistable" in caution for caution in said) else (*said, jump)
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:
