@@ -240,6 +240,9 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     np.testing.assert_allclose(back.average.median[0], 6.0, rtol=0.01)
     np.testing.assert_allclose(back.average.low[1], 6.0, rtol=0.03)
     assert loads_form(back)["predictions"][0]["amplitude"] == A.median[0]
+    # an amplitude asked for beside far ones has the force that it has alone, but for other draws
+    beside = predict_forces(there, float(A.median[0]) * np.array([1.0, 50.0, 0.02]))
+    np.testing.assert_allclose(beside.average.median[0], back.average.median[0], rtol=0.005)
     beyond = predict_forces(
         extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=brief_evidence), [50.0]
     )

@@ -32,8 +32,10 @@ from damping.infer.observations import Observations
 
 #: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
 STEEPEST = 1.0 / SLOPES[0]
-#: Forces of that grid; between two of them ln A is taken as straight in ln F.
+#: Forces of that grid, at least, and ln of the ratio of two neighbours, at most: ln A is taken as straight in ln F
+#: between them, and an amplitude asked for beside a farther one is to have the force that it has alone.
 GRID = 20
+STEP = 0.2
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
 #: Amplitudes within the test of a curve that nobody asked for.
@@ -101,7 +103,9 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
     most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
     free = replace(predicted, plan=replace(plan, limit=np.inf))
-    grid = np.unique(np.concatenate([np.geomspace(least / _MARGIN, most * _MARGIN, GRID), data.tested_force]))
+    low, high = least / _MARGIN, most * _MARGIN
+    points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
+    grid = np.unique(np.concatenate([points, data.tested_force]))
     loads = free.predict_at(grid, each=each)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
