@@ -146,15 +146,8 @@ def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) 
     def cross(curve: FloatArray) -> FloatArray:
         return np.where(np.isfinite(median), find_crossing(grid, curve, asked), np.nan)
 
-    return Band(
-        name=band.name,
-        weight=band.weight,
-        median=median,
-        low=cross(band.high),
-        high=cross(band.low),
-        credible_low=cross(band.credible_high),
-        credible_high=cross(band.credible_low),
-    )
+    ends = (band.high, band.low, band.credible_high, band.credible_low)  # a force is low where amplitudes are high
+    return Band(band.name, band.weight, median, *map(cross, ends))
 
 
 def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -> FloatArray:
