@@ -35,7 +35,7 @@ STEEPEST = 1.0 / SLOPES[0]
 #: Forces of that grid, at least, and ln of the ratio of two neighbours, at most: ln A is taken as straight in ln F
 #: between them, and an amplitude asked for beside a farther one is to have the force that it has alone.
 GRID = 20
-STEP = 0.3
+STEP = 0.5
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
 #: Amplitudes within the test of a curve that nobody asked for.
