@@ -117,6 +117,26 @@ def test_a_resonance_that_becomes_bistable_beyond_the_test_is_told(peaks):
     assert not any(trace_loads(known(asked, asked), backbone_of(A, omega(A)), of_masses).cautions)
 
 
+def test_the_band_of_a_predicted_amplitude_moves_the_frequency(peaks):
+    """omega^2 = omega_0^2 (1 + b A^2) in closed form: an amplitude between 2 and 3 leaves theirs."""
+    A = np.geomspace(0.3, 1.0, 5)
+
+    def omega(A):
+        return OMEGA_N * np.sqrt(1.0 + 0.02 * A**2)
+
+    asked, ends = np.array([2.4]), np.array([2.0, 3.0])
+    loads = known(0.12 * omega(asked) * asked, asked)
+    said = trace_loads(
+        replace(loads, average=replace(loads.average, low=ends[:1], high=ends[1:])),
+        backbone_of(A, omega(A)),
+        peaks(A, 0.12 * omega(A) * A, omega(A)),
+    ).frequency
+    # the backbone itself is known to 0.1 % there
+    hertz = omega(ends) / (2.0 * np.pi)
+    np.testing.assert_allclose([said.low[0], said.high[0]], hertz, rtol=3e-3)
+    assert np.ptp(hertz) > 0.04 * said.median[0]
+
+
 def test_mass_that_was_added_at_every_level_makes_no_mode_bistable(peaks):
     """5 % of the mass, on all levels, moves every resonance by 2.4 %, or 2.5 bandwidths c/M: the mode stays linear."""
     A, c = np.array([1.0, 2.0, 4.0]), 0.01 * M * OMEGA_N

@@ -184,11 +184,22 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         level=loads.level,
         amplitude=amplitude if of_force else Interval.known(asked),
         force=Interval.known(asked) if of_force else force,
-        frequency=f,
+        frequency=_widen(f, backbone, amplitude, loads.level),
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
         cautions=cautions,
     )
+
+
+def _widen(f: Interval, backbone: Backbone, amplitude: Interval, level: float) -> Interval:
+    """The band of frequency at an amplitude, ``f``, as wide as that of a predicted ``amplitude`` leaves it.
+
+    What the backbone moves from the median of the amplitude to each end of its band, squares added in ln omega.
+    """
+    moved = [np.log(backbone.frequency_at(end, level).median / f.median) for end in (amplitude.low, amplitude.high)]
+    down, up = (np.fmax.reduce([sign * part for part in moved], initial=0.0) for sign in (-1.0, 1.0))
+    low, high = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
+    return Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
 
 
 def _add_jump(said: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
