@@ -1,5 +1,7 @@
 """``damping export --to CODE``: damping for a structural code, one table a load level, median and lower bound.
 
+Modes are numbered by frequency, the same at every level: one that has no damping at a level keeps its number there.
+
 A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
 force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of
 90 %): the one a load is sized with. Codes that take coefficients get those of c1 q' + c2 q' |q'| of equal dissipation,
@@ -10,8 +12,9 @@ by non-negative least squares over the load levels. It follows no damping that f
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import pi
 from pathlib import Path
@@ -77,11 +80,14 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         why = next((caution for caution in row.cautions if caution.startswith("no prediction")), "no damping predicted")
         missing.append(f"left out: {mode} at {at}: {why}")
     if not levels:
-        raise AnalysisError(f"{source}: no level holds a damping ratio; write it with damping curve or extrapolate")
+        why = "; ".join(missing) or "write it with damping curve or extrapolate"
+        raise AnalysisError(f"{source}: no level holds a damping ratio: {why}")
     for points in levels.values():
         points.sort(key=lambda point: point.frequency)
         for point in points:
             modes[point.mode].append(point)
+    by_frequency = sorted(modes, key=lambda mode: modes[mode][0].frequency)
+    number = {mode: i + 1 for i, mode in enumerate(by_frequency)}
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
     fitted = [(mode, which, points, fit_coefficients(points, which, unit)) for (mode, points), which in of_modes]
     values = {
@@ -95,7 +101,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "fitted": fitted,
         "missing": missing,
         "flank": FLANK,
-        "ratios_per_line": RATIOS_PER_LINE,
+        "number": number,
+        "split_runs": partial(split_runs, number),
     }
     write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
     show = console()
@@ -105,6 +112,16 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     for mode, which, _, found in fitted:
         if abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")
+
+
+def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:
+    """The points whose modes follow each other by ``number``, ``RATIOS_PER_LINE`` together at most."""
+    runs = list[list[Point]]()
+    for point in points:
+        if not runs or len(runs[-1]) == RATIOS_PER_LINE or number[point.mode] != number[runs[-1][-1].mode] + 1:
+            runs.append([])
+        runs[-1].append(point)
+    return runs
 
 
 def _find_force(row: DampedRow) -> float | None:

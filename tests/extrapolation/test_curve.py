@@ -117,6 +117,35 @@ def test_a_resonance_that_becomes_bistable_beyond_the_test_is_told(peaks):
     assert not any(trace_loads(known(asked, asked), backbone_of(A, omega(A)), of_masses).cautions)
 
 
+def test_the_band_of_a_predicted_amplitude_moves_the_frequency(peaks):
+    """omega^2 = omega_0^2 (1 + b A^2) in closed form: an amplitude between 2 and 3 leaves theirs."""
+    A = np.geomspace(0.3, 1.0, 5)
+
+    def omega(A):
+        return OMEGA_N * np.sqrt(1.0 + 0.02 * A**2)
+
+    asked, ends = np.array([2.4]), np.array([2.0, 3.0])
+    loads = known(0.12 * omega(asked) * asked, asked)
+    said = trace_loads(
+        replace(loads, average=replace(loads.average, low=ends[:1], high=ends[1:])),
+        backbone_of(A, omega(A)),
+        peaks(A, 0.12 * omega(A) * A, omega(A)),
+    ).frequency
+    # the backbone itself is known to 0.1 % there
+    hertz = omega(ends) / (2.0 * np.pi)
+    np.testing.assert_allclose([said.low[0], said.high[0]], hertz, rtol=3e-3)
+    assert np.ptp(hertz) > 0.04 * said.median[0]
+
+
+def test_mass_that_was_added_at_every_level_makes_no_mode_bistable(peaks):
+    """5 % of the mass, on all levels, moves every resonance by 2.4 %, or 2.5 bandwidths c/M: the mode stays linear."""
+    A, c = np.array([1.0, 2.0, 4.0]), 0.01 * M * OMEGA_N
+    lower = OMEGA_N / np.sqrt(1.05)
+    data = replace(peaks(A, c * lower * A, lower), added_mass=np.full(3, 0.05 * M))
+    traced = trace_loads(known(c * OMEGA_N * 2.0 * A, 2.0 * A), backbone_of(A, OMEGA_N), data)
+    assert not any(traced.cautions)
+
+
 def test_a_resonance_that_hardly_moves_is_solved_at_its_frequency():
     amplitude, omega = phase_resonance(Sum((Viscous(0.12), CubicStiffness(1e-3))), FORCE, M, OMEGA_N)
     drawn = backbone_of(amplitude, omega).solve(Viscous(np.full((3, 1), 0.12)), FORCE * 2.0, omega[-1])
@@ -231,6 +260,9 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     np.testing.assert_allclose(back.average.median[0], 6.0, rtol=0.01)
     np.testing.assert_allclose(back.average.low[1], 6.0, rtol=0.03)
     assert loads_form(back)["predictions"][0]["amplitude"] == A.median[0]
+    # an amplitude asked for beside far ones has the force that it has alone, but for other draws
+    beside = predict_forces(there, float(A.median[0]) * np.array([1.0, 50.0, 0.02]))
+    np.testing.assert_allclose(beside.average.median[0], back.average.median[0], rtol=0.005)
     beyond = predict_forces(
         extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=brief_evidence), [50.0]
     )

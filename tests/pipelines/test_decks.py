@@ -128,6 +128,22 @@ def test_one_ratio_a_mode(code, expected, deck):
     assert len(re.findall(expected, text, re.MULTILINE)) == 1  # the other tables are comments
 
 
+def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
+    """Of eight modes the second has none at the higher level: the ratio of the third is not that of mode 2."""
+    ratios = {i: {"frequency": 10.0 * i, "damping_ratio": {"median": 0.01 * i, "low": 0.01 * i}} for i in range(1, 9)}
+    at = {i: [{"level": level, **of} for level in (1, 2) if (i, level) != (2, 2)] for i, of in ratios.items()}
+    form = {"format": "campaign/1", "modes": [{"name": f"m{i}", "at": levels} for i, levels in at.items()]}
+    assert "** 3, 3, 0.03\n** 4, 4, 0.04\n" in deck(form, "abaqus").split("level 2, median")[1]
+    higher = deck(form, "ansys").split("level 2, median")[1]
+    assert "! MDAMP,1,0.01\n! MDAMP,3,0.03,0.04,0.05,0.06,0.07,0.08\n" in higher
+    assert "MDAMP,1,0.01,0.02,0.03,0.04,0.05,0.06\nMDAMP,7,0.07,0.08\n" in deck(form, "ansys")
+    opensees = deck(form, "opensees")
+    assert re.findall(r"^eigen .*\nmodalDamping .*$", opensees, re.MULTILINE) == [
+        "eigen 8\nmodalDamping 0.01 0.02 0.03 0.04 0.05 0.06 0.07 0.08"
+    ]
+    assert "modalDamping 0" not in opensees.split("level 2, median")[1]
+
+
 def test_coefficients_carry_the_forces_they_came_from(deck):
     """A law c1 q' + c2 q'|q'| comes back: exact forces at three amplitudes."""
     omega, c1, c2 = 2.0 * pi * 1.66, 0.5, 0.09
@@ -176,6 +192,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
     [
         (FORM, "sap2000", "expected nastran or abaqus", 2),
         ({"format": "loads/1", "predictions": [{"force": 1.0}]}, "nastran", "no level holds a damping ratio", 1),
+        ({**FORM, "predictions": FORM["predictions"][2:]}, "nastran", "mode at force 900: no damping predicted", 1),
         ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
         ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),

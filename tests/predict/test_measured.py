@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import damping as dp
-from damping.predict.measured import as_driven_by_force, prepare
+from damping.predict.measured import prepare
 from damping.records import audit
 from damping.records.mode import Mode, Rig, Units, describe_mode_to_toml
 from damping.records.reading import read_record
@@ -55,7 +55,8 @@ def mode() -> Mode:
 
 
 def test_the_participation_and_its_uncertainty_come_from_the_rows(record, mode):
-    forced, said = as_driven_by_force(record, mode)
+    measured = prepare(record, mode)
+    forced, said = measured.mode, measured.said
     assert forced.drive == "force"
     # rows of 1 % noise: three masses of 25 rows each, three standard errors as stated
     np.testing.assert_allclose(1.0 / forced.mass, PARTICIPATION, rtol=3.0 * forced.tolerance.mass)

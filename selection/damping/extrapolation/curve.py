@@ -25,15 +25,17 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import BISTABLE, NEAREST, ROUNDING
+from damping.extrapolation.near import NEAREST, OF_PREDICTED, ROUNDING, describe_bistability
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 
 #: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
 STEEPEST = 1.0 / SLOPES[0]
-#: Forces of that grid; between two of them ln A is taken as straight in ln F.
+#: Forces of that grid, at least, and ln of the ratio of two neighbours, at most: ln A is taken as straight in ln F
+#: between them, and an amplitude asked for beside a farther one is to have the force that it has alone.
 GRID = 20
+STEP = 0.5
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
 #: Amplitudes within the test of a curve that nobody asked for.
@@ -101,7 +103,9 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
     most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
     free = replace(predicted, plan=replace(plan, limit=np.inf))
-    grid = np.unique(np.concatenate([np.geomspace(least / _MARGIN, most * _MARGIN, GRID), data.tested_force]))
+    low, high = least / _MARGIN, most * _MARGIN
+    points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
+    grid = np.unique(np.concatenate([points, data.tested_force]))
     loads = free.predict_at(grid, each=each)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
@@ -142,15 +146,8 @@ def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) 
     def cross(curve: FloatArray) -> FloatArray:
         return np.where(np.isfinite(median), find_crossing(grid, curve, asked), np.nan)
 
-    return Band(
-        name=band.name,
-        weight=band.weight,
-        median=median,
-        low=cross(band.high),
-        high=cross(band.low),
-        credible_low=cross(band.credible_high),
-        credible_high=cross(band.credible_low),
-    )
+    ends = (band.high, band.low, band.credible_high, band.credible_low)  # a force is low where amplitudes are high
+    return Band(band.name, band.weight, median, *map(cross, ends))
 
 
 def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -> FloatArray:
@@ -177,35 +174,41 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
+    cautions, lowest = loads.cautions, float(backbone.omega[np.argmin(backbone.amplitude)])
+    if data.tested_mass is None:  # masses that the record gives of its levels move their resonances too
+        rows = zip(cautions, RAD_S_PER_HZ * f.median, zeta, strict=True)
+        cautions = tuple(_add_jump(said, lowest, omega, ratio) for said, omega, ratio in rows)
     given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
     low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
         level=loads.level,
         amplitude=amplitude if of_force else Interval.known(asked),
         force=Interval.known(asked) if of_force else force,
-        frequency=f,
+        frequency=_widen(f, backbone, amplitude, loads.level),
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
-        cautions=tuple(
-            said if any("bistable" in caution for caution in said) else (*said, *_describe_jump(hertz, ratio, data))
-            for said, hertz, ratio in zip(loads.cautions, f.median.tolist(), zeta.tolist(), strict=True)
-        ),
+        cautions=cautions,
     )
 
 
-def _describe_jump(hertz: float, zeta: float, data: Observations) -> tuple[str, ...]:
-    """A caution where a resonance is predicted so far from the lowest level's that the mode is bistable there.
+def _widen(f: Interval, backbone: Backbone, amplitude: Interval, level: float) -> Interval:
+    """The band of frequency at an amplitude, ``f``, as wide as that of a predicted ``amplitude`` leaves it.
 
-    None where levels have masses of their own, which move the resonance too.
+    What the backbone moves from the median of the amplitude to each end of its band, squares added in ln omega.
     """
-    if data.tested_mass is not None or (data.added_mass is not None and np.ptp(data.added_mass)):
-        return ()
-    lowest = float(data.tested_omega[np.argmin(data.tested_force)]) / RAD_S_PER_HZ
-    moved = abs(hertz - lowest) / (2.0 * zeta * hertz)
-    if not moved >= BISTABLE:
-        return ()
-    said = f"the resonance is predicted to move by {moved:.1f} half-power bandwidths from that of the lowest level"
-    return (f"{said}: the mode is bistable there, and a sweep may jump before it reaches this amplitude",)
+    moved = [np.log(backbone.frequency_at(end, level).median / f.median) for end in (amplitude.low, amplitude.high)]
+    down, up = (np.fmax.reduce([sign * part for part in moved], initial=0.0) for sign in (-1.0, 1.0))
+    low, high = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
+    return Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
+
+
+def _add_jump(said: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
+    """The cautions of a resonance, and that the mode is bistable there, as far from the ``lowest`` level's, rad/s.
+
+    Not where the levels themselves say so.
+    """
+    jump = describe_bistability(np.array([lowest, omega]), 2.0 * zeta * omega, OF_PREDICTED)
+    return said if not jump or any("bistable" in caution for caution in said) else (*said, jump)
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:

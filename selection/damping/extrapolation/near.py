@@ -84,6 +84,15 @@ CHANGES = 1.64
 #: Shift of the resonance, in half-power bandwidths, from which on a mode is called bistable: a cubic spring makes the
 #: response curve vertical at 4/(3 sqrt(3)) = 0.77; the rest is for the error of the mass.
 BISTABLE = 1.0
+#: What is said then, with the shift in bandwidths: of measured resonances, and of a predicted one.
+OF_LEVELS = (
+    "the resonance moved by {:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
+    "and what it reaches depends on how it is driven there"
+)
+OF_PREDICTED = (
+    "the resonance is predicted to move by {:.1f} half-power bandwidths from that of the lowest level: the mode is "
+    "bistable there, and a sweep may jump before it reaches this amplitude"
+)
 
 
 @dataclass(frozen=True)
@@ -142,29 +151,24 @@ def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]
     """
     error, tested = mode.tolerance.mass, (data.tested_amplitude, data.tested_force, data.tested_omega)
     mass = np.full(len(data.sweeps), mode.mass) + (0.0 if data.added_mass is None else data.added_mass)
-    bistable = describe_bistability(data, mass)
+    top = data.top
+    width = data.tested_force[top] / (mass[top] * data.tested_omega[top] * data.tested_amplitude[top])
+    bistable = describe_bistability(data.tested_omega * np.sqrt(mass / mass[top]), float(width))
     if data.tested_mass is None or mode.tolerance.from_record:
         return bistable, find_joint(*tested, mass, error)
     own = np.where(np.isnan(data.tested_mass), mode.mass, data.tested_mass)
     return bistable, find_joint(*tested, mass - mode.mass + own, error, apart=error)
 
 
-def describe_bistability(data: Observations, mass: FloatArray) -> str:
-    """A caution where two stable amplitudes are likely to belong to one force and frequency; else empty.
+def describe_bistability(omega: FloatArray, width: float, said: str = OF_LEVELS) -> str:
+    """``said`` where two stable amplitudes are likely to belong to one force and frequency; else empty.
 
-    The half-power bandwidth at the largest tested force is F/(M omega A), with the generalized ``mass`` M of each
-    level. A cubic spring that moves the resonance by 4/(3 sqrt(3)) of it, at one and the same mass, makes the response
-    curve vertical somewhere.
+    ``omega``: resonances of one mass, rad/s. ``width``: the half-power bandwidth 2 zeta omega = F/(M omega A) of the
+    one of largest amplitude. A cubic spring that moves the resonance by 4/(3 sqrt(3)) of it makes the response curve
+    vertical somewhere.
     """
-    top = data.top
-    width = data.tested_force[top] / (mass[top] * data.tested_omega[top] * data.tested_amplitude[top])
-    moved = float(np.ptp(data.tested_omega * np.sqrt(mass / mass[top])) / width)
-    if moved < BISTABLE:
-        return ""
-    return (
-        f"the resonance moved by {moved:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
-        "and what it reaches depends on how it is driven there"
-    )
+    moved = float(np.ptp(omega)) / width
+    return said.format(moved) if moved >= BISTABLE else ""
 
 
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.

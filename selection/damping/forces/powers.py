@@ -159,10 +159,6 @@ class VelocityPower(Force):
         """C = (2/sqrt(pi)) alpha (A omega)^p Gamma((p+2)/2)/Gamma((p+3)/2)."""
         return self.coefficient * velocity_power_energy(self.exponent) / pi * (A * omega) ** self.exponent
 
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = p C."""
-        return self.exponent * self.quadrature(A, omega)
-
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """alpha |q'|^p sgn q'."""
         return sign * self.coefficient * speed**self.exponent
@@ -194,10 +190,6 @@ class DisplacementVelocityPower(Force):
         p = self.exponent
         factor = 2.0 * gamma_ratio((p + 2.0) / 2.0, (p + 4.0) / 2.0) / pi
         return self.coefficient * factor * A * (A * omega) ** p
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = (p + 1) C."""
-        return (self.exponent + 1.0) * self.quadrature(A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """alpha |q| |q'|^p sgn q'."""

@@ -31,9 +31,10 @@ class Measured:
 def prepare(record: Record, mode: Mode | None = None) -> Measured:
     """The record as laws are fitted to it, and the mode with it.
 
-    Base drive becomes a force by :func:`as_driven_by_force`; rows whose rate of sweeping is known (a column
-    ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become steady states by
-    :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it is.
+    A mode that its base drives becomes one of mass 1/p under the base's acceleration as force, p from the rows; rows
+    whose rate of sweeping is known (a column ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become
+    steady states by :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it
+    is.
     """
     if mode is not None:
         said = []
@@ -55,19 +56,8 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     return Measured(steady, mode, (*said, *swept))
 
 
-def as_driven_by_force(record: Record, mode: Mode) -> tuple[Mode, list[str]]:
-    """A base-driven mode as one of mass 1/p under the base's acceleration as force, p from the rows, and what was done.
-
-    The tolerance of its mass is the standard uncertainty of p. A mode that a force drives is returned as it is.
-    """
-    if mode.drive == "force":
-        return mode, []
-    participation = find_participation([(record, mode.mass, 0.0)])
-    return count_in(mode, participation), [f"base drive: {participation}"]
-
-
 def count_in(mode: Mode, participation: Participation) -> Mode:
-    """A base-driven mode as one that a force drives, over p m; its mass is as well known as p."""
+    """A base-driven mode as one that a force drives, over p m; the tolerance of its mass is the uncertainty of p."""
     forced = in_unit(mode, participation.value * mode.mass)
     known = replace(mode.tolerance, mass=participation.spread, from_record=participation.known)
     return replace(forced, tolerance=known)
