@@ -168,7 +168,7 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     asked = loads.force if loads.amplitude is None else loads.amplitude
     known = Interval.known(np.where(np.isfinite(predicted.median), asked, np.nan))
     force, amplitude = (known, predicted) if of_force else (predicted, known)
-    f = backbone.frequency_at(amplitude.median, loads.level)
+    f, widened = _find_frequency(backbone, amplitude, loads.level)
     z = float(ndtri(0.5 * (1.0 + loads.level)))
     zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
@@ -184,22 +184,25 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         level=loads.level,
         amplitude=amplitude if of_force else Interval.known(asked),
         force=Interval.known(asked) if of_force else force,
-        frequency=_widen(f, backbone, amplitude, loads.level),
+        frequency=widened,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
         tested=(given >= low) & (given <= high),
         cautions=cautions,
     )
 
 
-def _widen(f: Interval, backbone: Backbone, amplitude: Interval, level: float) -> Interval:
-    """The band of frequency at an amplitude, ``f``, as wide as that of a predicted ``amplitude`` leaves it.
+def _find_frequency(backbone: Backbone, amplitude: Interval, level: float) -> tuple[Interval, Interval]:
+    """The band of frequency at the median of an amplitude, and that at an amplitude which is known to its band only.
 
     What the backbone moves from the median of the amplitude to each end of its band, squares added in ln omega.
     """
-    moved = [np.log(backbone.frequency_at(end, level).median / f.median) for end in (amplitude.low, amplitude.high)]
-    down, up = (np.fmax.reduce([sign * part for part in moved], initial=0.0) for sign in (-1.0, 1.0))
+    every = backbone.frequency_at(np.concatenate([amplitude.median, amplitude.low, amplitude.high]), level)
+    rows = len(amplitude.median)
+    f = Interval(every.median[:rows], every.low[:rows], every.high[:rows])
+    moved = np.log(every.median[rows:].reshape(2, rows) / f.median)
+    down, up = (np.fmax.reduce(sign * moved, initial=0.0) for sign in (-1.0, 1.0))
     low, high = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
-    return Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
+    return f, Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
 
 
 def _add_jump(said: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
