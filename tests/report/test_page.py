@@ -198,7 +198,7 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     assert curve is not None
     for said in (
         f"at {format_force_text(design.force[1], 'lb')} expect {number(design.average.median[1])} in",
-        f"({number(design.average.low[1])} to {number(design.average.high[1])} in, 90 % band)",
+        f"({number(design.average.low[1])} to {number(design.average.high[1])} in, 90 % predictive band)",
         f"with {number(100.0 * curve.damping_ratio.median[1])} % of critical damping",
         f"size loads with {number(100.0 * curve.damping_ratio.low[1])} %",
         f"{number(design.ratio[1])} times the largest tested force",

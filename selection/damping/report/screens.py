@@ -43,6 +43,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
     values = {
         "records": records,
         "several": len(records) > 1,
+        "level": f"{100 * study.level:g}",
         "lead": next((record for record in records if record["load"]), records[0]),
         "asked": [record for record in records if record["design"]],
         "gravest": collect_holders(study, _list_gravest),
@@ -102,6 +103,7 @@ def _describe_top(result: RecordResult) -> dict[str, str]:
     return {
         "ratio": words.format_percent_ratio(ratio.median[row]),
         "band": words.format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%"),
+        "level": f"{100 * curve.level:g}",
         "amplitude": words.format_length(curve.amplitude.median[row], result.mode.units.length),
         "frequency": f"{words.number(curve.frequency.median[row], 4)} Hz",
         "q": words.number(0.5 / ratio.median[row]),
@@ -172,7 +174,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     """Amplitude and damping at the design forces, and what their band is made of."""
-    headings, key = {"band": f"{100 * design.level:g} % band"}, result.stem("design_loads")
+    headings, key = {"band": f"{100 * design.level:g} % predictive band"}, result.stem("design_loads")
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
     of_parts |= {"discrepancy": "the law changing beyond the test, %"}
     formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
