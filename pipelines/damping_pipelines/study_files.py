@@ -42,7 +42,9 @@ class RecordSettings(BaseModel, extra="forbid", frozen=True):
     title: str = ""  #: for people
     record: str  #: relative to the settings
     mode: str  #: likewise
-    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True, allow_inf_nan=False)], ...] = ()  #: where amplitudes are predicted
+    design_forces: tuple[
+        Annotated[float, Field(gt=0.0, strict=True, allow_inf_nan=False)], ...
+    ] = ()  #: where amplitudes are predicted
     laws: tuple[tuple[str, ...], ...] = ()  #: always sampled, whatever their weight
     note: Annotated[str, Field(max_length=400)] = ""  #: what to know of the record, said with the answer
 

@@ -156,7 +156,9 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     figure, (left, right) = build_panels(4.4, 2, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
-    left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % predictive band")
+    left.fill_between(
+        level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % predictive band"
+    )
     for axes, name, factor in ((left, "median", 100.0), (right, "frequency", 1.0)):
         values = factor * table[name].to_numpy(dtype=float)
         axes.plot(level, values, color=look.AVERAGE)

@@ -135,7 +135,9 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     size = len(labels)
     height = look.WIDTH * min(1.1, 0.4 + 0.2 * size)
     figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
-    figure.subplots_adjust(left=0.16, right=0.96, bottom=_BELOW / height, top=1.0 - _ABOVE / height, wspace=0.12, hspace=0.2 + 0.06 * size)
+    figure.subplots_adjust(
+        left=0.16, right=0.96, bottom=_BELOW / height, top=1.0 - _ABOVE / height, wspace=0.12, hspace=0.2 + 0.06 * size
+    )
     axes = figure.subplots(size, size, squeeze=False)
     turned = 90.0 if size >= _CROWDED else 0.0
     limits = {label: np.percentile(draws[label], [0.25, 99.5]) for label in labels}

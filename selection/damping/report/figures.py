@@ -65,7 +65,9 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
         f"({words.number(100.0 * low)} to {words.number(100.0 * high)})"
         for A, z, low, high in rows.iloc[[0, -1]].itertuples(index=False)
     )
-    description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent predictive band: {ends}."
+    description = (
+        f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent predictive band: {ends}."
+    )
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
 
 
