@@ -178,7 +178,7 @@ def test_fitted_curve_reaches_its_resonance_where_no_row_is(swept) -> None:
         f, A = trace_sweep(Viscous(c), bone, mass, rows)
         np.testing.assert_allclose(A.max(), force / (c * 2.0), rtol=1e-9, atol=0.0)
         # the backbone is known by bisection; a square root of that on either side of the top
-        np.testing.assert_allclose(f[A == A.max()], f_n, rtol=1e-5, atol=0.0)
+        np.testing.assert_allclose(f[A.max() == A], f_n, rtol=1e-5, atol=0.0)
 
 
 def test_lengths_are_said_as_people_say_them() -> None:
