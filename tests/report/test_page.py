@@ -210,6 +210,13 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     assert text.index("Before this is used") < text.index("One damping ratio holds at one amplitude")
 
 
+def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
+    """The table holds :class:`damping.ranking.Coefficient`: posterior medians, of coefficients that are at least 0."""
+    text = " ".join(" ".join(reader.texts).split())
+    assert "Posterior median, standard deviation, their ratio and 90 % credible interval of each parameter" in text
+    assert "Least-squares value" not in text
+
+
 def test_one_sweep_is_not_said_to_determine_a_law(reader: Reader) -> None:
     text = " ".join(" ".join(reader.texts).split())
     assert "one sweep does not determine the law" in text

@@ -13,7 +13,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.ranking import Candidate, Coefficient
+from damping.ranking import Candidate
 from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
@@ -149,16 +149,11 @@ def _list_shown_laws(result: RecordResult) -> list[Candidate]:
 
 
 def _tabulate_laws(result: RecordResult) -> Table:
-    def describe_coefficient(coefficient: Coefficient) -> str:
-        name = f"{coefficient.force} {coefficient.shape}".strip()
-        unit = words.format_parameter_unit(name, result.mode.units)
-        return f"{name} {words.format_quantity(coefficient.value, unit)}"
-
     table = pd.DataFrame(
         {
             "law": law.name,
             "weight": words.format_share(law.weight),
-            "coefficients": "; ".join(map(describe_coefficient, law.coefficients)),
+            "coefficients": tables.describe_coefficients(law, result.mode.units),
             "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
             "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
                 f"{words.NOTHING} %", words.NOTHING
@@ -178,7 +173,7 @@ def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
     of_parts |= {"discrepancy": "the law changing beyond the test, %"}
     formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
-    predicted = tables.tabulate_design(result, design)
+    predicted = tables.tabulate_design(design, result.design_curve, result.mode.units)
     spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PARTS}})
     return {
         f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),
