@@ -92,6 +92,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         "leaders": {name: {s.name: _describe_best(s.records[name].ranking) for s in studies} for name in shared},
         "differences": _list_differences(studies),
         "records": records,
+        "levels": list(dict.fromkeys(f"{100 * study.form.level:g}" for study in studies)),
         **sharing,
     }
     inputs = {f"{study.name}: summary.json": study.digest for study in studies}
@@ -209,6 +210,7 @@ def _describe_record(name: str, having: Sequence[StudySummary], studies: Sequenc
         "title": having[0].records[name].title,
         "missing": [study.name for study in studies if study not in having],
         "units": lines if len(set(units.values())) > 1 else [],
+        "stated": f" ({next(iter(named.values()))})" if len(set(named.values())) == 1 and all(named.values()) else "",
     }
 
 

@@ -42,7 +42,9 @@ class RecordSettings(BaseModel, extra="forbid", frozen=True):
     title: str = ""  #: for people
     record: str  #: relative to the settings
     mode: str  #: likewise
-    design_forces: tuple[Annotated[float, Field(gt=0.0, strict=True)], ...] = ()  #: where amplitudes are predicted
+    design_forces: tuple[
+        Annotated[float, Field(gt=0.0, strict=True, allow_inf_nan=False)], ...
+    ] = ()  #: where amplitudes are predicted
     laws: tuple[tuple[str, ...], ...] = ()  #: always sampled, whatever their weight
     note: Annotated[str, Field(max_length=400)] = ""  #: what to know of the record, said with the answer
 
@@ -64,7 +66,7 @@ class StudySettings(BaseModel, extra="forbid", frozen=True):
     title: str
     seed: Annotated[int, Field(ge=0, strict=True)] = DEFAULT_SEED  #: of everything sampled
     level: Annotated[float, Field(gt=0.0, lt=1.0, strict=True)] = 0.9  #: content of every band
-    source_report: bool = False  #: whether the reproduction of the report of 1970 joins
+    source_report: Annotated[bool, Field(strict=True)] = False  #: whether the reproduction of the report of 1970 joins
     records: Annotated[tuple[RecordSettings, ...], Field(min_length=1)]
 
     @field_validator("records")

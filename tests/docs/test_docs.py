@@ -20,6 +20,7 @@ import pandas as pd
 import pytest
 import typer
 
+import damping as dp
 from damping.forces import CATALOGUE
 from damping_pipelines.cli import app
 
@@ -139,6 +140,25 @@ def every_key(value: Any) -> set[str]:
     if isinstance(value, dict):
         return set(value) | {key for inner in value.values() for key in every_key(inner)}
     return {key for inner in value for key in every_key(inner)} if isinstance(value, list) else set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("example", "mode", "leader", "said"),
+    [
+        ("bolted-joint", "panel", "displacement + slip", "`displacement + slip` leads (0.69)"),
+        ("tank", "tank", "viscous + quadratic-displacement", "puts `viscous + quadratic-displacement` first"),
+        ("two-plane-mode", "model", "viscous", "none fits: the first, viscous damping, misses the"),
+    ],
+)
+def test_examples_say_what_the_ranking_says(example, mode, leader, said):
+    folder = ROOT / "examples" / example
+    ranking = dp.rank(dp.read_record(folder / "record.csv"), dp.read_mode(folder / f"{mode}.toml"))
+    best = ranking.ranking.candidates[0]
+    assert best.name == leader
+    assert f"{best.weight:.2f}" in said or "(" not in said
+    assert (ranking.ranking.fit.verdict == "none fits") == ("none fits" in said)
+    assert said in (folder / "README.md").read_text()
 
 
 def test_options_named_anywhere_exist():

@@ -110,6 +110,8 @@ def test_two_studies_side_by_side(tmp_path, damping):
         "0.558 % (0.485 to 0.770 %)",  # damping ratio at the top of the test
         "the odds are 0.92 to 1",  # 0.7 viscous in one, 0.4 in the other: (0.7*0.4 + 0.3*0.6)*2 = 0.92
         "+10",  # per cent from 2.0 to 2.2
+        "damping at the top of its test with its 90 % predictive band",
+        "Resonant amplitude at design forces (lb and in), ends of the 90 % predictive band",
         HOSTILE,  # as text
         "=cmd",
     ):
@@ -117,6 +119,12 @@ def test_two_studies_side_by_side(tmp_path, damping):
     again = tmp_path / "again.html"
     damping("compare", one, two, "--out", again)
     assert again.read_text() == html
+
+
+def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, damping):
+    folders = study(tmp_path / "one", summary() | {"level": 0.8}), study(tmp_path / "two", summary(2.2), 1.5, "1")
+    damping("compare", *folders, "--out", tmp_path / "page.html")
+    assert "with its 80 and 90 % predictive band" in Page((tmp_path / "page.html").read_text()).text
 
 
 @pytest.mark.parametrize("name", ["summary.json", "panel-posteriors.csv", MANIFEST])

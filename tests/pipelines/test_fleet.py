@@ -24,6 +24,7 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
+from damping.report import format_length_band, format_percent_ratio
 from damping_pipelines import fleet as command
 from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
@@ -233,6 +234,15 @@ def test_a_failed_record_is_a_row_with_its_reason(alone):
     assert row["law"] is None
 
 
+def test_the_page_of_a_record_says_damping_and_what_its_numbers_are(alone):
+    row = next(row for row in rows_of(alone) if row["median"] is not None)
+    text = html.unescape((alone / row["report"]).read_text())
+    assert format_percent_ratio(row["damping_ratio"]) in text
+    assert format_percent_ratio(row["damping_ratio_low"]) in text
+    assert f"({format_length_band(row['low'], row['high'], row['units_length'])}, 90 % predictive band)" in text
+    assert "A coefficient is a posterior median." in text
+
+
 def test_rows_say_how_they_came_about(alone):
     rows = rows_of(alone)
     assert {row["method"] for row in rows} == {"few importance draws"}
@@ -273,7 +283,7 @@ def test_changed_and_removed_records(tmp_path, one_law):
     before = rows_of(out)
     write_bytes(source / "r1.toml", MODE.replace("1.0", "2.0").encode())
     (source / "r2.csv").unlink()
-    with pytest.raises(InputError, match=r"holds 1 results of other .* the first of 'r2'; expected another --out, or"):
+    with pytest.raises(InputError, match=r"holds 1 result of other .* the first of 'r2'; expected another --out, or"):
         fleet(source, out, **run)
     write_bytes(out / "reports" / "mine.html", b"of the user")
     write_bytes(out / "records" / "mine.parquet", b"of the user")

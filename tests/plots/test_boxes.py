@@ -17,7 +17,7 @@ from matplotlib.transforms import Bbox
 
 from damping.plots import distinguish
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
-from damping.plots.fits import predictive_check, ranking, sweeps
+from damping.plots.fits import corner, predictive_check, ranking, sweeps
 
 #: Pixels that boxes may share: a glyph is a little smaller than its box.
 TOUCHING = 2.0
@@ -121,6 +121,14 @@ def test_predictive_check(number):
         for s in range(8)
     ]
     check(predictive_check(pd.DataFrame(rows), 0.9))
+
+
+@pytest.mark.parametrize("size", [2, 3, 5])
+def test_corner(size):
+    """Numbers of several digits, those of neighbouring panels beside one another."""
+    draws = np.random.default_rng(0).normal(0.478, 0.0125, (size, 4000))
+    values = {f"parameter {name} (rad/s)": own for name, own in zip("abcde", draws, strict=False)}
+    check(corner(values, values))
 
 
 def test_labels_keep_what_tells_them_apart():

@@ -130,7 +130,7 @@ def test_design_loads_draws_two_lines_and_one_band() -> None:
         known = wanted[np.isfinite(wanted)]
         assert any(len(one) == len(known) and np.array_equal(one, known) for one in drawn)
     said = [text.get_text() for text in _loads().legends[0].get_texts()]
-    assert any("90 % band" in text for text in said)
+    assert any("90 % predictive band" in text for text in said)
     assert any("n = 2" in text for text in said)
 
 

@@ -198,7 +198,7 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     assert curve is not None
     for said in (
         f"at {format_force_text(design.force[1], 'lb')} expect {number(design.average.median[1])} in",
-        f"({number(design.average.low[1])} to {number(design.average.high[1])} in, 90 % band)",
+        f"({number(design.average.low[1])} to {number(design.average.high[1])} in, 90 % predictive band)",
         f"with {number(100.0 * curve.damping_ratio.median[1])} % of critical damping",
         f"size loads with {number(100.0 * curve.damping_ratio.low[1])} %",
         f"{number(design.ratio[1])} times the largest tested force",
@@ -208,6 +208,13 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     ):
         assert said in text, said
     assert text.index("Before this is used") < text.index("One damping ratio holds at one amplitude")
+
+
+def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
+    """The table holds :class:`damping.ranking.Coefficient`: posterior medians, of coefficients that are at least 0."""
+    text = " ".join(" ".join(reader.texts).split())
+    assert "Posterior median, standard deviation, their ratio and 90 % credible interval of each parameter" in text
+    assert "Least-squares value" not in text
 
 
 def test_one_sweep_is_not_said_to_determine_a_law(reader: Reader) -> None:

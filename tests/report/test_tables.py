@@ -167,6 +167,20 @@ def test_fitted_curve_of_a_hardening_mode_goes_through_its_rows(swept) -> None:
         assert apart.min(axis=1).max() < 1.0
 
 
+def test_fitted_curve_reaches_its_resonance_where_no_row_is(swept) -> None:
+    """Viscous damping: the largest amplitude is F/(c omega_n), at f_n, though the largest row lies beside it."""
+    force, c, mass = 0.4, 0.5, 0.5
+    f_n = 2.0 / RAD_S_PER_HZ
+    bone = Backbone(np.array([0.1, 0.2, 0.4]), np.full(3, 2.0), np.full(3, mass), 0.0)
+    for peak in (0.97, 1.03):  # damping of a quarter: the curve is flat there
+        frequency = f_n * peak * np.array([0.9, 1.0, 1.1])
+        rows = pd.DataFrame({"force": force, "frequency": frequency, "amplitude": [0.3, 0.4, 0.3]})
+        f, A = trace_sweep(Viscous(c), bone, mass, rows)
+        np.testing.assert_allclose(A.max(), force / (c * 2.0), rtol=1e-9, atol=0.0)
+        # the backbone is known by bisection; a square root of that on either side of the top
+        np.testing.assert_allclose(f[A.max() == A], f_n, rtol=1e-5, atol=0.0)
+
+
 def test_lengths_are_said_as_people_say_them() -> None:
     assert format_length(0.00219, "m") == "2.19 mm"
     assert format_length(3.1e-6, "m") == "3.10 µm"

@@ -14,6 +14,7 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
+from damping.report import count
 from damping_pipelines.fleet import dataset, runners
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
@@ -178,7 +179,7 @@ def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask])
     contained = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
     lost = [content[0] for content in contained if content[0] not in names or content in contents]
     if lost:
-        message = f"holds {len(lost)} results of other records, settings or versions, the first of {lost[0]!r}"
+        message = f"holds {count(len(lost), 'result')} of other records, settings or versions, the first of {lost[0]!r}"
         raise InputError(message, file=kept.folder, expected="another --out, or --replace to drop them")
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import pandas as pd
 
 from damping import report
 from damping.errors import DampingError, escape_control
@@ -27,9 +26,9 @@ from damping.ranking.candidates import candidate_laws
 from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.report import forms, number, page
+from damping.report import forms, page
 from damping.report.gap import describe_diagnosis, render_gap_page, tabulate_hypotheses
-from damping.report.tables import tabulate_by_model
+from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.processes import OutOfTimeError, limit_time
 from damping_pipelines.store import to_json
@@ -196,7 +195,7 @@ def record_page(record: FleetRecord) -> str:
     if record.ranking or loads:
         parts["facts"] = _collect_facts(record)
     if record.ranking:
-        parts["laws"] = _tabulate_laws(record.ranking)
+        parts["laws"] = _tabulate_laws(record.ranking, record.mode)
     if loads:
         parts |= _build_loads(record, loads)
     if diagnosis:
@@ -220,17 +219,17 @@ def _collect_facts(record: FleetRecord) -> page.Facts:
     if record.loads:
         design, units = record.loads.design, record.mode.units
         i, average = int(design.force.argmax()), design.average
-        band = report.format_between(average.low[i], average.high[i])
-        where = f"resonant amplitude at {report.format_force_text(design.force[i], units.force)}, {band}"
-        facts.append((report.format_quantity(average.median[i], units.length), where))
+        band = report.format_length_band(average.low[i], average.high[i], units.length)
+        where = f"resonant amplitude at {report.format_force_text(design.force[i], units.force)}"
+        where += f" ({band}, {100 * design.level:g} % predictive band)"
+        facts.append((report.format_length(average.median[i], units.length), where))
         facts.append((report.format_signed(design.overprediction[i]), "linear damping over that"))
     return page.Facts(facts)
 
 
-def _tabulate_laws(ranking: Ranking) -> page.Table:
+def _tabulate_laws(ranking: Ranking, mode: Mode) -> page.Table:
     frame = forms.tabulate_candidates(ranking).drop(columns=["score_standard_error", "physical", "equivalents"])
-    parameters = ([(f"{x.force} {x.shape}".strip(), x.value) for x in c.coefficients] for c in ranking.candidates)
-    texts = ["; ".join(f"{name} {number(value)}" for name, value in own) for own in parameters]
+    texts = [describe_coefficients(candidate, mode.units) for candidate in ranking.candidates]
     frame.insert(len(frame.columns) - 1, "coefficients", texts)
     headings = {"score": "−2 ln Z", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
     percents = dict.fromkeys(("held_out_error", "average_absolute_percent"), report.format_percent)
@@ -242,27 +241,16 @@ def _tabulate_laws(ranking: Ranking) -> page.Table:
 
 def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block]:
     design, units = loads.design, record.mode.units
-    average = design.average
-    frame = pd.DataFrame(
-        {
-            "force": design.force,
-            "times tested": design.ratio,
-            "median": average.median,
-            "predictive": [report.format_between(a, b) for a, b in zip(average.low, average.high, strict=True)],
-            "linear": design.linear,
-            "over": design.overprediction,
-            "cautions": ["; ".join(caution) for caution in design.cautions],
-        }
-    )
-    headings = {"predictive": f"{100 * design.level:g} % predictive", "over": "linear over median"}
-    formats = {"force": lambda force: f"{force:.6g}", "over": report.format_signed}
+    frame = tabulate_design(design, loads.curve, units)
+    frame["cautions"] = ["; ".join(caution) for caution in design.cautions]
+    headings = {"band": f"{100 * design.level:g} % predictive band"}
     laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
     laws.insert(1, "weight", [band.weight for band in design.by_model])
     blocks: dict[str, page.Block] = {
-        "loads by force": page.Table(frame, "", formats, headings),
+        "loads by force": page.Table(frame, "", {"times tested": report.number}, headings),
         "loads by law": page.Table(laws, "", {"weight": report.format_share}),
     }
-    if loads.bands is not None and np.isfinite(average.median).any():
+    if loads.bands is not None and np.isfinite(design.average.median).any():
         blocks["loads"] = _draw_loads(record, design, loads.bands)
     return blocks
 
@@ -271,5 +259,6 @@ def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> page.Figure
     data, units, name = record.data, record.mode.units, record.task.name
     tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))
     drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
-    caption = f"Resonant amplitude against force, tested and beyond, with {100 * bands.level:g} per cent bands."
+    band = f"{100 * bands.level:g} per cent predictive band"
+    caption = f"Resonant amplitude against force, tested and beyond, with its {band}."
     return page.FigureBlock(to_svg(drawn, identifier(name), f"{name}: design loads", caption), caption)

@@ -17,6 +17,8 @@ from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, 
 
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
+#: Width of the line of an interval at most, points: two records have no bars as wide as the page.
+WIDEST = 12.0
 #: Laws drawn by name; the others are one bar.
 MOST_LAWS = 14
 
@@ -50,7 +52,8 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
         axes.fill_between(place, rows["low"], rows["high"], color=PREDICTIVE, linewidth=0)
         axes.plot(place, rows["percent"], color=AVERAGE)
     else:
-        axes.vlines(place, rows["low"], rows["high"], color=PREDICTIVE, linewidth=max(1.0, 150.0 / len(ordered)))
+        width = min(max(1.0, 150.0 / len(ordered)), WIDEST)
+        axes.vlines(place, rows["low"], rows["high"], color=PREDICTIVE, linewidth=width)
         axes.plot(place, rows["percent"], "o", color=AVERAGE, markersize=3.5)
     axes.axhline(0.0, color=LINEAR, linewidth=1.0)
     axes.axvline(50.0, color=MUTED, linewidth=0.6, linestyle=(0, (2, 2)))

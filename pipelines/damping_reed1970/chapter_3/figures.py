@@ -58,7 +58,7 @@ def draw_tail_displacement(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
     """Draw tail displacement against frequency (Fig. 3.2): printed points, joined, and the planar fit with its band."""
     figure, axes = build_panel(3.3, OMEGA, "tail displacement (in)")
     median, low, high = (PLANES.phi * amplitude for amplitude in tail.amplitude)
-    draw_band(axes, tail.omega, (median, low, high), "planar oscillator fitted to the tail, 90 % band")
+    draw_band(axes, tail.omega, (median, low, high), "planar oscillator fitted to the tail, 90 % credible band")
     omega, points = measured["omega"], measured["tail"]
     axes.plot(omega, points, color=MUTED, linestyle=DASH, linewidth=0.9, label="printed points joined")
     draw_printed(axes, omega, points, "printed (Table 3.III)")
@@ -75,7 +75,7 @@ def draw_tail_phase_sine(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
     ends = np.sin(low), np.sin(high)
     top = np.where((low < 0.5 * np.pi) & (high > 0.5 * np.pi), 1.0, np.maximum(*ends))
     sines = np.sin(median), np.minimum(*ends), top
-    draw_band(axes, tail.omega, sines, "planar oscillator fitted to the tail, 90 % band")
+    draw_band(axes, tail.omega, sines, "planar oscillator fitted to the tail, 90 % credible band")
     draw_printed(axes, measured["omega"], np.sin(measured["tail_phase"]), "printed (Table 3.III, point 1 corrected)")
     draw_from_zero(axes)
     return figure
@@ -85,7 +85,7 @@ def draw_tail_phase_sine(measured: pd.DataFrame, tail: PlanarBand) -> Figure:
 def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw phase angles of tail and second mode (Fig. 3.5)."""
     figure, axes = build_panel(3.3, OMEGA, "phase angle (rad)")
-    draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % band")
+    draw_band(axes, mode.omega, mode.phase, "planar oscillator fitted to the mode, 90 % credible band")
     axes.plot(measured["omega"], measured["tail_phase"], "s", color=MUTED, markersize=3.5, label="tail, printed")
     draw_compared(axes, measured, "phi_2", "second mode, printed", "second mode, computed")
     axes.set_yticks([0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi, np.pi], ["0", "π/4", "π/2", "3π/4", "π"])
@@ -98,7 +98,7 @@ def draw_phase_angles(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
 def draw_modal_amplitude(measured: pd.DataFrame, mode: PlanarBand) -> Figure:
     """Draw modal amplitude against frequency (Fig. 3.6) with the planar fit."""
     figure, axes = build_panel(3.3, OMEGA, "modal amplitude (in)")
-    draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % band")
+    draw_band(axes, mode.omega, mode.amplitude, "planar oscillator fitted, 90 % credible band")
     draw_compared(axes, measured, "A_2", "printed (Table 3.III)", "computed (Eqs. 3.1.20-3.1.23)")
     draw_from_zero(axes)
     return figure
@@ -186,7 +186,7 @@ def draw_planar_overlay(measured: pd.DataFrame, mode: PlanarBand, curves: pd.Dat
         (upper, "amplitude", "A_2_printed", mode.amplitude),
         (lower, "phase", "phi_2_printed", mode.phase),
     ):
-        draw_band(axes, mode.omega, curve, "all parameters free: median and 90 % band")
+        draw_band(axes, mode.omega, curve, "all parameters free: median and 90 % credible band")
         for suffix, colour, line, label in (
             ("held", LINEAR, DASH, "θ = 28°, M = 21 held"),
             ("more", PITCH, DOT, "with motion in phase and a common lag"),

@@ -240,7 +240,7 @@ def draw_force_laws(errors: pd.DataFrame) -> Figure:
     figure, axes = build_panel(0.9 + 0.25 * len(laws), "error of resonant amplitude\nat the tested forces (per cent)")
     draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
     styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
-    axes.axvspan(-5.0, 5.0, color="#eef1f4", zorder=0)
+    axes.axvspan(-REPRODUCES, REPRODUCES, color="#eef1f4", zorder=0)
     axes.axvline(0.0, color=INK, linewidth=0.7)
     row = amplitude.groupby(["configuration", "mode", "equation"], sort=False).ngroup()
     for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):

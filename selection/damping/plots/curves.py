@@ -40,7 +40,7 @@ def damping_curve(
     if axes is None:
         marks = [
             *_build_median_marks(),
-            Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % band"),
+            Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % predictive band"),
             Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
             *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
         ]
@@ -156,7 +156,9 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     figure, (left, right) = build_panels(4.4, 2, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
-    left.fill_between(level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % band")
+    left.fill_between(
+        level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % predictive band"
+    )
     for axes, name, factor in ((left, "median", 100.0), (right, "frequency", 1.0)):
         values = factor * table[name].to_numpy(dtype=float)
         axes.plot(level, values, color=look.AVERAGE)
@@ -201,7 +203,7 @@ def design_loads(
         marks = [
             _build_measured_mark(len(tested)),
             *_build_median_marks(),
-            Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % band, next test"),
+            Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % predictive band"),
             Line2D([], [], **_LINEAR, label="linear, from the top level"),
             Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
         ]

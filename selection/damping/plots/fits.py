@@ -115,6 +115,12 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
 #: Shares of the draws inside the contours of a pair.
 CONTENTS = (0.9, 0.5)
 _BINS = 24
+#: Parameters from which on three numbers below a panel run into one another.
+_CROWDED = 5
+#: Room for numbers and a name of two lines below the lowest panels, inches.
+_BELOW = 0.75
+#: Room for a title of two lines above the highest, inches.
+_ABOVE = 0.38
 
 
 @styled
@@ -129,8 +135,11 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     size = len(labels)
     height = look.WIDTH * min(1.1, 0.4 + 0.2 * size)
     figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
-    figure.subplots_adjust(left=0.16, right=0.96, bottom=0.12, top=0.92, wspace=0.12, hspace=0.2 + 0.06 * size)
+    figure.subplots_adjust(
+        left=0.16, right=0.96, bottom=_BELOW / height, top=1.0 - _ABOVE / height, wspace=0.12, hspace=0.2 + 0.06 * size
+    )
     axes = figure.subplots(size, size, squeeze=False)
+    turned = 90.0 if size >= _CROWDED else 0.0
     limits = {label: np.percentile(draws[label], [0.25, 99.5]) for label in labels}
     for i, row in enumerate(labels):
         for j, column in enumerate(labels):
@@ -141,7 +150,7 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
                 _draw_alone(axes[i, i], draws[row], prior[row], limits[row])
             else:
                 _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
-            _draw_edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "")
+            _draw_edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "", turned)
             axes[i, j].set_xlim(*limits[column])
     figure.align_labels()
     axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
@@ -179,12 +188,13 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[FloatArray, Fl
     axes.set_ylim(*limits[1])
 
 
-def _draw_edges(axes: Axes, x_label: str, y_label: str) -> None:
-    """Numbers and names on the outer axes only."""
+def _draw_edges(axes: Axes, x_label: str, y_label: str, turned: float) -> None:
+    """Numbers, those below ``turned`` by degrees, and names on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
     below, beside = bool(x_label), bool(y_label)
     axes.tick_params(labelbottom=below, labelleft=beside, left=beside, labelsize=7, color=look.MUTED)
+    axes.tick_params(axis="x", labelrotation=turned)
     axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 

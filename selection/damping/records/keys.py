@@ -228,10 +228,15 @@ _EXPECTED = {
     "model_type": "a table",
     "int_type": "a whole number",
     "float_type": "a number",
+    "finite_number": "a finite number",
     "bool_type": "true or false",
     "bool_parsing": "true or false",
     "too_short": "at least one",
 }
+
+
+#: How a schema says that a number is beyond a limit.
+_LIMIT = "Input should be "
 
 
 def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
@@ -258,6 +263,8 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
         expected = expected or (f"[{key}]" if is_table else f"{key} = ...")
     elif kind in _EXPECTED:
         message, expected = describe_shortened(repr(problem["input"])), expected or _EXPECTED[kind]
+    elif message.startswith(_LIMIT):
+        message, expected = describe_shortened(repr(problem["input"])), f"a number {message.removeprefix(_LIMIT)}"
     raise locate(table, loc, message, expected)
 
 

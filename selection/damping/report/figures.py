@@ -65,7 +65,9 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
         f"({words.number(100.0 * low)} to {words.number(100.0 * high)})"
         for A, z, low, high in rows.iloc[[0, -1]].itertuples(index=False)
     )
-    description = f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent band: {ends}."
+    description = (
+        f"Damping ratio against resonant amplitude, with its {100 * curve.level:g} per cent predictive band: {ends}."
+    )
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
 
 
@@ -112,8 +114,11 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     """
     force, frequency, amplitude = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
     top = int(np.argmax(amplitude))
-    largest = float(resonant_amplitude(law, force[top], RAD_S_PER_HZ * frequency[top]))
-    largest = largest if np.isfinite(largest) else float(amplitude[top])
+    largest = float(amplitude[top])
+    for _ in range(3):  # the resonance moves little from where the largest motion was read
+        omega = RAD_S_PER_HZ * backbone.frequency_at(np.array([largest]), 0.9).median
+        found = float(resonant_amplitude(law, force[top : top + 1], float(omega[0]))[0])
+        largest = found if np.isfinite(found) else largest
     least = min(0.5 * amplitude.min() / largest, 0.5)
     A = largest * np.sin(np.linspace(np.arcsin(least), 0.5 * np.pi, POINTS))  # dense at the resonance
     omega_n = RAD_S_PER_HZ * backbone.frequency_at(A, 0.9).median

@@ -155,9 +155,8 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
         figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows), units.length)
     sections = write_sections(Path(__file__).with_name("gap_figures.txt"), {})
     described = {section.id: (section.title, *_list_sentences(section.blocks[0])) for section in sections}
-    if rows.at_resonance:
-        described["overlay"] = described["resonances"]
-    return {name: Drawn(figure, *described[name]) for name, figure in figures.items()}
+    suffix = "-at-resonance" if rows.at_resonance else ""
+    return {name: Drawn(figure, *described.get(f"{name}{suffix}", described[name])) for name, figure in figures.items()}
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:

@@ -13,7 +13,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.ranking import Candidate, Coefficient
+from damping.ranking import Candidate
 from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
@@ -43,6 +43,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
     values = {
         "records": records,
         "several": len(records) > 1,
+        "level": f"{100 * study.level:g}",
         "lead": next((record for record in records if record["load"]), records[0]),
         "asked": [record for record in records if record["design"]],
         "gravest": collect_holders(study, _list_gravest),
@@ -102,6 +103,7 @@ def _describe_top(result: RecordResult) -> dict[str, str]:
     return {
         "ratio": words.format_percent_ratio(ratio.median[row]),
         "band": words.format_between(100.0 * ratio.low[row], 100.0 * ratio.high[row], "%"),
+        "level": f"{100 * curve.level:g}",
         "amplitude": words.format_length(curve.amplitude.median[row], result.mode.units.length),
         "frequency": f"{words.number(curve.frequency.median[row], 4)} Hz",
         "q": words.number(0.5 / ratio.median[row]),
@@ -147,16 +149,11 @@ def _list_shown_laws(result: RecordResult) -> list[Candidate]:
 
 
 def _tabulate_laws(result: RecordResult) -> Table:
-    def describe_coefficient(coefficient: Coefficient) -> str:
-        name = f"{coefficient.force} {coefficient.shape}".strip()
-        unit = words.format_parameter_unit(name, result.mode.units)
-        return f"{name} {words.format_quantity(coefficient.value, unit)}"
-
     table = pd.DataFrame(
         {
             "law": law.name,
             "weight": words.format_share(law.weight),
-            "coefficients": "; ".join(map(describe_coefficient, law.coefficients)),
+            "coefficients": tables.describe_coefficients(law, result.mode.units),
             "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
             "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
                 f"{words.NOTHING} %", words.NOTHING
@@ -172,11 +169,11 @@ def _tabulate_laws(result: RecordResult) -> Table:
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     """Amplitude and damping at the design forces, and what their band is made of."""
-    headings, key = {"band": f"{100 * design.level:g} % band"}, result.stem("design_loads")
+    headings, key = {"band": f"{100 * design.level:g} % predictive band"}, result.stem("design_loads")
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
     of_parts |= {"discrepancy": "the law changing beyond the test, %"}
     formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
-    predicted = tables.tabulate_design(result, design)
+    predicted = tables.tabulate_design(design, result.design_curve, result.mode.units)
     spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PARTS}})
     return {
         f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),

@@ -11,10 +11,12 @@ import pandas as pd
 
 from damping import report as words
 from damping.arrays import FloatArray
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Coordinates, Law
-from damping.ranking import INTERVAL
+from damping.ranking import INTERVAL, Candidate
 from damping.ranking.sharing import tabulate_rows
+from damping.records.mode import Units
 from damping.report import forms
 from damping.report.results import RecordResult, posterior_draws, prior_draws
 
@@ -45,7 +47,7 @@ def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
 
 
 def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
-    """Least squares with T-ratio, and the credible interval, of each parameter of each candidate."""
+    """Posterior median, standard deviation and their ratio, and the interval, of each parameter of each candidate."""
     return pd.DataFrame(
         {
             "law": candidate.name,
@@ -209,9 +211,15 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def tabulate_design(result: RecordResult, design: Loads) -> pd.DataFrame:
-    """Amplitude and damping at each design force as the page says them, one row each; texts but ``times tested``."""
-    units, curve = result.mode.units, result.design_curve
+def describe_coefficients(candidate: Candidate, units: Units) -> str:
+    """Every parameter of a law in one line, with its unit where that is known: posterior medians."""
+    named = ((f"{c.force} {c.shape}".strip(), c.value) for c in candidate.coefficients)
+    texts = ((name, words.format_quantity(value, words.format_parameter_unit(name, units))) for name, value in named)
+    return "; ".join(f"{name} {text}" for name, text in texts)
+
+
+def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.DataFrame:
+    """Amplitude and damping at each design force as pages say them, one row each; texts but ``times tested``."""
     table = pd.DataFrame(
         {
             "force": [words.format_force_text(force, units.force) for force in design.force],
