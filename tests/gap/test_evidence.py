@@ -20,6 +20,9 @@ from damping.gap.problem import setting
 from damping.gap.search import Search
 from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
 from damping.infer.importance import importance
+from damping_validation.generator.effects import TrueEffect
+from damping_validation.generator.refit import applied
+from damping_validation.generator.steady import true_record
 
 
 @dataclass(frozen=True)
@@ -177,21 +180,24 @@ def test_importance_draws_give_the_evidence_of_laplace(sampled):
 
 
 def test_a_hypothesis_that_lost_its_mode_is_fitted_again_from_one_that_holds_it(lab):
-    """A lag is fitted, then forgotten: without the other effect of a pair it is as probable as it was at first."""
-    start = setting(lab.measured("phase-lag"), lab.mode())
-    library = {name: CATALOGUE[name] for name in ("phase-lag", "amplitude-scale")}
+    """A lag is fitted, then forgotten: without the other effect of a pair it is at least as probable as at first."""
+    library = {name: CATALOGUE[name] for name in ("phase-lag", "displacement")}
+    bench = lab.bench()
+    both = applied(tuple(TrueEffect(name, *lab.effects[name]) for name in library), bench)
+    record = lab.record(bench.rows, lab.cells(*true_record(*both)), seed=6)
+    start = setting(record, lab.mode())
     search = Search(start.problem, library, start.unknowns)
     search.singles()
     lag = search.hypotheses[frozenset({"phase-lag"})]
-    search.extend(lag, "amplitude-scale")
+    search.extend(lag, "displacement")
     pair = search.hypotheses[frozenset(library)]
     lost = replace(lag, log_evidence=lag.log_evidence - 1e4, log_posterior=lag.log_posterior - 1e4)
     search.hypotheses[lag.key] = lost
-    again = search.drop(pair, "amplitude-scale")
+    again = search.drop(pair, "displacement")
     assert search.hypotheses[lag.key] is again
-    # a fit settles within a hundredth of its ln p, and of its scatter as much again
-    np.testing.assert_allclose(again.log_posterior, lag.log_posterior, rtol=0.0, atol=0.05)
-    assert search.drop(pair, "amplitude-scale") is again  # one that is not far behind stays as it is
+    # a fit settles within a hundredth of its ln p, and of its scatter as much again; another start may find more
+    assert again.log_posterior > lag.log_posterior - 0.05
+    assert search.drop(pair, "displacement") is again  # one that is not far behind stays as it is
 
 
 def fit_alone(lab, name):
