@@ -197,7 +197,6 @@ def test_a_hypothesis_that_lost_its_mode_is_fitted_again_from_one_that_holds_it(
     assert search.hypotheses[lag.key] is again
     # a fit settles within a hundredth of its ln p, and of its scatter as much again; another start may find more
     assert again.log_posterior > lag.log_posterior - 0.05
-    assert search.drop(pair, "displacement") is again  # one that is not far behind stays as it is
 
 
 def fit_alone(lab, name):
