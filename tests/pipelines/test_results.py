@@ -56,9 +56,11 @@ def test_rankings(summary, rankings):
             np.testing.assert_allclose(model["score"], old["score"], atol=0.3)
             np.testing.assert_allclose(model["weight"], old["weight"], atol=0.03)
             if model["physical"]:
-                # least squares to 1e-12 of the sum of squares: six digits of the coefficients
+                # posterior medians of a thousand effective draws or more, or of half as many of laws of little weight:
+                # of other draws, which the last digit of another processor may start, each errs by
+                # 1.25/sqrt(500) = .056 of the standard error, and 5 times sqrt(2) that is .4
                 for a, b in zip(model["forces"], old["forces"], strict=True):
-                    np.testing.assert_allclose(a["coefficient"], b["coefficient"], rtol=1e-4)
+                    np.testing.assert_allclose(a["coefficient"], b["coefficient"], atol=0.4 * b["std_error"])
 
 
 def test_tables_of_the_source_report(tables_of_source):
