@@ -166,6 +166,26 @@ def test_a_viscous_decay_in_closed_form(zeta: float, order: int) -> None:
     np.testing.assert_allclose(found.damping_ratio, zeta, rtol=1e-2)
 
 
+@pytest.mark.parametrize("rest", [2, 12])
+@pytest.mark.parametrize("phase", [0.0, 0.5])
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_rest_before_the_release_is_no_part_of_the_decay(order: int, phase: float, rest: int) -> None:
+    """A recorder that was started some periods earlier; released at the largest displacement and at the largest speed.
+
+    Tolerances are those of a decay without rest, but for a window that reaches a sixth of one of its six periods, where
+    it is small, into the rest.
+    """
+    zeta, samples = 0.01, 20
+    t, _ = exponential(zeta, 60, samples=samples)
+    s = omega_n * complex(-zeta, math.sqrt(1 - zeta**2))
+    motion = (s**order * np.exp(s * t - 1j * np.pi * phase)).real
+    x = np.concatenate([np.zeros(rest * samples), motion])
+    found = decay(np.arange(x.size) * (t[1] - t[0]), x, order=order)
+    since = found.time - rest * samples * (t[1] - t[0])
+    np.testing.assert_allclose(found.amplitude, np.exp(-zeta * omega_n * since), rtol=2e-3)
+    np.testing.assert_allclose(found.damping_ratio, zeta, rtol=2e-2)
+
+
 @pytest.mark.parametrize("order", [0, 2])
 def test_a_start_that_the_window_loses_is_said(order: int) -> None:
     """Half a window of 6 periods at 5 per cent: exp(-0.05 2 pi 3) = 0.39 is left, after 3 periods of 0.628 s."""

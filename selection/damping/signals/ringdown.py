@@ -113,7 +113,7 @@ def ring_down(
     z = window.analytic(x)
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
     noise = noise_beside(window, x, z)
-    first = 0 if start is not None else int(np.argmax(np.abs(z)))
+    first = 0 if start is not None else _find_release(x, z, window, frequency * dt)
     low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
     last = first + int(low[0]) if len(low) else len(z)
     _refuse_growth(times[first:last], np.abs(z[first:last]))
@@ -126,6 +126,19 @@ def ring_down(
             f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
         )
     return _decay(kept, mass, noise, [*jitter, *notes])
+
+
+def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
+    """First place of z (n,) whose window holds free motion alone; x comes at ``cycles`` a sample.
+
+    z is largest while its window still reaches into the rest before the release, and there it does not fall as the
+    motion does. Free motion is below half of its largest for a sixth of a period at a time: where it comes to half
+    after a longer wait, there was rest.
+    """
+    largest = int(np.argmax(np.abs(z)))
+    near = np.abs(x[largest : largest + len(window.offsets)])
+    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
+    return min(max(largest, release), len(z) - 1)
 
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
