@@ -27,9 +27,10 @@ def test_all_511_equal_a_loop_of_statsmodels(nine_term_design: Design) -> None:
     """Every subset of Eq. 5.3.6 on Table 5.III; the design's condition number is 1.1e7.
 
     statsmodels gets columns scaled to unit norm and solves by QR, so its coefficients are right to about the condition
-    number times 2e-16, 1e-9 of the largest, and its SSE to that number times 1e-16: beside rational arithmetic it errs by
-    up to 7e-11 at 7.5e5, another way on another processor, and ours by 5e-11. Its standard errors invert R'R, right to the square of the condition number times 2e-16: they are compared where that leaves
-    digits, and by ``fit`` below everywhere.
+    number times 2e-16, 1e-9 of the largest, and its SSE to that number times 1e-16: beside rational arithmetic it errs
+    by up to 7e-11 at 7.5e5, another way on another processor, and ours by 5e-11. Its standard errors invert R'R, right
+    to the square of the condition number times 2e-16: they are compared where that leaves digits, and by ``fit`` below
+    everywhere.
     """
     design, n = nine_term_design, nine_term_design.n
     scale = np.linalg.norm(design.columns, axis=0)
