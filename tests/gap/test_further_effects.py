@@ -13,8 +13,9 @@ from scipy.integrate import solve_ivp
 from damping.effects import CATALOGUE, FOREIGN, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import Contact, joint_force
+from damping.effects.moving import _Memory, _remembered
 from damping.effects.rig import clipping, compressing, recorded_third
-from damping.effects.terms import _Memory, _remembered, predict, third_harmonic
+from damping.effects.terms import predict, third_harmonic
 from damping.errors import InputError
 from damping.forces import make
 from damping.forces.joints import Slip

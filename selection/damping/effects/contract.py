@@ -88,7 +88,7 @@ class Terms(NamedTuple):
             phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
             omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
             are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
-            known one goes. ringing: how what rings is read, see `damping.effects.terms.hurried`. begun: how a moving
+            known one goes. ringing: how what rings is read, see `damping.effects.moving.hurried`. begun: how a moving
             frequency began, 0 long before the first row of each sweep, 1 there, where it was held.
     """
 
