@@ -85,6 +85,35 @@ def test_a_level_that_is_read_wrongly_is_named(tmp_path):
         assert any("0.4 g is farthest off" in note for note in answer.to_json()["notes"]) == (name == "wrong")
 
 
+def test_a_level_that_is_run_twice_is_two_sweeps(tmp_path):
+    """One viscous mode on a shaker, all in closed form: a repeat of a level changes no answer beyond its noise."""
+    f = np.geomspace(35.0, 46.0, 300)
+    w, w_n, rng = 2 * np.pi * f, 2 * np.pi * 40.0, np.random.default_rng(4)
+    steady = 1 + 1.2 * w**2 / (w_n**2 - w**2 + 0.02j * w_n * w)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, level in (("run_0.1g", 0.1), ("run_0.2g", 0.2), ("repeat_0.2g", 0.2), ("run_0.4g", 0.4)):
+            run = file.create_group(name)
+            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+            run["acceleration"] = level * steady * (1 + 0.005 * rng.normal(size=len(f)))
+            run["acceleration"].attrs["units"] = "g"
+    (mode,) = analyse([tmp_path / "a.h5"], [0.8]).modes
+    assert mode.record.sweeps == ("0.1 g", "0.2 g", "0.2 g (2)", "0.4 g")
+    assert "mixed-levels" not in [finding.check for finding in mode.findings]
+    for at in mode.places:  # 21 rows of 0.5 % a level: the ratio within 1 %, and its band holds it
+        assert at.ratio[0] == pytest.approx(0.01, rel=0.01)
+        assert at.ratio[1] < 0.01 < at.ratio[2]
+        assert at.response[0].band[0] == pytest.approx(at.level * np.max(np.abs(steady)), rel=0.01)
+
+
+def test_decays_in_files_of_one_name_are_two(tmp_path):
+    """Of two folders: as many levels as under two names, each a sweep of its own."""
+    for k, start in enumerate((1e-3, 3e-3)):
+        (tmp_path / f"day{k}").mkdir()
+        hardening(tmp_path / f"day{k}" / "d.csv", start, "mm")
+    (mode,) = analyse([tmp_path / "day0" / "d.csv", tmp_path / "day1" / "d.csv"]).modes
+    assert len(mode.record.sweeps) == len(mode.record)
+
+
 def test_a_fast_sweep_gives_the_steady_mode(tmp_path):
     """A viscous mode swept from rest, integrated: its ringing at the start is no mode, and tested levels are steady."""
     t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ

@@ -19,6 +19,7 @@ from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
+from damping.records.text import name_apart
 
 WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
@@ -32,7 +33,8 @@ ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above
 class Level:
     """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
 
-    ``third`` (sensors, n): third harmonics likewise, where they were tracked.
+    ``third`` (sensors, n): third harmonics likewise, where they were tracked. ``name``: of the level in records, what
+    was driven, of its own for each of several runs at one level.
     """
 
     run: CampaignRun
@@ -41,11 +43,7 @@ class Level:
     drive: FloatArray
     fit: ModalFit
     third: ComplexArray | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the level in records: what was driven."""
-        return f"{self.run.level:g} {self.run.drive_unit}"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     levels: list[Level] = []
     starts: Sequence[float] = frequencies
     ratios: Sequence[float] = ()
-    for run in runs:
+    for run, name in zip(runs, name_apart(f"{run.level:g} {run.drive_unit}" for run in runs), strict=True):
         f, H, drive = _accelerations(run)
         third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
@@ -95,7 +93,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
             starts = [start for start, kept in zip(starts, own, strict=True) if kept]
             fit = fit_level(f, H, starts, sign)
-        levels.append(Level(run, f, H, drive, fit, third))
+        levels.append(Level(run, f, H, drive, fit, third, name))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
 
@@ -210,11 +208,11 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
-    record, error = _record(levels, k, residues, reference), error / np.abs(mean)
+    record, error = _record(levels, k, residues, reference, mode.name), error / np.abs(mean)
     return DrivenMode(k, reference, residues, error, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
 
 
-def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:
+def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:
     """Rows near resonance of every level: the sensors' motion without the other modes, weighed by their residues."""
     kept = np.isfinite(residues)
     r = residues[kept]
@@ -254,7 +252,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
             # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
             table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
         tables.append(table)
-    return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
+    return Record(pd.concat(tables, ignore_index=True), name)
 
 
 def _rows_near(level: Level, k: int) -> np.ndarray:

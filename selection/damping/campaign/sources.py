@@ -7,6 +7,7 @@ A drive in time is tracked some lines or samples at a time, so that a file of an
 import io
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, read_bytes, read_start
+from damping.records.text import describe_shortened, name_apart, read_bytes, read_start
 
 BLOCK = 8_000_000  #: bytes of a table that are read together
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -53,6 +54,7 @@ def read_runs(
     for file in files:
         with naming(file):
             runs += _read(Source(Path(file), max_size, stated, summary))
+    runs = [replace(run, label=label) for run, label in zip(runs, name_apart(r.label for r in runs), strict=True)]
     drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
     stated.require_known([run.label for run in runs], [*drives, *(name for run in runs for name in run.names)])
     runs = [correct_run(run, stated) for run in runs if stated.levels.get(run.label, 0.0) is not None]

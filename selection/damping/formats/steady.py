@@ -12,6 +12,7 @@ from damping.formats.conversion import Conversion, Statements, ask, conversion, 
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
+from damping.records.text import name_apart
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
@@ -78,14 +79,7 @@ def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
             expected = f"{len(series)} different ones, one for each sweep"
             raise InputError(f"{len(stated.labels)} labels", expected=expected)
         return list(stated.labels)
-    labels: dict[str, None] = {}  # in order
-    for row in series:
-        base, number = " ".join(row.label.split()) or "sweep", 2
-        label = base
-        while label in labels:
-            label, number = f"{base} ({number})", number + 1
-        labels[label] = None
-    return list(labels)
+    return name_apart(" ".join(row.label.split()) or "sweep" for row in series)
 
 
 def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | None]:
