@@ -188,7 +188,9 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
     passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
     if len(passive) != 1:
         message = f"whether the phase of {label!r} leads or lags cannot be told from its turn"
-        raise InputError(message, expected="--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
+        turned = any(_is_passive(-np.angle(-taken), np.abs(taken), frequency) for taken in (X, other))
+        remedy = "--reverse (a sensor mounted against the force), or " if turned and not passive else ""
+        raise InputError(message, expected=f"{remedy}--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
     known.summary.add("phase", sense, "follows: a passive structure takes energy")
     return passive[0]
