@@ -5,7 +5,7 @@ force is |r_ref| times the base acceleration and the mass 1 where the base shake
 mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -25,6 +25,9 @@ WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+#: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
+#: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
+MISREAD = 2.0
 LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
 
@@ -128,9 +131,25 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     return f, np.array(rows), np.abs(drive)
 
 
-def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
-    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left."""
-    out = _find_bad_sensors(levels)
+def find_misread(levels: Sequence[Level]) -> dict[str, str]:
+    """Sensors that read a multiple of the base where half of them read the base itself, each with why.
+
+    One that reads ten times too much outweighs all others in the fit: modes are to be sought again without it.
+    """
+    share = np.median([_measure_base(level) for level in levels], axis=0)
+    if not levels[0].run.is_base_driven or not 1.0 / MISREAD < np.median(share) < MISREAD:
+        return {}
+    why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
+    parts = zip(levels[0].run.names, share, strict=True)
+    return {name: f"misread: it reads {part:.3g} {why}" for name, part in parts if abs(part) > MISREAD}
+
+
+def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None) -> list[DrivenMode]:
+    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left.
+
+    ``misread``: sensors that the levels are without, and why.
+    """
+    out = {**(misread or {}), **_find_bad_sensors(levels)}
     modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):
         mode = _tie(levels, k, dict(out), len(modes) + 1)

@@ -171,6 +171,10 @@ class CampaignRun:
         """Names of the sensors."""
         return [channel.name for channel in self.channels]
 
+    def without(self, sensors: Collection[str]) -> CampaignRun:
+        """The run without some sensors."""
+        return replace(self, channels=tuple(channel for channel in self.channels if channel.name not in sensors))
+
 
 def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
