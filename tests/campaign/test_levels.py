@@ -198,6 +198,30 @@ def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path):
     assert not any("acc2" in mode.left_out for mode in analyse([tmp_path / "a.h5"], [0.8], corrections=scaled).modes)
 
 
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_clipped_sensor_is_left_out(tmp_path, stated):
+    """A viscous mode integrated; the tip stands at 40 % of its top peak there, the root does not."""
+    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
+    phase = 2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)
+    files, row = [], [-(w**2), -2 * ZETA * w]
+    for k, force in enumerate((5.0, 10.0, 20.0)):
+        F = force * np.sin(phase)
+        a = lsim(([[0.0, 1.0], row], [[0.0], [1.0 / M]], [row], [[1.0 / M]]), F, t)[1]
+        top = np.max(np.abs(a))
+        a = a + 1e-3 * top * np.random.default_rng(k).normal(size=len(t))
+        tip = np.clip(a, -0.4 * top, 0.4 * top) if k == 2 else a
+        files.append(tmp_path / f"s{k}.csv")
+        head = "time [s],force [N],tip [m/s2],root [m/s2]"
+        np.savetxt(files[-1], np.column_stack([t, F, tip, 0.3 * a]), delimiter=",", header=head, comments="")
+    corrections = Corrections(channels={"tip": ChannelCorrection("sensor")}) if stated else None
+    answer = analyse(files, [40.0], corrections=corrections)
+    places = answer.modes[0].places
+    assert any("'tip' stands at" in note and "'s2'" in note for note in answer.to_json()["notes"]) != stated
+    assert {peak.sensor for peak in places[0].response} == ({"root", "tip"} if stated else {"root"})
+    if not stated:  # what correcting 4 % by the rate leaves
+        assert all(at.ratio[0] == pytest.approx(ZETA, rel=0.02) for at in places)
+
+
 def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     """Noise alone at frequencies that are stated: no mode, and what to do."""
     f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)

@@ -20,14 +20,13 @@ from damping.campaign.runs import (
     CampaignRun,
     Channel,
     Corrections,
-    Source,
     correct_run,
     describe_quantity,
     find_level,
     keep_common_sensors,
-    make_decay,
     summarise_runs,
 )
+from damping.campaign.tracked import Source
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
@@ -102,7 +101,7 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
     samples = [np.asarray(function.y).real for function in group]
     drive = source.stated.choose_drive(dict(units))
     if drive is None:
-        return make_decay(label, t, units, samples)
+        return source.make_decay(label, t, units, samples)
     step = float(t[-1] - t[0]) / (len(t) - 1)
     return source.track(label, units, drive, step, [np.array(samples)])
 
@@ -216,7 +215,7 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
         if drive is None:
             arrays = read_arrays(source.file, kind, [], source.most).arrays
             t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-            runs.append(make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
+            runs.append(source.make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
         else:
             blocks = read_blocks(source.file, kind, paths, max(SAMPLES // len(contents.known), 1), together=True)
             runs.append(source.track(label, units, drive, step, blocks))
@@ -241,7 +240,7 @@ def _read_table(source: Source, start: bytes) -> CampaignRun:
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
     numbers = read_columns(data, mapped, {}).numbers
     units = [(header.name, header.unit) for header in sensors]
-    return make_decay(source.file.stem, numbers["time"], units, [numbers[role] for role in roles])
+    return source.make_decay(source.file.stem, numbers["time"], units, [numbers[role] for role in roles])
 
 
 def _track_table(
