@@ -12,7 +12,7 @@ from nptdms import ChannelObject, TdmsWriter
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.conversion import time_histories
-from damping.formats.series import ROLES, Stated, parse_header
+from damping.formats.series import ROLES, Stated, parse_header, refuse_decibels
 from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits
@@ -320,3 +320,56 @@ def test_segments_of_labview(tmp_path):
     for one, k in zip(time_histories(series, Stated(), summary), (1.0, 2.0), strict=True):
         np.testing.assert_allclose(one.signal, decaying(k), atol=6e-7)  # six decimals
         np.testing.assert_allclose(one.t[1], 0.01, rtol=1e-12)
+
+
+@pytest.mark.parametrize("header", ["Acceleration [dB]", "Accel (dB re 1 um/s2)", "Accel_dB", "HdB", "level in DB"])
+def test_decibels_are_no_amplitudes_in_any_unit(truth, tmp_path, imported, header):
+    """120 + 20 lg a is above zero: with a unit that is stated it would pass for an amplitude."""
+    columns = {
+        "Frequency [Hz]": lambda _: truth.f,
+        "Force [N]": lambda force: np.full(len(truth.f), force),
+        header: lambda force: 120.0 + 20.0 * np.log10(force * np.abs(truth.H) * (2 * np.pi * truth.f) ** 2),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    by_place = {"amplitude": "3", "force": "2", "frequency": "1"}
+    for units in ({"response": "m/s^2"}, {}):
+        with pytest.raises(InputError, match=r"amplitude in decibels .*10\^\(dB/20\)"):
+            imported(path, columns=by_place, response="acceleration", units=units)
+    table = pd.read_csv(path)
+    arrays = {"frequency": table["Frequency [Hz]"].to_numpy(), "force": table["Force [N]"].to_numpy()}
+    scipy.io.savemat(tmp_path / "a.mat", arrays | {"HdB": table[header].to_numpy()})
+    names = {"frequency": "frequency", "force": "force", "amplitude": "HdB"}
+    with pytest.raises(InputError, match="amplitude in decibels"):
+        imported(tmp_path / "a.mat", columns=names, response="acceleration", units={"response": "m/s^2", "force": "N"})
+
+
+@pytest.mark.parametrize("text", ["feedback [g]", "dbl [mm]", "Sandbox"])
+def test_other_words_are_no_decibels(text):
+    refuse_decibels("amplitude", text)
+
+
+def test_a_sensor_against_the_force_is_told_how(truth, tmp_path, imported):
+    """Its phase is pi off: no turn is passive, the reverse of one is; as told, the record is right."""
+    columns = {
+        "Frequency [Hz]": lambda _: truth.f,
+        "Force [N]": lambda force: np.full(len(truth.f), force),
+        "Displacement [mm]": lambda force: 1e3 * force * np.abs(truth.H),
+        "Phase [deg]": lambda _: 180.0 - np.degrees(truth.lag),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False)
+    with pytest.raises(InputError, match=r"--reverse \(a sensor mounted against the force\), or --column"):
+        imported(path)
+    close(imported(path, reverse=True).record, truth)
+
+
+def test_a_ratio_is_not_asked_for_a_scaling(truth, tmp_path, imported):
+    """An accelerance in g/N has none; what is missing is the unit of the force."""
+    a = truth.H * -((2 * np.pi * truth.f) ** 2) / 9.80665
+    table = pd.DataFrame({"Frequency [Hz]": truth.f, "Real [g/N]": a.real, "Imag [g/N]": a.imag})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match="the unit of the force is neither") as error:
+        imported(tmp_path / "a.csv", forces=(2.0,))
+    assert error.value.expected == "--unit force=N"
+    close(imported(tmp_path / "a.csv", forces=(2.0,), units={"force": "N"}).record, truth, (2.0,))

@@ -35,7 +35,7 @@ from damping.campaign.answer import (
 from damping.campaign.decays import answer_decays
 from damping.campaign.modal_fit import receptance
 from damping.campaign.predicted import predict_mode
-from damping.campaign.records import DrivenMode, Level, fit_levels, tie_modes
+from damping.campaign.records import DrivenMode, Level, find_misread, fit_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
@@ -77,7 +77,11 @@ def analyse(
     unknown = next((name for name in limits or {} if name not in names), None)
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
-    modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tie_modes(levels))
+    misread = find_misread(levels)
+    if misread:
+        levels = fit_levels([run.without(misread) for run in runs], frequencies)
+    tied = tie_modes(levels, misread)
+    modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
     campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit, level_name=drive), summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))

@@ -147,9 +147,10 @@ def fit_level(
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
     poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), sign)
     noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
-    bands = [poles.rows_about(f, cluster) for cluster in poles.clusters]
+    # as the starts have them: a gap of about CLUSTER may open or close as frequencies move
+    bands = [(cluster, poles.rows_about(f, cluster)) for cluster in poles.clusters]
     for _ in range(_PASSES):
-        for cluster, rows in zip(poles.clusters, bands, strict=True):
+        for cluster, rows in bands:
             poles = _fit_cluster(f[rows], H[:, rows], cluster, poles, noise)
         noise = _estimate_noise(f, H, poles, noise)
     return _complete_fit(f, H, poles, noise)

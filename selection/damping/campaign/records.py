@@ -5,7 +5,7 @@ force is |r_ref| times the base acceleration and the mass 1 where the base shake
 mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -19,11 +19,15 @@ from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
+from damping.records.text import name_apart
 
 WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+#: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
+#: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
+MISREAD = 2.0
 LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
 
@@ -32,7 +36,8 @@ ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above
 class Level:
     """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
 
-    ``third`` (sensors, n): third harmonics likewise, where they were tracked.
+    ``third`` (sensors, n): third harmonics likewise, where they were tracked. ``name``: of the level in records, what
+    was driven, of its own for each of several runs at one level.
     """
 
     run: CampaignRun
@@ -41,11 +46,7 @@ class Level:
     drive: FloatArray
     fit: ModalFit
     third: ComplexArray | None = None
-
-    @property
-    def name(self) -> str:
-        """Name of the level in records: what was driven."""
-        return f"{self.run.level:g} {self.run.drive_unit}"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     levels: list[Level] = []
     starts: Sequence[float] = frequencies
     ratios: Sequence[float] = ()
-    for run in runs:
+    for run, name in zip(runs, name_apart(f"{run.level:g} {run.drive_unit}" for run in runs), strict=True):
         f, H, drive = _accelerations(run)
         third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
@@ -95,7 +96,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
             starts = [start for start, kept in zip(starts, own, strict=True) if kept]
             fit = fit_level(f, H, starts, sign)
-        levels.append(Level(run, f, H, drive, fit, third))
+        levels.append(Level(run, f, H, drive, fit, third, name))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
 
@@ -130,9 +131,25 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     return f, np.array(rows), np.abs(drive)
 
 
-def tie_modes(levels: Sequence[Level]) -> list[DrivenMode]:
-    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left."""
-    out = _find_bad_sensors(levels)
+def find_misread(levels: Sequence[Level]) -> dict[str, str]:
+    """Sensors that read a multiple of the base where half of them read the base itself, each with why.
+
+    One that reads ten times too much outweighs all others in the fit: modes are to be sought again without it.
+    """
+    share = np.median([_measure_base(level) for level in levels], axis=0)
+    if not levels[0].run.is_base_driven or not 1.0 / MISREAD < np.median(share) < MISREAD:
+        return {}
+    why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
+    parts = zip(levels[0].run.names, share, strict=True)
+    return {name: f"misread: it reads {part:.3g} {why}" for name, part in parts if abs(part) > MISREAD}
+
+
+def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None) -> list[DrivenMode]:
+    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left.
+
+    ``misread``: sensors that the levels are without, and why.
+    """
+    out = {**(misread or {}), **_find_bad_sensors(levels)}
     modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):
         mode = _tie(levels, k, dict(out), len(modes) + 1)
@@ -210,11 +227,11 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
-    record, error = _record(levels, k, residues, reference), error / np.abs(mean)
+    record, error = _record(levels, k, residues, reference, mode.name), error / np.abs(mean)
     return DrivenMode(k, reference, residues, error, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
 
 
-def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int) -> Record:
+def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:
     """Rows near resonance of every level: the sensors' motion without the other modes, weighed by their residues."""
     kept = np.isfinite(residues)
     r = residues[kept]
@@ -254,7 +271,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
             # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
             table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
         tables.append(table)
-    return Record(pd.concat(tables, ignore_index=True), f"mode {k + 1}")
+    return Record(pd.concat(tables, ignore_index=True), name)
 
 
 def _rows_near(level: Level, k: int) -> np.ndarray:

@@ -16,7 +16,7 @@ Corrections are a small TOML file. Names are those of the table that is shown::
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
@@ -24,12 +24,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
+from damping.arrays import FloatArray
 from damping.errors import InputError, describe_nearest
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
-from damping.signals.histories import track_sine
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
@@ -171,6 +170,10 @@ class CampaignRun:
         """Names of the sensors."""
         return [channel.name for channel in self.channels]
 
+    def without(self, sensors: Collection[str]) -> CampaignRun:
+        """The run without some sensors."""
+        return replace(self, channels=tuple(channel for channel in self.channels if channel.name not in sensors))
+
 
 def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
     """A run with its level and channels as stated; a unit that is stated says the quantity too."""
@@ -216,13 +219,6 @@ def find_level(text: str) -> tuple[float, str] | None:
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
 
 
-def make_decay(label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]) -> CampaignRun:
-    """The run of motions against time that nothing drives: a free decay."""
-    texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
-    channels = [Channel(n, describe_quantity(u, n), u, x) for (n, u), x in zip(texts, samples, strict=True)]
-    return CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
-
-
 def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
     """One row for each run and for each channel: what can be corrected, by the names that a correction uses."""
     for run in runs:
@@ -234,56 +230,3 @@ def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
         ratio = ", per drive" if channel.per_drive else ""
         text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
         summary.add(f"channel {channel.name!r}", text, "found in the file")
-
-
-@dataclass(frozen=True)
-class Source:
-    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it, ``summary`` grows."""
-
-    file: Path
-    most: int
-    stated: Corrections
-    summary: Summary
-
-    def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
-        """The run with its level: as the label says where the control agrees, else the median of the control.
-
-        A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
-        universal files may: values of every channel in g are then divided by g.
-        """
-        assert run.drive is not None
-        stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
-        if not measured > 0.0:
-            raise InputError(f"the drive of {run.label!r} is zero", expected="a control above 0")
-        if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
-            return replace(run, level=measured)
-        level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
-        control = f"the control of {run.label!r}"
-        if abs(measured / level - 1.0) <= LABEL_AGREES:
-            return replace(run, level=level)
-        g = STANDARD_GRAVITY_M_S2
-        if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
-            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({control} says so): taken as such")
-            channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
-            return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
-        self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
-        return replace(run, level=measured)
-
-    def track(
-        self, label: str, units: Sequence[NamedUnit], drive: str, step: float, blocks: Iterable[FloatArray]
-    ) -> CampaignRun:
-        """The run of blocks of samples (channels, n), one of whose names is the drive."""
-        stated, place = self.stated, [name for name, _ in units].index(drive)
-        tracked = track_sine(blocks, place, step)
-        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
-        order = np.argsort(tracked.frequency, kind="stable")
-        others = [*texts[:place], *texts[place + 1 :]]
-        channels = tuple(
-            Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
-            for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
-            if stated.of(name).role != "out"
-        )
-        size = tracked.drive[order].astype(complex) * stated.of(drive).scale
-        text = stated.of(drive).unit or texts[place][1]
-        run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
-        return self.set_level(run, label)

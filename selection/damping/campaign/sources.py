@@ -7,6 +7,7 @@ A drive in time is tracked some lines or samples at a time, so that a file of an
 import io
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -19,20 +20,19 @@ from damping.campaign.runs import (
     CampaignRun,
     Channel,
     Corrections,
-    Source,
     correct_run,
     describe_quantity,
     find_level,
     keep_common_sensors,
-    make_decay,
     summarise_runs,
 )
+from damping.campaign.tracked import Source
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, read_bytes, read_start
+from damping.records.text import describe_shortened, name_apart, read_bytes, read_start
 
 BLOCK = 8_000_000  #: bytes of a table that are read together
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -53,6 +53,7 @@ def read_runs(
     for file in files:
         with naming(file):
             runs += _read(Source(Path(file), max_size, stated, summary))
+    runs = [replace(run, label=label) for run, label in zip(runs, name_apart(r.label for r in runs), strict=True)]
     drives = [name for name, channel in stated.channels.items() if channel.role == "drive"]
     stated.require_known([run.label for run in runs], [*drives, *(name for run in runs for name in run.names)])
     runs = [correct_run(run, stated) for run in runs if stated.levels.get(run.label, 0.0) is not None]
@@ -100,7 +101,7 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
     samples = [np.asarray(function.y).real for function in group]
     drive = source.stated.choose_drive(dict(units))
     if drive is None:
-        return make_decay(label, t, units, samples)
+        return source.make_decay(label, t, units, samples)
     step = float(t[-1] - t[0]) / (len(t) - 1)
     return source.track(label, units, drive, step, [np.array(samples)])
 
@@ -214,7 +215,7 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
         if drive is None:
             arrays = read_arrays(source.file, kind, [], source.most).arrays
             t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
-            runs.append(make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
+            runs.append(source.make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
         else:
             blocks = read_blocks(source.file, kind, paths, max(SAMPLES // len(contents.known), 1), together=True)
             runs.append(source.track(label, units, drive, step, blocks))
@@ -239,7 +240,7 @@ def _read_table(source: Source, start: bytes) -> CampaignRun:
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
     numbers = read_columns(data, mapped, {}).numbers
     units = [(header.name, header.unit) for header in sensors]
-    return make_decay(source.file.stem, numbers["time"], units, [numbers[role] for role in roles])
+    return source.make_decay(source.file.stem, numbers["time"], units, [numbers[role] for role in roles])
 
 
 def _track_table(

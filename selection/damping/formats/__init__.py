@@ -17,7 +17,17 @@ from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
-from damping.formats.series import ABSCISSAS, NAMES, ROLES, FileFacts, Series, Stated, Summary, require_response
+from damping.formats.series import (
+    ABSCISSAS,
+    NAMES,
+    ROLES,
+    FileFacts,
+    Series,
+    Stated,
+    Summary,
+    refuse_decibels,
+    require_response,
+)
 from damping.formats.uff import read_uff
 from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, read_bytes, read_start
 
@@ -61,6 +71,8 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
             if set(parts) <= set(numbers):
                 numbers = {role: values for role, values in numbers.items() if role not in twice}
     for role, header in columns.headers.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, header.text)
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)

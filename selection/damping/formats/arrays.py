@@ -16,9 +16,19 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats.named import list_units, to_series
+from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import unit
-from damping.formats.series import NAMES, ROLES, FileFacts, Samples, Series, Stated, Summary, require_response
+from damping.formats.series import (
+    NAMES,
+    ROLES,
+    FileFacts,
+    Samples,
+    Series,
+    Stated,
+    Summary,
+    refuse_decibels,
+    require_response,
+)
 from damping.records.text import describe_shortened, read_start, too_large
 
 LONGEST = 60.0  #: seconds after which a file that is still being read is given up
@@ -143,6 +153,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             raise InputError("no array has the name of a role", expected=expected)
     require_response(names, known, stated)
     for role, name in names.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
         shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"

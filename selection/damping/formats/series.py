@@ -26,6 +26,7 @@ _SCALING = re.compile(
     r"(?i)(?P<apart>[\s_,]*)(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|r\.m\.s|eff)"
     r"|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
 )
+_DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
 ABSCISSAS: dict[str, dict[str, float]] = {
@@ -79,6 +80,13 @@ def parse_header(text: str) -> ColumnHeader:
     scaling = inner or last or first
     title = title if match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
+
+
+def refuse_decibels(what: str, text: str) -> None:
+    """InputError where a name or unit says that amplitudes are logarithms, which no factor turns back."""
+    if _DECIBELS.search(text):
+        expected = "linear values: the reference times 10^(dB/20)"
+        raise InputError(f"{what} in decibels ({describe_shortened(text)!r})", expected=expected)
 
 
 def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:

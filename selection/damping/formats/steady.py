@@ -12,6 +12,7 @@ from damping.formats.conversion import Conversion, Statements, ask, conversion, 
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
+from damping.records.text import name_apart
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
@@ -78,14 +79,7 @@ def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
             expected = f"{len(series)} different ones, one for each sweep"
             raise InputError(f"{len(stated.labels)} labels", expected=expected)
         return list(stated.labels)
-    labels: dict[str, None] = {}  # in order
-    for row in series:
-        base, number = " ".join(row.label.split()) or "sweep", 2
-        label = base
-        while label in labels:
-            label, number = f"{base} ({number})", number + 1
-        labels[label] = None
-    return list(labels)
+    return name_apart(" ".join(row.label.split()) or "sweep" for row in series)
 
 
 def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | None]:
@@ -194,7 +188,9 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
     passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
     if len(passive) != 1:
         message = f"whether the phase of {label!r} leads or lags cannot be told from its turn"
-        raise InputError(message, expected="--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
+        turned = any(_is_passive(-np.angle(-taken), np.abs(taken), frequency) for taken in (X, other))
+        remedy = "--reverse (a sensor mounted against the force), or " if turned and not passive else ""
+        raise InputError(message, expected=f"{remedy}--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
     known.summary.add("phase", sense, "follows: a passive structure takes energy")
     return passive[0]

@@ -13,7 +13,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.quantity import unit
-from damping.formats.series import ABSCISSAS, NAMES, FileFacts, Samples, Series, Summary
+from damping.formats.series import ABSCISSAS, NAMES, FileFacts, Samples, Series, Summary, refuse_decibels
 from damping.formats.uff_blocks import FREQUENCY, DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
@@ -209,6 +209,7 @@ def _abscissa(x: FloatArray, entry: DataSet, summary: Summary) -> FloatArray:
 def _units(entry: DataSet, summary: Summary) -> dict[str, str]:
     """Units of response and force by their labels; where there are none, by the units code of data set 164."""
     texts = {}
+    refuse_decibels(f"data set {entry.number}", entry.numerator.unit)
     if entry.numerator.unit:
         texts["force" if (entry.quantity == "force" and not entry.per) else "response"] = entry.numerator.unit
     if entry.function == 4 and entry.denominator.unit:

@@ -79,6 +79,17 @@ def describe_shortened(text: str, length: int = 30) -> str:
     return text if len(text) <= length else text[: length - 3] + "..."
 
 
+def name_apart(names: Iterable[str]) -> list[str]:
+    """The names in order, all different: a repeated one with its number behind it, ``run``, ``run (2)``."""
+    apart: dict[str, None] = {}  # in order
+    for name in names:
+        own, number = name, 2
+        while own in apart:
+            own, number = f"{name} ({number})", number + 1
+        apart[own] = None
+    return list(apart)
+
+
 def describe_meant(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """A hint for a message at the known name most like ``name``; empty where none is."""
     nearest = describe_nearest(name, known, likeness=likeness)

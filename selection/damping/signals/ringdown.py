@@ -27,6 +27,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
+from damping.signals.limits import find_limit
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
 LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
@@ -97,11 +98,15 @@ def ring_down(
         start, end: part of the record to use, s; by default from the largest amplitude on.
 
     InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
-    AnalysisError: no decay above the noise that is long enough, or one that grows again.
+    AnalysisError: no decay above the noise that is long enough, one that grows again, or readings that are clipped.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
+    limit = find_limit(x)
+    if limit is not None:
+        why = f"the readings stand at {limit:.4g} again and again: clipped, their amplitude and its decay are lost"
+        raise AnalysisError(f"{why}; choose a part without (--start), or another range")
     t, x, dt, jitter = even_times(t, x, frequency)
     t, x = thinned(t, x, dt, frequency)
     dt = float(t[1] - t[0])

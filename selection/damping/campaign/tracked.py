@@ -1,0 +1,101 @@
+"""A file of a campaign: the level of a run in it, and samples against time as a run, tracked or a free decay."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from damping.arrays import STANDARD_GRAVITY_M_S2, FloatArray
+from damping.campaign.runs import (
+    LABEL_AGREES,
+    CampaignRun,
+    Channel,
+    Corrections,
+    NamedUnit,
+    describe_quantity,
+    find_level,
+)
+from damping.errors import InputError
+from damping.formats.quantity import unit
+from damping.formats.series import Summary
+from damping.signals.histories import track_sine
+from damping.signals.limits import Limits, find_limit
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it, ``summary`` grows."""
+
+    file: Path
+    most: int
+    stated: Corrections
+    summary: Summary
+
+    def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
+        """The run with its level: as the label says where the control agrees, else the median of the control.
+
+        A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
+        universal files may: values of every channel in g are then divided by g.
+        """
+        assert run.drive is not None
+        stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
+        if not measured > 0.0:
+            raise InputError(f"the drive of {run.label!r} is zero", expected="a control above 0")
+        if stated is None or not stated[0] > 0.0 or unit(stated[1]).powers != unit(run.drive_unit).powers:
+            return replace(run, level=measured)
+        level = stated[0] * unit(stated[1]).factor / unit(run.drive_unit).factor
+        control = f"the control of {run.label!r}"
+        if abs(measured / level - 1.0) <= LABEL_AGREES:
+            return replace(run, level=level)
+        g = STANDARD_GRAVITY_M_S2
+        if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
+            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({control} says so): taken as such")
+            channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
+            return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
+        self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
+        return replace(run, level=measured)
+
+    def track(
+        self, label: str, units: Sequence[NamedUnit], drive: str, step: float, blocks: Iterable[FloatArray]
+    ) -> CampaignRun:
+        """The run of blocks of samples (channels, n), one of whose names is the drive."""
+        stated, place, limits = self.stated, [name for name, _ in units].index(drive), Limits()
+        tracked = track_sine(limits.watch(blocks), place, step)
+        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
+        order = np.argsort(tracked.frequency, kind="stable")
+        others = [*texts[:place], *texts[place + 1 :]]
+        channels = tuple(
+            Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
+            for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
+            if stated.of(name).role != "out"
+        )
+        size = tracked.drive[order].astype(complex) * stated.of(drive).scale
+        text = stated.of(drive).unit or texts[place][1]
+        run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
+        named = zip((name for name, _ in units), limits.found, strict=True)
+        return self.set_level(self.leave_clipped({name: at for name, at in named if at is not None}, run), label)
+
+    def make_decay(
+        self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
+    ) -> CampaignRun:
+        """The run of motions against time that nothing drives: a free decay."""
+        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
+        channels = [Channel(n, describe_quantity(u, n), u, x) for (n, u), x in zip(texts, samples, strict=True)]
+        limits = {name: find_limit(x) for (name, _), x in zip(texts, samples, strict=True)}
+        run = CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
+        return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
+
+    def leave_clipped(self, limits: Mapping[str, float], run: CampaignRun) -> CampaignRun:
+        """The run without sensors that stand at a limit, but for those whose role is stated.
+
+        InputError: none is left.
+        """
+        clipped = [name for name in run.names if name in limits and self.stated.of(name).role != "sensor"]
+        for name in clipped:
+            what = f"{name!r} stands at {limits[name]:.4g} in {run.label!r} again and again: clipped, and left out"
+            self.summary.note(f"{what} (--correct leaves that run out instead, or states role = 'sensor')")
+        if clipped and len(clipped) == len(run.names):
+            expected = "a run within the range of its sensors"
+            raise InputError(f"every sensor of {run.label!r} is clipped", expected=expected)
+        return run.without(clipped)
