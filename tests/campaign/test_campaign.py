@@ -205,7 +205,11 @@ def test_decays_of_several_floors_give_modes_and_shapes(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "expected"),
-    [("a,b\n1,2\n", "a column of time"), ("frequency,force,amplitude\n1,1,1\n2,1,1\n", "a column of time")],
+    [
+        ("a,b\n1,2\n", "a column of time"),
+        ("frequency,force,amplitude\n1,1,1\n2,1,1\n", "a column of time"),
+        ("\x07\x01\x02 binary \x03", "no file of a known kind; expected a universal file"),
+    ],
 )
 def test_what_is_no_campaign_says_what_is_expected(tmp_path, content, expected):
     path = tmp_path / "a.csv"

@@ -137,6 +137,18 @@ def test_the_band_of_a_predicted_amplitude_moves_the_frequency(peaks):
     assert np.ptp(hertz) > 0.04 * said.median[0]
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_end_of_a_band_beyond_all_numbers_is_no_warning(peaks):
+    """Its frequency is not predicted; that of the median stays."""
+    A = np.geomspace(0.3, 1.0, 5)
+    omega = OMEGA_N * np.sqrt(1.0 + 0.02 * A**2)
+    asked = np.array([1.0])
+    loads = known(0.12 * omega[-1:] * asked, asked)
+    loads = replace(loads, average=replace(loads.average, high=np.array([1e200])))
+    said = trace_loads(loads, backbone_of(A, omega), peaks(A, 0.12 * omega * A, omega)).frequency
+    np.testing.assert_allclose(said.median, omega[-1] / (2.0 * np.pi), rtol=1e-3)  # as well as the backbone is known
+
+
 def test_mass_that_was_added_at_every_level_makes_no_mode_bistable(peaks):
     """5 % of the mass, on all levels, moves every resonance by 2.4 %, or 2.5 bandwidths c/M: the mode stays linear."""
     A, c = np.array([1.0, 2.0, 4.0]), 0.01 * M * OMEGA_N

@@ -32,7 +32,7 @@ from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, name_apart, read_bytes, read_start
+from damping.records.text import describe_shortened, is_binary, name_apart, read_bytes, read_start
 
 BLOCK = 8_000_000  #: bytes of a table that are read together
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -232,6 +232,9 @@ def _read_table(source: Source, start: bytes) -> CampaignRun:
         return _track_table(source, layout, headers, time, drive)
     data = read_bytes(source.file, source.most)
     sensors = [header for header in headers if header is not time and header.text]
+    if is_binary(start):
+        expected = "a universal file, HDF5, TDMS or a table of times; convert another file with damping import"
+        raise InputError("no file of a known kind", expected=expected)
     if time is None or not sensors:
         first = start.decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"

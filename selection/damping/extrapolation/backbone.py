@@ -80,6 +80,8 @@ _FAR = 2.0
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: ln of the amplitude over the largest tested one at which the backbone is tabulated.
 _TABLE = np.linspace(-5.0, 5.0, 201)
+#: Largest amplitude over the largest tested one that is told from any beyond it: its powers are finite numbers.
+_LARGEST = 1e20
 #: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
 _ANYWHERE = 1.0
 
@@ -105,7 +107,8 @@ class Backbone:
 
     def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
         """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""
-        weight, mean, sd = self._mix(np.where(np.isfinite(amplitude), amplitude, self.amplitude.max()))
+        top = float(self.amplitude.max())
+        weight, mean, sd = self._mix(np.minimum(np.where(np.isfinite(amplitude), amplitude, top), _LARGEST * top))
         low, high = (mean - 8.0 * sd).min(axis=0), (mean + 8.0 * sd).max(axis=0)
 
         def quantile(p: float) -> FloatArray:

@@ -7,7 +7,6 @@ record, ``conversion.time_histories`` turns time histories into displacement for
 file nor the user says is asked for in an error; nothing is guessed.
 """
 
-import codecs
 from collections.abc import Collection
 from pathlib import Path
 
@@ -29,14 +28,20 @@ from damping.formats.series import (
     require_response,
 )
 from damping.formats.uff import read_uff
-from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, read_bytes, read_start
+from damping.records.text import (
+    DEFAULT_MAX_SIZE,
+    describe_meant,
+    describe_shortened,
+    is_binary,
+    read_bytes,
+    read_start,
+)
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 #: In-phase and quadrature readings, and the magnitude and angle that say the same.
 _TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
-_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))
 
 
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
@@ -143,10 +148,7 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         text = "lvm"
     else:
         text = "csv"
-    # no lines of text, of whatever encoding, where one byte in twenty is a control character
-    controls = len(start) - len(start.translate(None, _CONTROLS))
-    binary = not start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and 20 * controls > len(start)
-    if stated.format == "auto" and text == "csv" and binary:
+    if stated.format == "auto" and text == "csv" and is_binary(start):
         expected = "a file of one of these (save a MAT file of version 4 again with -v7)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):

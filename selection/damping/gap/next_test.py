@@ -237,7 +237,10 @@ def rank_tests(
     if not rivals:
         return ()
     compared = [alive[0], *rivals]
-    every = [*compared, *(own for own in fitted if own.effects not in {one.effects for one in compared})]
+    every = [
+        *compared,
+        *(own for own in fitted if own.effects not in {explanation.effects for explanation in compared}),
+    ]
     p = np.array([rival.probability for rival in rivals])
     tests = []
     for design in DESIGNS:

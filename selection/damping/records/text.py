@@ -21,7 +21,14 @@ _LINE_END = re.compile(rb"\r\n?|\n")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
 _TOGETHER = 65_536  # bytes that are decoded together, and on to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # characters that no text has
 _OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
+
+
+def is_binary(start: bytes) -> bool:
+    """Whether the first bytes of a file are no lines of text, of whatever encoding: one in twenty is a control."""
+    controls = len(start) - len(start.translate(None, _CONTROLS))
+    return not start.startswith(_UTF16) and 20 * controls > len(start)
 
 
 def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
