@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,8 +14,10 @@ from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
 from damping.gap.weighing import (
+    INDISTINCT,
     Explanation,
     blend_probabilities,
+    count_beyond,
     describe_doubts,
     describe_foreign,
     weigh_hypotheses,
@@ -126,6 +129,33 @@ def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
     share = [0.65, 1.0 / (1.0 + np.exp(-10.0)), 1.0 / (1.0 + np.exp(-30.0))]
     np.testing.assert_allclose(given, 0.85 + 0.15 * np.array(share), rtol=1e-12)
     assert given[0] < 0.95 < given[1] < given[2]
+
+
+def test_what_tells_a_stiffness_are_third_harmonics_above_noise_not_another_state(lab):
+    """Of k3 q^3: k3 A^3/4 over M |omega_n^2 - 9 omega^2|, in closed form but for 1 % of damping.
+
+    A spring that softens with the mean square of the motion has the first harmonics of a cubic one, whatever the mass.
+    """
+    found = lab.diagnosed("stiffness-hardening")
+    fit, corrected = found.leading.best, found.corrected
+    rows, k3 = fit.model.problem.rows, corrected.effects["stiffness-hardening"]["coefficient"]
+    own = corrected.mass * np.abs((2.0 * np.pi * corrected.frequency) ** 2 - 9.0 * rows.omega**2)
+    norm = float(np.linalg.norm(0.25 * k3 * rows.A**3 / own))
+    heavier = replace(rows, added=np.full(len(rows), 0.2 * lab.mass))
+    assert count_beyond(fit) == count_beyond(fit, heavier) == 0
+    for share, counted in ((1.05, 0), (0.95, 1)):  # 5 %: what the damping, and a reading that errs by 1 %, may change
+        sd = np.full(len(rows), share * norm / INDISTINCT)
+        measured = replace(rows, channels=("third",), sd_third=sd)
+        assert count_beyond(fit, measured) == counted
+        assert count_beyond(fit, measured, heavier) == 2 * counted
+
+
+def test_another_state_tells_a_damping_force_and_third_harmonics_tell_what_has_none(lab):
+    drag, lag = (lab.diagnosed(name).leading.best for name in ("velocity-squared", "phase-lag"))
+    for fit in (drag, lag):
+        rows = fit.model.problem.rows
+        assert count_beyond(fit, replace(rows, added=np.full(len(rows), 0.2 * lab.mass))) == 1
+    assert count_beyond(lag, replace(lag.model.problem.rows, channels=("third",))) == 1
 
 
 def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):

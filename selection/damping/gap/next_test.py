@@ -28,7 +28,14 @@ from damping.gap.problem import State
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import COVER, INDISTINCT, Explanation, distance, foresee_probability
+from damping.gap.weighing import (
+    COVER,
+    INDISTINCT,
+    Explanation,
+    count_beyond,
+    distance,
+    foresee_probability,
+)
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -189,7 +196,7 @@ class NextTest:
 
     @property
     def is_beyond(self) -> bool:
-        """Whether it gives more than first harmonics of one state (`damping.gap.rows.Rows.beyond`)."""
+        """Whether it gives more than first harmonics of one state (`damping.gap.weighing.count_beyond`)."""
         return not {"added_mass", *_THIRD}.isdisjoint(self.columns)
 
     @property
@@ -242,13 +249,15 @@ def rank_tests(
         *(own for own in fitted if own.effects not in {explanation.effects for explanation in compared}),
     ]
     p = np.array([rival.probability for rival in rivals])
+    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
     tests = []
     for design in DESIGNS:
         rows = design.plan(leading.model.problem)
-        odds = np.array([_odds(leading, rival.hypothesis.best, rows, design.change) for rival in rivals])
+        seen = _simulate(design.change(expected), rows)
+        odds = np.array([_odds(seen, rival.hypothesis.best, design.change) for rival in rivals])
         gained = np.zeros(len(every))  # of rivals that are not compared nothing is foreseen
         gained[1 : len(compared)] = odds - SURELY * np.sqrt(2.0 * odds)
-        probability = foresee_probability(every, gained, in_library, leading.model.problem.rows.beyond_with(rows))
+        probability = foresee_probability(every, gained, in_library, count_beyond(leading, seen))
         filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
         # -ln sum p e^-odds: a test that settles the case against one rival only leaves the others where they are
         total = -float(logsumexp(-odds, b=p / p.sum()))
@@ -271,13 +280,11 @@ def _tell_run(rows: Rows, unit: float) -> dict[str, float]:
     }
 
 
-def _odds(leading: ModelFit, rival: ModelFit, rows: Rows, change: Callable[[Terms], Terms]) -> float:
-    """Half the squared distance of the two predictions, in units of all that the rival leaves open.
+def _odds(seen: Rows, rival: ModelFit, change: Callable[[Terms], Terms]) -> float:
+    """Half the squared distance of a rival's prediction to what is ``seen``, in units of all that it leaves open.
 
     These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
     """
-    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
-    seen = _simulate(change(expected), rows)
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
     terms = change(rival.model.terms(rival.y[:k] + steps))

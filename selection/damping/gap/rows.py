@@ -106,17 +106,6 @@ class Rows:
         return bool(self.resonant.all())
 
     @property
-    def beyond(self) -> int:
-        """How much is measured beyond first harmonics of one state: third ones, and another state or added mass."""
-        return ("third" in self.channels) + bool(np.ptp(self.added) > 0.0 or np.ptp(self.state) > 0.0)
-
-    def beyond_with(self, further: Rows) -> int:
-        """The same with the rows of a ``further`` sweep of the first state."""
-        added = np.concatenate([self.added, further.added])
-        channels = tuple({*self.channels, *further.channels})
-        return replace(self, added=added, channels=channels).beyond
-
-    @property
     def seen(self) -> BoolArray:
         """Which residuals (values,) are measured at all."""
         parts = [self.sd_amplitude]

@@ -16,9 +16,11 @@ from scipy.special import expit, logsumexp, softmax
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
+from damping.effects.rig import recorded_third
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit
+from damping.gap.rows import Rows
 from damping.gap.search import Hypothesis
 from damping.gap.size import Gap, HeldOut
 
@@ -89,11 +91,29 @@ def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
     return set() < simpler.key < further.key and distance(simpler.best, further.best) < INDISTINCT
 
 
+def count_beyond(fit: ModelFit, *further: Rows) -> int:
+    """How much is measured beyond first harmonics of one state that tells the cause of a fit from its imitations.
+
+    Third harmonics do, unless those of the force that is blamed are below noise. So do another state and added mass,
+    but of a stiffness only beside third harmonics: one that follows the mean square of the motion, as of a spring that
+    warms up, has the same first harmonics at any mass. ``further``: rows to come, as the fit predicts them.
+    """
+    every = (fit.model.problem.rows, *further)
+    forces = [effect for name in fit.effects if (effect := CATALOGUE[name]).force is not None]
+    third = any("third" in rows.channels for rows in every)
+    if third and forces:
+        terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+        heard = [recorded_third(terms, rows.u, rows.phase, rows.drive) / rows.sd_third for rows in every]
+        third = float(np.linalg.norm(np.hstack(heard))) >= INDISTINCT
+    states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
+    return third + (states and (third or all(effect.damping for effect in forces)))
+
+
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown.
 
-    ``beyond``: see `damping.gap.rows.Rows`. Where there is nothing the leading one leaves a rest, which is that of
-    causes nobody fitted.
+    ``beyond``: see `count_beyond`. Where there is nothing the leading one leaves a rest, which is that of causes nobody
+    fitted.
     """
     with np.errstate(divide="ignore"):  # what has no chance at all
         log_odds = np.log([explanation.probability for explanation in hypotheses])
