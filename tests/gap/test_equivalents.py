@@ -12,7 +12,7 @@ from scipy.special import expit
 from damping.effects import CATALOGUE
 from damping.gap import weighing
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import DESIGNS, WORTH, name_command
+from damping.gap.next_test import DESIGNS, FLOOR, WORTH, name_command
 from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
@@ -117,6 +117,18 @@ def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
     third = np.where(problem.rows.sweep == 0, 3e-6, UNSEEN)
     measured = replace(problem, rows=replace(problem.rows, sd_third=third))
     np.testing.assert_array_equal(design.plan(measured).sd_third, 3e-6)
+
+
+def test_a_harmonic_analyser_is_as_noisy_with_mass_added_as_without(lab):
+    """3e-4 of the largest amplitude of the sweep that is run again, wherever the mass moves the resonance."""
+    found = lab.diagnosed("velocity-squared")
+    problem = found.leading.best.model.problem
+    largest = problem.rows.A.max()
+    again = [own for own in DESIGNS if own.channel == "third" and own.width == own.factor == 1.0 and not own.lowest]
+    assert {own.heavier for own in again} == {0.0, 0.2, 0.5}
+    for design in again:
+        # of the rows nearest in frequency: near resonance they lie a third of the half-power half-width apart
+        np.testing.assert_allclose(design.plan(problem).sd_third, FLOOR * largest, rtol=0.05)
 
 
 def test_a_record_without_phases_is_asked_for_none(lab):

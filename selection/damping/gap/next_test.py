@@ -79,7 +79,7 @@ class ProposedTest:
     change: Callable[[Terms], Terms] = lambda terms: terms
 
     def plan(self, problem: Problem) -> Rows:
-        """Its rows, after those of the record, each as the nearest of the sweep that is run again: so its amplitude.
+        """Its rows, after those of the record, with the amplitudes of the sweep run again as far from its resonance.
 
         A further channel has the noise that it has in the record; else that of the smallest amplitudes, or of `FLOOR`.
         """
@@ -89,9 +89,8 @@ class ProposedTest:
         if not self.width:
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
         band = 1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8)
-        omega = scales.omega_n * band / sqrt(1.0 + self.heavier)
         again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
-        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - omega), axis=0))
+        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
         u = planned.u + np.log(self.factor)
         F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
         shaken = float(np.median(again.shaken))
@@ -107,7 +106,7 @@ class ProposedTest:
             row=np.arange(_POINTS),
             sweep=np.zeros(_POINTS, dtype=np.int64),
             F=np.full(_POINTS, F * (1.0 + added / shaken) if shaken else F),
-            omega=omega,
+            omega=scales.omega_n * band / sqrt(1.0 + self.heavier),
             u=u,
             resonant=np.zeros(_POINTS, dtype=bool),
             time=0.5 + (1.0 + turn) / max(len(rows) - 1, 1),
