@@ -81,6 +81,91 @@ def test_a_table_without_a_header(truth, tmp_path, imported):
     )
 
 
+HEADER = "Frequency [Hz],Force [N],Displacement [mm],Phase lag [°]"
+BARE = "Frequency,Force,Displacement,Phase"
+
+
+@pytest.mark.parametrize(
+    ("header", "encoding", "said"),
+    [
+        ("Frequenz/Hz,Kraft / N,Auslenkung/mm,Phase/°", "utf-8", "columns by name"),
+        (HEADER, "cp1252", "columns by name, text in Windows-1252"),
+        (HEADER, "utf-16", "columns by name, text in UTF-16"),
+        (f"Test 5 of 2024-01-05\noperator: A, B\n\n{HEADER}", "utf-8", "header in line 4, columns by name"),
+        (f"{BARE}\nHz,N,mm,deg", "utf-8", "columns by name, units below the names"),
+        (
+            f"Rig B\n{BARE}\n[Hz],[N],[mm],[°]",
+            "cp1252",
+            "header in line 2, columns by name, units below the names, text in Windows-1252",
+        ),
+        ("f [Hz],Force [Newton],Disp [mm],Phase [deg]", "utf-8", "columns by name"),
+    ],
+)
+def test_headers_as_recorders_write_them(truth, tmp_path, imported, header, encoding, said):
+    rows = stacked(
+        truth,
+        f=lambda _: truth.f,
+        F=lambda force: np.full(len(truth.f), force),
+        x=lambda force: 1e3 * force * np.abs(truth.H),
+        phase=lambda _: np.degrees(truth.lag),
+    )
+    path = tmp_path / "a.csv"
+    path.write_text(f"{header}\n{rows.to_csv(index=False, header=False)}", encoding=encoding)
+    found = imported(path, columns={"lag_deg": "4", "amplitude": "3"} if "lag" in header else {})
+    close(found.record, truth)
+    assert ("table", f"comma between cells, decimal point, {said}", "found in the file") in found.summary.rows
+
+
+def test_a_row_of_text_below_the_header_is_no_row_of_units(tmp_path, imported):
+    path = tmp_path / "a.csv"
+    path.write_text("frequency,amplitude,force\nHz,roof,N\n1,2,3\n2,2,3\n")
+    with pytest.raises(InputError, match="line 2, column frequency: 'Hz' is not a number"):
+        imported(path, response="displacement", consistent=True)
+
+
+def test_the_time_of_a_row_stands_beside_its_frequency(truth, tmp_path, imported):
+    minutes = 0.5 * np.arange(3.0 * len(truth.f))
+    rows = stacked(
+        truth,
+        **{"Frequency [Hz]": lambda _: truth.f, "Force [N]": lambda force: np.full(len(truth.f), force)},
+        **{"Displacement [m]": lambda force: force * np.abs(truth.H), "Phase [deg]": lambda _: -np.degrees(truth.lag)},
+    )
+    path = tmp_path / "a.csv"
+    rows.assign(**{"Time [min]": minutes}).to_csv(path, index=False)
+    found = imported(path)
+    close(found.record, truth)
+    np.testing.assert_allclose(found.record.table["time"], 60.0 * minutes, rtol=1e-12)
+    path = tmp_path / "a.mat"  # of another length it is a history beside, and which is meant is asked
+    scipy.io.savemat(path, {"frequency": truth.f, "time": np.arange(99.0), "response": truth.H})
+    with pytest.raises(InputError, match="both frequency and time abscissa"):
+        imported(path)
+
+
+def test_a_force_by_its_name_belongs_to_a_stated_response(truth, tmp_path, imported):
+    rows = stacked(
+        truth,
+        **{"Frequency [Hz]": lambda _: truth.f, "Force [N]": lambda force: np.full(len(truth.f), force)},
+        **{"roof [m]": lambda force: force * np.abs(truth.H), "floor [m]": lambda _: np.ones(len(truth.f))},
+    )
+    path = tmp_path / "a.csv"
+    rows.to_csv(path, index=False)
+    close(imported(path, columns={"amplitude": "roof"}, response="displacement").record, truth)
+
+
+@pytest.mark.parametrize(("name", "number"), [("fs", 200.0), ("dt", 0.005), ("daq.SampleRate", 200.0)])
+def test_a_number_says_how_a_history_was_sampled(tmp_path, name, number):
+    group, _, own = name.rpartition(".")
+    path, x = tmp_path / "a.mat", np.sin(np.arange(50.0))
+    scipy.io.savemat(path, {"x1": x, **({group: {own: number}} if group else {own: number})})
+    (series,), _ = read_file(path, Stated(columns={"response": "x1"}))
+    assert series.is_time
+    np.testing.assert_allclose(series.abscissa, 0.005 * np.arange(50), rtol=1e-12)
+    np.testing.assert_array_equal(series.response, x)
+    scipy.io.savemat(path, {"x1": x, "fs": 0.0})
+    with pytest.raises(InputError, match="fs = 0; expected a rate in Hz"):
+        read_file(path, Stated(columns={"response": "x1"}))
+
+
 @pytest.mark.parametrize(
     ("header", "of_lag", "order"),
     [

@@ -32,7 +32,7 @@ from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
 from damping.formats.uff import Function, read_functions
-from damping.records.text import describe_shortened, is_binary, name_apart, read_bytes, read_start
+from damping.records.text import describe_shortened, is_binary, name_apart, read_bytes, read_start, recode
 
 BLOCK = 8_000_000  #: bytes of a table that are read together
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -224,7 +224,7 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
 
 def _read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
-    layout = find_layout(start.decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
+    layout = find_layout(recode(start)[0].decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
     headers = [parse_header(name.strip()) for name in layout.names] if layout else []
     time = next((header for header in headers if header.name.lower() in ROLE_NAMES["time"]), None)
     drive = next((header.name for header in headers if source.stated.is_drive(header.name)), None)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series
-from damping.formats.columns import DECIMALS, DELIMITERS, read_columns
+from damping.formats.columns import DECIMALS, DELIMITERS, Layout, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
@@ -67,9 +67,7 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
     columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
     if "auto" in (stated.delimiter, stated.decimal):
-        by = "no header, columns by number" if columns.layout.numbered else "columns by name"
-        layout = f"{columns.layout.delimiter} between cells, decimal {columns.layout.decimal}, {by}"
-        summary.add("table", layout, "found in the file")
+        summary.add("table", _describe_layout(columns.layout, stated.skip), "found in the file")
     numbers = dict(columns.numbers)
     if not stated.columns and kind != "csv":
         for parts, twice in _TWICE.items():
@@ -92,6 +90,17 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
     )
     return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")
+
+
+def _describe_layout(layout: Layout, skip: int) -> str:
+    """How a table is laid out, in words."""
+    line = skip + layout.header - layout.units
+    by = "columns by number" if layout.numbered else "columns by name"
+    found = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"
+    parts = (f"{layout.delimiter} between cells", f"decimal {layout.decimal}", found, by)
+    units = "units below the names" if layout.units else ""
+    encoding = f"text in {layout.encoding}" if layout.encoding else ""
+    return ", ".join(part for part in (*parts, units, encoding) if part)
 
 
 def check(stated: Stated) -> None:

@@ -19,6 +19,7 @@ from damping.errors import AnalysisError, InputError
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import unit
 from damping.formats.series import (
+    ABSCISSAS,
     NAMES,
     ROLES,
     FileFacts,
@@ -140,9 +141,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
-        abscissas = {"frequency", "omega", "time"}
-        if not abscissas & set(names):  # the file may have one by its own name
-            names |= {role: role for role in ("frequency", "omega", "time") if known.get(role)}
+        if names.keys().isdisjoint(ABSCISSAS):  # the file may have one by its own name
+            names |= {role: role for role in ABSCISSAS if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
@@ -152,6 +152,10 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
     require_response(names, known, stated)
+    signal = arrays[names["response"]][0] if "response" in names else np.zeros(1, dtype=np.complex128)
+    if np.isrealobj(signal) and names.keys().isdisjoint(ABSCISSAS) and (name := _find_rate(known)):
+        number = float(read_arrays(path, kind, [name], max_size).arrays[name][0].real.reshape(-1)[0])
+        names, arrays = names | {"time": name}, arrays | {name: [_list_times(name, number, max(signal.shape))]}
     for role, name in names.items():
         if role in UNIT_OF:
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
@@ -161,6 +165,25 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
     return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
+
+
+def _last_name(path: str) -> str:
+    """The name of an array without those of the groups or structures that it is in, in lower case."""
+    return path.replace(".", "/").rpartition("/")[2].lower()
+
+
+def _find_rate(known: Mapping[str, tuple[int, ...]]) -> str | None:
+    """The number of a file that says how its time histories were sampled."""
+    numbers = (name for name, shape in known.items() if math.prod(shape) == 1)
+    return next((name for name in numbers if _last_name(name) in NAMES["rate"]["rate"] + NAMES["rate"]["step"]), None)
+
+
+def _list_times(name: str, number: float, n: int) -> FloatArray:
+    """Times (n,) from 0, in s, of a rate in Hz or a step in s. InputError: a number that is neither."""
+    if not (np.isfinite(number) and number > 0.0):
+        raise InputError(f"{name} = {number:g}", expected="a rate in Hz, or a step in s, > 0")
+    step = 1.0 / number if _last_name(name) in NAMES["rate"]["rate"] else number
+    return np.asarray(step * np.arange(n), dtype=np.float64)
 
 
 def _list_each(

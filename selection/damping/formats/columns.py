@@ -7,14 +7,14 @@ import csv
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.series import ColumnHeader, parse_header, recognise
-from damping.records.text import CsvRows, describe_meant, describe_shortened, unguarded
+from damping.formats.series import ColumnHeader, merge_units, parse_header, recognise
+from damping.records.text import CsvRows, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
@@ -40,9 +40,11 @@ class Layout:
     delimiter: str  #: by name, as the decimal
     decimal: str
     names: tuple[str, ...]  #: of the columns; numbers from 1 where there is no header
-    header: int  #: lines from the first looked at up to and with the header
+    header: int  #: lines from the first looked at up to and with the header, and the units below it
     comments: bool  #: lines of comment are passed over
     numbered: bool
+    units: bool = False  #: a row of units stands below the names
+    encoding: str = ""  #: of the text where it is not UTF-8
 
 
 def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | None:
@@ -53,12 +55,10 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
     point = decimal if decimal != "auto" else _describe_decimal([line for _, line in data[1:]], mark)
     if not content:
         return None
-    first, text = content[0]
-    plain = not text.startswith(_COMMENTS)
-    if plain or not data:  # comments begin none of the lines: the first is the header
-        names = _list_cells(text, mark)
-        if not _numeric(names, point) or not data:
-            return Layout(mark, point, tuple(names), first + 1, False, False)
+    text = content[0][1]
+    plain = not text.startswith(_COMMENTS)  # comments begin none of the lines: it is the header, or stands above it
+    if not data or (plain and not _numeric(_list_cells(text, mark), point)):
+        return _lay_out(content, mark, point)
     place, row = data[0]
     cells = _list_cells(row, mark)
     if not _numeric(cells, point):
@@ -68,6 +68,22 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
     if len(named) == len(cells):
         return Layout(mark, point, tuple(named), place, True, False)
     return Layout(mark, point, tuple(str(k + 1) for k in range(len(cells))), place, True, True)
+
+
+def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layout:
+    """Layout of a table that begins with its header, or with lines about the test: these have other numbers of cells.
+
+    The header then is the first line of as many cells as the last one, none of them a number.
+    """
+    rows = [_list_cells(line, mark) for _, line in content]
+    width, whole = len(rows[-1]), content[0][1].count('"') % 2 == 0  # else its cells go on in the next line
+    alike = (k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([cell], point) for cell in row))
+    at = 0 if len(rows[0]) == width or not whole else next(alike, 0)
+    line, names = content[at][0] + 1, rows[at]
+    merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
+    if merged is None:
+        return Layout(mark, point, tuple(names), line, False, False)
+    return Layout(mark, point, tuple(merged), content[at + 1][0] + 1, False, False, units=True)
 
 
 def _list_cells(line: str, delimiter: str) -> list[str]:
@@ -130,17 +146,18 @@ def read_columns(
     Args:
         data: the file.
         mapped: column of each role as the user states it, with or without its unit, or its number from 1; what is not
-            stated of frequency, time and sweep is found by name; empty: all by name.
+            stated of frequency, time and sweep, and a force beside a frequency, is found by name; empty: all by name.
         known: names, in lower case and without units, that columns of each role have; these go before those that
             tables of laboratories have (``headers.recognise``).
         delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
         skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
-    InputError: no text in UTF-8, no header, a mapped column that is missing, a ragged row, text where a number belongs
+    InputError: no text, no header, a mapped column that is missing, a ragged row, text where a number belongs
     (an empty cell and NaN are no measurement there), or no rows.
     """
-    layout = _layout(data, delimiter, skip, decimal)
-    whole = not (layout.comments or layout.numbered)  # a header of quoted cells may span lines
+    data, encoding = recode(data)
+    layout = replace(_layout(data, delimiter, skip, decimal), encoding=encoding)
+    whole = not (layout.comments or layout.numbered or layout.units)  # a header of quoted cells may span lines
     above, mark = skip + layout.header - whole, DELIMITERS[layout.delimiter]
     rows = CsvRows(data, mark, comments=layout.comments, skip=above)
     line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
@@ -206,8 +223,10 @@ def _places(
         return by_name, response
     places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
+    undriven = "force_x" not in places and "time" not in {*places, *by_name}  # against time it is no amplitude
     for role, place in by_name.items():
-        if place not in taken and role not in places and (role == "sweep" or (role in _SETTING and setting)):
+        free = place not in taken and role not in places
+        if free and (role == "sweep" or (role in _SETTING and setting) or (role == "force" and undriven)):
             places[role] = place
     return places, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
 

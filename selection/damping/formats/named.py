@@ -58,11 +58,13 @@ def to_series(
     InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
     arrays = _in_radians(arrays, facts)
+    times = _taken_times(arrays, facts.units)
+    arrays = {role: values for role, values in arrays.items() if times is None or role != "time"}
     role, x = _abscissa(arrays, facts.units)
     n = len(x)
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
-    extra = {}
+    extra = {} if times is None else {"time": times}
     for key in (key for key in _EXTRA if key in arrays):
         columns = _real(_matrix(arrays[key], n, key), key)
         if columns.shape[1] != 1:
@@ -158,6 +160,14 @@ def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str,
         message = f"{'both ' + ' and '.join(there[:2]) if there else 'no'} {what}"
         raise InputError(message, expected=f"--column {'=NAME or '.join(roles)}=NAME")
     return there[0] if there else None
+
+
+def _taken_times(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> FloatArray | None:
+    """When each row was taken, s, where its time stands beside its frequency; None where none does."""
+    beside = next((arrays[role] for role in ("frequency", "omega") if role in arrays), None)
+    if "time" not in arrays or beside is None or np.shape(beside) != np.shape(arrays["time"]):
+        return None
+    return _abscissa({"time": arrays["time"]}, units)[1]
 
 
 def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[str, FloatArray]:

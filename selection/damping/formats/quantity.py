@@ -27,11 +27,13 @@ from damping.records.text import describe_shortened
 _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
     (0, 0, 0): {"1": 1.0, "rad": 1.0, "deg": pi / 180.0},
     (1, 0, 0): {
-        **{"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2, "lb": POUND_FORCE_N, "lbf": POUND_FORCE_N}
+        **{"N": 1.0, "newton": 1.0, "newtons": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2},
+        **{"lb": POUND_FORCE_N, "lbf": POUND_FORCE_N},
     },
     (0, 1, 0): {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": INCH_M, "inch": INCH_M},
-        **{"mil": 1e-3 * INCH_M, "ft": 12.0 * INCH_M, "µm": 1e-6, "μm": 1e-6},  # micro sign, Greek mu
+        **{"mil": 1e-3 * INCH_M, "mils": 1e-3 * INCH_M, "ft": 12.0 * INCH_M, "meter": 1.0, "metre": 1.0},
+        **{"µm": 1e-6, "μm": 1e-6},  # micro sign, Greek mu
     },
     (0, 0, 1): {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6},
     (0, 1, -2): {"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2},

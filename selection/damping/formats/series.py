@@ -21,7 +21,7 @@ from damping.formats.quantity import unit
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
-_BARE_UNIT = re.compile(r"^(.*?\S)(?:\s+in)?\s+([^\W\d_]\S*|°)$")  # after a blank: force N, Kraft in kN
+_BARE_UNIT = re.compile(r"^(.*?\S)(?:\s+in\s+|\s*/\s*|\s+)([^\W\d_]\S*|°)$")  # force N, Kraft in kN, Frequenz/Hz
 _SCALING = re.compile(
     r"(?i)(?P<apart>[\s_,]*)(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|r\.m\.s|eff)"
     r"|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
@@ -35,6 +35,9 @@ ABSCISSAS: dict[str, dict[str, float]] = {
     "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
 }  # fmt: skip
+
+#: What a row of units holds where a column has none that is understood.
+_NO_UNITS = {"", "-", "V", "mV", "%"}
 
 #: Names of roles, columns and formats, by what they are names in.
 NAMES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
@@ -68,10 +71,10 @@ class ColumnHeader:
 
 
 def parse_header(text: str) -> ColumnHeader:
-    """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft in kN eff``."""
+    """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft / kN eff``."""
     rest, last = _take_scaling(text.strip(), apart=True)
     match = _UNIT.match(rest) or _BARE_UNIT.match(rest)
-    title, within = (match[1].strip(), match[2]) if match else (rest, "")
+    title, within = (match[1].rstrip("/ "), match[2]) if match else (rest, "")
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
     known = name.lower() in _KNOWN_NAMES  # any other may be the name of a sensor: roof N, roof pk
@@ -114,6 +117,27 @@ def _is_unit(name: str, text: str) -> bool:
     return name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
 
 
+def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
+    """Headers of names with the units in the row below them; None where that row holds anything else."""
+    texts = [cell.strip().strip("[]()") for cell in below]
+    if len(texts) != len(names) or not all(text in _NO_UNITS or _names_unit(text) for text in texts):
+        return None
+    if set(texts) <= _NO_UNITS:
+        return None
+    return [name if text in ("", "-") else f"{name} [{text}]" for name, text in zip(names, texts, strict=True)]
+
+
+def _names_unit(text: str) -> bool:
+    """Whether a text is a unit of an abscissa, an angle, or any other."""
+    if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
+        return True
+    try:
+        unit(text)
+    except InputError:
+        return False
+    return not text.isdecimal()
+
+
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
     """Columns by role where the names of a table say it, and the type of response that a name says.
 
@@ -125,7 +149,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
             if role not in places and header.name.lower() in names and _may_be(role, header):
                 places[role] = place
                 break
-    is_time = "time" in places
+    is_time = "time" in places and not {"frequency", "omega"} & set(places)
     lower = [header.name.lower() for header in headers]
     response = None
     for place, header in enumerate(headers):

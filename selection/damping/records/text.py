@@ -81,6 +81,22 @@ def decode(data: bytes) -> tuple[str, InputError | None]:
     return data[:start].decode(), InputError(message, line=len(ends) + 1, expected="text in UTF-8")
 
 
+def recode(data: bytes) -> tuple[bytes, str]:
+    """Text of a laboratory in UTF-8, and the encoding that it had: ``UTF-16``, ``Windows-1252``, '' for what else."""
+    if data.isascii():
+        return data, ""
+    try:
+        if data.startswith(_UTF16):
+            return data.decode("utf-16").encode(), "UTF-16"
+        codecs.getincrementaldecoder("utf-8")().decode(data)  # its end may be cut within a character
+    except UnicodeDecodeError:
+        try:
+            return data.decode("cp1252").encode(), "Windows-1252"
+        except UnicodeDecodeError:
+            return data, ""
+    return data, ""
+
+
 def describe_shortened(text: str, length: int = 30) -> str:
     """``text``, cut to ``length`` characters for a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
