@@ -78,6 +78,24 @@ def test_the_audit_names_the_rate(frequency, swept):
     assert audit(steady_rows).findings == ()
 
 
+@pytest.mark.parametrize(
+    ("bandwidths", "verdicts"), [(0.2, {}), (1.5, {"sweep-rate": "caution"}), (3.5, {"sweep-rate": "refuse"})]
+)
+def test_a_known_rate_is_a_fault_by_how_fast_it_is(bandwidths, verdicts):
+    """(df/dt)/(2 zeta f)^2 of a linear mode; a slow one drags the phases by 2/pi of it, which no delay of channels did.
+
+    The peaks of a fast one are low, which makes it look slower: 2.3 of 3.5.
+    """
+    hertz = bandwidths * (2.0 * RATIO * F_N) ** 2
+    frequency = np.linspace(19.7, 20.6, 25)
+    octaves = 60.0 / np.log(2.0) * hertz / F_N
+    a = {force: envelope(frequency, octaves, force, MASS, F_N, RATIO) for force in (1.5, 4.0, 9.0)}
+    made = record(a, frequency, np.random.default_rng(5))
+    swept_record = Record(made.table.assign(sweep_rate=hertz * made.table["frequency"] / F_N), "made")
+    found = audit(swept_record, Mode(name="made", frequency=F_N, mass=MASS)).findings
+    assert {finding.check: finding.verdict for finding in found} == verdicts
+
+
 @pytest.fixture(scope="module")
 def frequency() -> np.ndarray:
     return np.geomspace(18.8, 21.4, 29)

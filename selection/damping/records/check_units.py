@@ -221,6 +221,11 @@ OFFSET = 0.04
 OFFSET_ERRORS = 3.0  #: and it is at least this many standard errors
 
 
+#: Lag, rad, of a swept resonance beside a steady one, over (df/dt)/(2 zeta f)^2: a' = -i a omega'/(zeta omega) adds
+#: 2 M omega omega'/(zeta omega) to the stiffness (`damping.predict.sweep_rate`), which turns c omega by that angle.
+DRAGGED_PER_RATE = 2.0 / pi
+
+
 def check_phase_offset(view: View) -> Finding | None:
     """A constant that all phases carry: they are not pi/2 where rows of like amplitude say the resonance is."""
     turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
@@ -232,7 +237,8 @@ def check_phase_offset(view: View) -> Finding | None:
     spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
     other_law = float(np.median([turn.damping for _, turn in turns]))
     in_most = np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) >= 0.5
-    if abs(middle) < max(OFFSET + other_law, OFFSET_ERRORS * spread) or not in_most:
+    dragged = DRAGGED_PER_RATE * max(view.rates.values(), default=0.0)
+    if abs(middle) < max(OFFSET + other_law + dragged, OFFSET_ERRORS * spread) or not in_most:
         return None
     sweeps = label_sweeps(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
     way = "large" if middle > 0.0 else "small"

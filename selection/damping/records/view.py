@@ -158,6 +158,19 @@ class View:
         return legs
 
     @cached_property
+    def rates(self) -> dict[str, float]:
+        """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, where the rate is known."""
+        table = self.record.table
+        if "sweep_rate" not in table.columns:
+            return {}
+        width = 2.0 * (self.implied["damping_ratio"] * self.implied["frequency"])
+        fastest = table["sweep_rate"].abs().groupby(table["sweep"]).max().fillna(0.0)
+        own = self.implied["sweep"].map(fastest) / width**2
+        return {
+            str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], own, width, strict=True) if w > 0.0
+        }
+
+    @cached_property
     def sensed(self) -> float | None:
         """Rate of sweeping (d omega/dt)/omega, 1/s, that the phases show; None where they show none."""
         return sense_rate([leg.run for leg in self.legs if leg.lag is not None])
