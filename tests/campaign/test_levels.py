@@ -216,7 +216,9 @@ def test_a_clipped_sensor_is_left_out(tmp_path, stated):
     corrections = Corrections(channels={"tip": ChannelCorrection("sensor")}) if stated else None
     answer = analyse(files, [40.0], corrections=corrections)
     places = answer.modes[0].places
-    assert any("'tip' stands at" in note and "'s2'" in note for note in answer.to_json()["notes"]) != stated
+    said = answer.to_json()
+    assert any("'tip' is clipped: it stands at" in note and "'s2'" in note for note in said["notes"]) != stated
+    assert all(("tip" in mode["sensors_left_out"]) != stated for mode in said["modes"])
     assert {peak.sensor for peak in places[0].response} == ({"root", "tip"} if stated else {"root"})
     if not stated:  # what correcting 4 % by the rate leaves
         assert all(at.ratio[0] == pytest.approx(ZETA, rel=0.02) for at in places)

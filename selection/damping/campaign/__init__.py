@@ -80,7 +80,7 @@ def analyse(
     misread = find_misread(levels)
     if misread:
         levels = fit_levels([run.without(misread) for run in runs], frequencies)
-    tied = tie_modes(levels, misread)
+    tied = tie_modes(levels, {**runs[0].left_out, **misread})
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
     campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit, level_name=drive), summary)

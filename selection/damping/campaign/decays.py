@@ -99,7 +99,7 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
         if not frequencies and abs(decay[3].frequency / frequency - 1.0) > _ELSEWHERE:
             unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
             continue
-        left_out = _left_out(names, loudest[1], follows)
+        left_out = {**runs[0].left_out, **_left_out(names, loudest[1], follows)}
         kept = np.array([name not in left_out for name in names])
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
         tops, cautions, record, mode = decay

@@ -148,7 +148,8 @@ class Channel:
 class CampaignRun:
     """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors.
 
-    ``rate`` (n,): Hz/s at which the frequency moved, where it is known.
+    ``rate`` (n,): Hz/s at which the frequency moved, where it is known. ``left_out``: sensors that are not among the
+    channels because of what they read, each with why.
     """
 
     label: str
@@ -159,6 +160,7 @@ class CampaignRun:
     channels: tuple[Channel, ...]
     is_time: bool = False
     rate: FloatArray | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_base_driven(self) -> bool:
@@ -210,7 +212,9 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
     by_name = [{channel.name: channel for channel in run.channels} for run in runs]
-    return [replace(run, channels=tuple(own[name] for name in kept)) for run, own in zip(runs, by_name, strict=True)]
+    left_out = {name: why for run in runs for name, why in run.left_out.items()}
+    channels = (tuple(own[name] for name in kept) for own in by_name)
+    return [replace(run, channels=own, left_out=left_out) for run, own in zip(runs, channels, strict=True)]
 
 
 def find_level(text: str) -> tuple[float, str] | None:

@@ -92,10 +92,10 @@ class Source:
         InputError: none is left.
         """
         clipped = [name for name in run.names if name in limits and self.stated.of(name).role != "sensor"]
-        for name in clipped:
-            what = f"{name!r} stands at {limits[name]:.4g} in {run.label!r} again and again: clipped, and left out"
-            self.summary.note(f"{what} (--correct leaves that run out instead, or states role = 'sensor')")
+        why = {name: f"clipped: it stands at {limits[name]:.4g} in {run.label!r} again and again" for name in clipped}
+        for name, text in why.items():
+            self.summary.note(f"{name!r} is {text} (--correct leaves that run out instead, or states role = 'sensor')")
         if clipped and len(clipped) == len(run.names):
             expected = "a run within the range of its sensors"
             raise InputError(f"every sensor of {run.label!r} is clipped", expected=expected)
-        return run.without(clipped)
+        return replace(run.without(clipped), left_out=why)
