@@ -142,20 +142,36 @@ def test_what_tells_a_stiffness_are_third_harmonics_above_noise_not_another_stat
     own = corrected.mass * np.abs((2.0 * np.pi * corrected.frequency) ** 2 - 9.0 * rows.omega**2)
     norm = float(np.linalg.norm(0.25 * k3 * rows.A**3 / own))
     heavier = replace(rows, added=np.full(len(rows), 0.2 * lab.mass))
-    assert count_beyond(fit) == count_beyond(fit, heavier) == 0
+    alone = found.hypotheses[:1]
+    assert count_beyond(alone) == count_beyond(alone, heavier) == 0
     for share, counted in ((1.05, 0), (0.95, 1)):  # 5 %: what the damping, and a reading that errs by 1 %, may change
         sd = np.full(len(rows), share * norm / INDISTINCT)
         measured = replace(rows, channels=("third",), sd_third=sd)
-        assert count_beyond(fit, measured) == counted
-        assert count_beyond(fit, measured, heavier) == 2 * counted
+        assert count_beyond(alone, measured) == counted
+        assert count_beyond(alone, measured, heavier) == 2 * counted
+
+
+def test_third_harmonics_tell_by_those_that_a_rival_would_have(lab):
+    """q' |q'| has 1/5 of its first harmonic, q' |q| -3/5: the rival's differ by four times what the force has."""
+    found = lab.diagnosed("velocity-squared")
+    pair = [own for own in found.hypotheses if own.effects in (("velocity-squared",), ("displacement-velocity",))]
+    drag = sorted(pair, key=lambda own: own.effects != ("velocity-squared",))
+    rows = drag[0].hypothesis.best.model.problem.rows
+    c2 = found.corrected.damping["velocity-squared"]["coefficient"]
+    own = found.corrected.mass * np.abs((2.0 * np.pi * found.corrected.frequency) ** 2 - 9.0 * rows.omega**2)
+    norm = float(np.linalg.norm(8.0 / (15.0 * np.pi) * c2 * (rows.omega * rows.A) ** 2 / own))
+    for share, alone, beside in ((0.95, 1, 1), (1.05, 0, 1), (3.8, 0, 1), (4.2, 0, 0)):
+        sd = np.full(len(rows), share * norm / INDISTINCT)
+        measured = replace(rows, channels=("third",), sd_third=sd)
+        assert (count_beyond(drag[:1], measured), count_beyond(drag, measured)) == (alone, beside)
 
 
 def test_another_state_tells_a_damping_force_and_third_harmonics_tell_what_has_none(lab):
-    drag, lag = (lab.diagnosed(name).leading.best for name in ("velocity-squared", "phase-lag"))
-    for fit in (drag, lag):
-        rows = fit.model.problem.rows
-        assert count_beyond(fit, replace(rows, added=np.full(len(rows), 0.2 * lab.mass))) == 1
-    assert count_beyond(lag, replace(lag.model.problem.rows, channels=("third",))) == 1
+    drag, lag = (lab.diagnosed(name).hypotheses[:1] for name in ("velocity-squared", "phase-lag"))
+    for alone in (drag, lag):
+        rows = alone[0].hypothesis.best.model.problem.rows
+        assert count_beyond(alone, replace(rows, added=np.full(len(rows), 0.2 * lab.mass))) == 1
+    assert count_beyond(lag, replace(lag[0].hypothesis.best.model.problem.rows, channels=("third",))) == 1
 
 
 def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):

@@ -169,7 +169,7 @@ def explain(
     foreign = fit_foreign(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, foreign)
     in_library = weighing.estimate_in_library(doubts, leading, known.dispersion)
-    weighed = weighing.blend_probabilities(hypotheses, in_library, weighing.count_beyond(leading.best))
+    weighed = weighing.blend_probabilities(hypotheses, in_library, weighing.count_beyond(hypotheses))
     cautions += weighing.describe_foreign(leading, foreign)
     left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
     left = left or known.dispersion > 1.0

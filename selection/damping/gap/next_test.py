@@ -256,7 +256,7 @@ def rank_tests(
         odds = np.array([_odds(seen, rival.hypothesis.best, design.change) for rival in rivals])
         gained = np.zeros(len(every))  # of rivals that are not compared nothing is foreseen
         gained[1 : len(compared)] = odds - SURELY * np.sqrt(2.0 * odds)
-        probability = foresee_probability(every, gained, in_library, count_beyond(leading, seen))
+        probability = foresee_probability(every, gained, in_library, count_beyond(compared, seen))
         filled = dict.fromkeys((*_SWEEP, *(name for name in _KEPT if name in columns), *design.columns))
         # -ln sum p e^-odds: a test that settles the case against one rival only leaves the others where they are
         total = -float(logsumexp(-odds, b=p / p.sum()))

@@ -13,7 +13,7 @@ from itertools import chain
 import numpy as np
 from scipy.special import expit, logsumexp, softmax
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
 from damping.effects.rig import recorded_third
@@ -91,22 +91,32 @@ def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
     return set() < simpler.key < further.key and distance(simpler.best, further.best) < INDISTINCT
 
 
-def count_beyond(fit: ModelFit, *further: Rows) -> int:
-    """How much is measured beyond first harmonics of one state that tells the cause of a fit from its imitations.
+def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
+    """How much is measured beyond first harmonics of one state that tells the first explanation from imitations.
 
-    Third harmonics do, unless those of the force that is blamed are below noise. So do another state and added mass,
-    but of a stiffness only beside third harmonics: one that follows the mean square of the motion, as of a spring that
-    warms up, has the same first harmonics at any mass. ``further``: rows to come, as the fit predicts them.
+    Third harmonics do, unless those of the force that is blamed are below noise and so is what they differ from those
+    of any explanation whose first harmonics are the same. So do another state and added mass, but of a stiffness only
+    beside third harmonics: one that follows the mean square of the motion, as of a spring that warms up, has the same
+    first harmonics at any mass. ``further``: rows to come, as the first explanation predicts them.
     """
+    fit = hypotheses[0].hypothesis.best
     every = (fit.model.problem.rows, *further)
     forces = [effect for name in fit.effects if (effect := CATALOGUE[name]).force is not None]
     third = any("third" in rows.channels for rows in every)
     if third and forces:
-        terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
-        heard = [recorded_third(terms, rows.u, rows.phase, rows.drive) / rows.sd_third for rows in every]
-        third = float(np.linalg.norm(np.hstack(heard))) >= INDISTINCT
+        own, first = _predict_thirds(fit, every), len(every[0]) * (1 + every[0].has_phase)
+        alike = (rival.hypothesis.best for rival in hypotheses[1:])
+        heard = (own - _predict_thirds(other, every) for other in alike if distance(fit, other, first) < INDISTINCT)
+        third = any(float(np.linalg.norm(difference)) >= INDISTINCT for difference in chain([own], heard))
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
     return third + (states and (third or all(effect.damping for effect in forces)))
+
+
+def _predict_thirds(fit: ModelFit, every: Sequence[Rows]) -> ComplexArray:
+    """Third harmonics (rows,) of a fit in units of their noise."""
+    terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+    parts = [recorded_third(terms, rows.u, rows.phase, rows.drive) / rows.sd_third for rows in every]
+    return np.concatenate([np.broadcast_to(part, (1, len(rows)))[0] for part, rows in zip(parts, every, strict=True)])
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
@@ -207,10 +217,13 @@ class Group:
         return tuple(dict.fromkeys(chain.from_iterable(self.ways)))
 
 
-def distance(fit: ModelFit, other: ModelFit) -> float:
-    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out."""
+def distance(fit: ModelFit, other: ModelFit, first: int | None = None) -> float:
+    """Norm of the difference of two best-fitting predictions in units of noise, wild points left out.
+
+    ``first``: of the first so many values alone.
+    """
     weights = np.sqrt(fit.weights * other.weights)
-    return float(np.sqrt(np.sum(weights * (fit.r - other.r) ** 2)))
+    return float(np.sqrt(np.sum((weights * (fit.r - other.r) ** 2)[:first])))
 
 
 def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[str, Effect]) -> tuple[Group, ...]:
