@@ -228,6 +228,14 @@ def test_bands_of_frequency_hold_the_next_reading():
     assert inside / trials >= 0.81
 
 
+def test_a_curve_that_friction_ends_is_a_line_there():
+    """A = 2 (F - 1), of which nothing is known from F = 1 to 1.5, nor below: straight to the last force that holds."""
+    force = np.array([0.5, 1.0, 1.5, 2.0])
+    amplitude = np.array([0.0, 0.0, 1.0, 2.0])
+    np.testing.assert_allclose(find_crossing(force, amplitude, np.array([1e-3, 0.5])), [1.0005, 1.25], rtol=1e-12)
+    assert np.isnan(find_crossing(force[1:], np.array([np.nan, 1.0, 2.0]), np.array([0.5]))).all()
+
+
 def record_of(force, amplitude, omega) -> dp.Record:
     rows = {"sweep": [f"L{i}" for i in range(len(force))], "force": force, "amplitude": amplitude}
     return dp.Record(pd.DataFrame({**rows, "frequency": omega / (2.0 * np.pi)}))
@@ -280,6 +288,21 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     )
     assert np.isnan(beyond.average.median[0])  # two levels go no farther than 1.5 times the force
     assert "no prediction" in beyond.cautions[0][0]
+
+
+def test_the_force_for_a_small_amplitude_goes_to_that_of_friction(peaks):
+    """F = 4 R/pi + c omega A (Table 2.I); below 4 R/pi nothing moves, and nothing was told of amplitudes just above."""
+    held, per_amplitude = 0.7, 0.12 * OMEGA_N
+    A = np.array([0.3, 0.8, 2.0])
+    data = peaks(A, held + per_amplitude * A, OMEGA_N)
+    there = extrapolate_loads(data, [4.0], laws=(Law(("viscous", "coulomb")),), estimate=brief_evidence)
+    asked = A[0] * np.array([1e-4, 0.05, 0.3, 0.7])
+    said = predict_forces(there, asked).average
+    true = held + per_amplitude * asked
+    np.testing.assert_allclose(said.median, true, rtol=0.0, atol=0.04)  # one of 16 steps between 0.4 and 1
+    np.testing.assert_allclose(said.median[2:], true[2:], rtol=0.002)  # where the curve is known on both sides
+    assert np.all((said.low < true) & (true < said.high))
+    assert np.all(np.isfinite(said.high))
 
 
 @pytest.mark.slow

@@ -93,10 +93,10 @@ class Extrapolation:
     levels: FloatArray
     spreads: tuple[Spread, ...]
 
-    def predict_at(self, forces: np.ndarray, *, each: bool = False) -> Loads:
-        """Predictions at other forces (forces,), of the same draws; ``each``: of each law too."""
-        plan, repeatability = self.plan, _repeatability(self.mode)
-        return predict(self.members, forces, plan.data, self.loads.level, self.seed, plan, repeatability, each=each)
+    def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
+        """Predictions at other forces (forces,), of the same draws; ``each``, ``still``: see `predict`."""
+        known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
+        return predict(self.members, forces, *known, each=each, still=still)
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""

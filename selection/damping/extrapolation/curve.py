@@ -36,6 +36,9 @@ STEEPEST = 1.0 / SLOPES[0]
 #: between them, and an amplitude asked for beside a farther one is to have the force that it has alone.
 GRID = 20
 STEP = 0.5
+#: Where friction holds the mode A goes to 0 as a line, not a power: forces from one that moves no draw to one that
+#: moves nearly all of them.
+FRICTION = 16
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
 #: Amplitudes within the test of a curve that nobody asked for.
@@ -106,13 +109,21 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     low, high = least / _MARGIN, most * _MARGIN
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
     grid = np.unique(np.concatenate([points, data.tested_force]))
-    loads = free.predict_at(grid, each=each)
+    loads = free.predict_at(grid, each=each, still=True)
+    held = grid[~(loads.average.low > 0.0) & (grid < data.tested_force.min())]
+    if held.size and asked.min() < data.tested_amplitude.min():
+        still = held[~(loads.average.high[: held.size] > 0.0)].max(initial=grid[0])
+        beyond = grid[grid > held[-1]]
+        grid = np.concatenate([np.linspace(still, beyond[0], FRICTION), beyond[1:]])
+        loads = free.predict_at(grid, each=each, still=True)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
     predicted_there = np.isfinite(average.median)
     linear = np.where(predicted_there, data.tested_force[top] * asked / data.tested_amplitude[top], np.nan)
     weights = [member.weight for member in predicted.members]
-    steep = np.gradient(np.log(grid)) / np.gradient(np.log(loads.average.median))
+    moves = loads.average.median > 0.0
+    log_F = np.log(grid[moves])
+    steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
     refusal = "no prediction: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
         refusal = f"no prediction: few levels do not say how damping goes on beyond the force {plan.limit:.4g}"
@@ -122,7 +133,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         average=average,
         by_model=tuple(_invert_band(band, grid, asked, plan.limit) for band in loads.by_model),
         parts={
-            name: np.interp(np.log(average.median), np.log(grid), part * steep) for name, part in loads.parts.items()
+            name: np.interp(np.log(average.median), log_F, part[moves] * steep) for name, part in loads.parts.items()
         },
         linear=linear,
         overprediction=100.0 * (linear / average.median - 1.0),
@@ -153,13 +164,18 @@ def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) 
 def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -> FloatArray:
     """Force at which a curve of amplitude first reaches each amplitude asked; NaN outside of the curve.
 
-    Arguments (grid,), (grid,) and (rows,), forces rising. The curve is straight in the logarithms from point to point.
+    Arguments (grid,), (grid,) and (rows,), forces rising. The curve is straight in the logarithms from point to point,
+    and itself from a force that friction holds, of amplitude 0, to the first that moves.
     """
-    known = np.isfinite(amplitude)
+    known = np.isfinite(amplitude) & (amplitude > 0.0)
     if known.sum() < 2:
         return np.full(len(asked), np.nan)
+    first = int(np.argmax(known))
+    held = force[first - 1] if first and amplitude[first - 1] == 0.0 else np.nan
     grown = np.maximum.accumulate(np.log(amplitude[known])) + 1e-12 * np.arange(int(known.sum()))
-    return np.exp(np.interp(np.log(asked), grown, np.log(force[known]), left=np.nan, right=np.nan))
+    reached = np.exp(np.interp(np.log(asked), grown, np.log(force[known]), left=np.nan, right=np.nan))
+    below = held + (force[first] - held) * asked / amplitude[first]
+    return np.where(asked < amplitude[first], below, reached)
 
 
 def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:

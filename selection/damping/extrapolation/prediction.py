@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
 from damping.infer.observations import Observations
@@ -133,6 +133,7 @@ def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
 
 
+@np.errstate(divide="ignore")  # linear damping over none: what friction holds does not move
 def predict(
     members: Sequence[Member],
     force: FloatArray,
@@ -143,6 +144,7 @@ def predict(
     repeatability: float = 0.0,
     spreads: Sequence[Spread] | None = None,
     each: bool = True,
+    still: bool = False,
 ) -> Loads:
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
@@ -150,14 +152,17 @@ def predict(
         data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
         spreads: draws at ``force``, where they were made before. each: whether the band of each law is wanted too.
+        still: below the tested forces a draw without a resonance counts as one that friction holds, of amplitude 0;
+            else no prediction is made where many have none.
     """
     if spreads is None:
         spreads = draw_spreads(members, force, data, repeatability, seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
+    held = (force < data.tested_force.min()) if still else np.full(len(force), False)
     laws = zip(members, spreads, strict=True) if each else ()
-    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, level) for m, s in laws]
+    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, held, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, level)
+    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, held, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -200,18 +205,29 @@ def _moments(spread: Spread) -> tuple[FloatArray, ...]:
     return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(spread.noise**2, axis=0)
 
 
-@np.errstate(over="ignore")  # an amplitude beyond all numbers is infinite
+@np.errstate(over="ignore", invalid="ignore")  # an amplitude beyond all numbers is infinite, one of 0 is ln 0
 def _band(
-    name: str, weight: float, spreads: Sequence[Spread], shares: FloatArray, allowed: np.ndarray, level: float
+    name: str,
+    weight: float,
+    spreads: Sequence[Spread],
+    shares: FloatArray,
+    allowed: BoolArray,
+    held: BoolArray,
+    level: float,
 ) -> Band:
     """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance.
 
-    One force after another: all of them pooled would be as much again as was drawn.
+    At forces at which such draws are ``held`` their ln A is -inf. One force after another: all of them pooled would be
+    as much again as was drawn.
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):
         pooled = pool([spread.at(slice(i, i + 1)) for spread in spreads])
-        if not shares @ ~pooled.resonates[:, 0] > REFUSED_SHARE * shares.sum():
-            ends[:3, i] = find_quantiles(pooled.total, shares, np.array([0.5, tail, 1.0 - tail]))[:, 0]
-            ends[3:, i] = find_quantiles(pooled.law, shares, np.array([tail, 1.0 - tail]))[:, 0]
+        total, law = pooled.total, pooled.law
+        if held[i]:
+            total, law = (np.where(pooled.resonates, part, -np.inf) for part in (total, law))
+        elif shares @ ~pooled.resonates[:, 0] > REFUSED_SHARE * shares.sum():
+            continue
+        ends[:3, i] = find_quantiles(total, shares, np.array([0.5, tail, 1.0 - tail]))[:, 0]
+        ends[3:, i] = find_quantiles(law, shares, np.array([tail, 1.0 - tail]))[:, 0]
     return Band(name, weight, *np.exp(ends))
