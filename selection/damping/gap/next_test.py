@@ -28,14 +28,7 @@ from damping.gap.problem import State
 from damping.gap.rows import UNSEEN, Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import (
-    COVER,
-    INDISTINCT,
-    Explanation,
-    count_beyond,
-    distance,
-    foresee_probability,
-)
+from damping.gap.weighing import COVER, INDISTINCT, Explanation, count_beyond, distance, foresee_probability
 
 #: Rows of a sweep.
 _POINTS = 40
@@ -243,10 +236,8 @@ def rank_tests(
     if not rivals:
         return ()
     compared = [alive[0], *rivals]
-    every = [
-        *compared,
-        *(own for own in fitted if own.effects not in {explanation.effects for explanation in compared}),
-    ]
+    named = {explanation.effects for explanation in compared}
+    every = [*compared, *(own for own in fitted if own.effects not in named)]
     p = np.array([rival.probability for rival in rivals])
     expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
     tests = []
