@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
+from damping.effects.rig import recorded_third
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
@@ -131,24 +132,31 @@ def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
     assert given[0] < 0.95 < given[1] < given[2]
 
 
+def third_measured(rows, third, sd):
+    """The rows with third harmonics as they are, of a noise that is the same at all."""
+    return replace(rows, channels=("third",), third=third, sd_third=np.full(len(rows), sd))
+
+
 def test_what_tells_a_stiffness_are_third_harmonics_above_noise_not_another_state(lab):
     """Of k3 q^3: k3 A^3/4 over M |omega_n^2 - 9 omega^2|, in closed form but for 1 % of damping.
 
-    A spring that softens with the mean square of the motion has the first harmonics of a cubic one, whatever the mass.
+    A spring that stiffens with the mean square of the motion has the first harmonics of a cubic one, whatever the mass.
     """
     found = lab.diagnosed("stiffness-hardening")
     fit, corrected = found.leading.best, found.corrected
     rows, k3 = fit.model.problem.rows, corrected.effects["stiffness-hardening"]["coefficient"]
     own = corrected.mass * np.abs((2.0 * np.pi * corrected.frequency) ** 2 - 9.0 * rows.omega**2)
     norm = float(np.linalg.norm(0.25 * k3 * rows.A**3 / own))
+    terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+    third = recorded_third(terms, rows.u, rows.phase, rows.drive).reshape(-1)
     heavier = replace(rows, added=np.full(len(rows), 0.2 * lab.mass))
     alone = found.hypotheses[:1]
     assert count_beyond(alone) == count_beyond(alone, heavier) == 0
     for share, counted in ((1.05, 0), (0.95, 1)):  # 5 %: what the damping, and a reading that errs by 1 %, may change
-        sd = np.full(len(rows), share * norm / INDISTINCT)
-        measured = replace(rows, channels=("third",), sd_third=sd)
+        measured = third_measured(rows, third, share * norm / INDISTINCT)
         assert count_beyond(alone, measured) == counted
         assert count_beyond(alone, measured, heavier) == 2 * counted
+    assert count_beyond(alone, third_measured(rows, 0.0 * third, 0.3 * norm)) == 0  # predicted, and not there
 
 
 def test_third_harmonics_tell_by_those_that_a_rival_would_have(lab):
@@ -156,22 +164,36 @@ def test_third_harmonics_tell_by_those_that_a_rival_would_have(lab):
     found = lab.diagnosed("velocity-squared")
     pair = [own for own in found.hypotheses if own.effects in (("velocity-squared",), ("displacement-velocity",))]
     drag = sorted(pair, key=lambda own: own.effects != ("velocity-squared",))
-    rows = drag[0].hypothesis.best.model.problem.rows
-    c2 = found.corrected.damping["velocity-squared"]["coefficient"]
+    fit = drag[0].hypothesis.best
+    rows, c2 = fit.model.problem.rows, found.corrected.damping["velocity-squared"]["coefficient"]
     own = found.corrected.mass * np.abs((2.0 * np.pi * found.corrected.frequency) ** 2 - 9.0 * rows.omega**2)
     norm = float(np.linalg.norm(8.0 / (15.0 * np.pi) * c2 * (rows.omega * rows.A) ** 2 / own))
+    terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+    third = recorded_third(terms, rows.u, rows.phase, rows.drive).reshape(-1)
     for share, alone, beside in ((0.95, 1, 1), (1.05, 0, 1), (3.8, 0, 1), (4.2, 0, 0)):
-        sd = np.full(len(rows), share * norm / INDISTINCT)
-        measured = replace(rows, channels=("third",), sd_third=sd)
+        measured = third_measured(rows, third, share * norm / INDISTINCT)
         assert (count_beyond(drag[:1], measured), count_beyond(drag, measured)) == (alone, beside)
 
 
-def test_another_state_tells_a_damping_force_and_third_harmonics_tell_what_has_none(lab):
+def test_a_stiffness_without_third_harmonics_is_no_spring_of_the_library(lab):
+    """A cubic spring's would stand 30 times out of noise; what stiffens with the mean square of the motion has none."""
+    record = lab.measured("stiffness-hardening")
+    rng, top = np.random.default_rng(8), record.column("amplitude").max()
+    noise = 1e-5 * top * (rng.standard_normal(len(record)) + 1j * rng.standard_normal(len(record)))
+    columns = {"amplitude_3": np.abs(noise), "phase_3": np.angle(noise) % (2.0 * np.pi)}
+    found = explain(Record(record.table.assign(**columns), "no third harmonic"), lab.mode())
+    assert found.in_library < 0.5 < lab.diagnosed("stiffness-hardening").in_library
+    assert found.hypotheses[0].probability < 0.95
+
+
+def test_another_state_tells_a_damping_force_and_third_harmonics_tell_nothing_of_what_has_none(lab):
     drag, lag = (lab.diagnosed(name).hypotheses[:1] for name in ("velocity-squared", "phase-lag"))
     for alone in (drag, lag):
         rows = alone[0].hypothesis.best.model.problem.rows
         assert count_beyond(alone, replace(rows, added=np.full(len(rows), 0.2 * lab.mass))) == 1
-    assert count_beyond(lag, replace(lag[0].hypothesis.best.model.problem.rows, channels=("third",))) == 1
+    rows = lag[0].hypothesis.best.model.problem.rows
+    silent = third_measured(rows, np.zeros(len(rows), complex), 1e-9 * rows.A.max())
+    assert count_beyond(lag, silent) == 0  # no force is blamed, nor does one fit as well
 
 
 def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from damping.effects import course, forces, rig, structure
+from damping.effects import course, forces, foreign, rig, structure
 from damping.effects.contract import Effect, Terms
 from damping.errors import InputError, list_nearest
 
@@ -31,14 +31,15 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
-#: How many causes each of ``FOREIGN`` stands for: contact is a clearance, a stop or a slap, a partner an absorber, a
-#: tank or a circuit, another power a rub, a film or a stream, a reading drifts in gain or in phase.
+#: How many causes those of ``FOREIGN`` stand for: contact is a clearance, a stop or a slap, a partner an absorber, a
+#: tank or a circuit, another power a rub, a film or a stream, a reading drifts in gain or in phase. A slow spring is
+#: one.
 _STANDS_FOR = 3.0
 #: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
-    for effect in (forces.CONTACT, forces.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-}
+    for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+} | {foreign.SLOW_SPRING.name: foreign.SLOW_SPRING}
 
 
 def find_effect(name: str) -> Effect:

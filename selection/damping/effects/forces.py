@@ -17,13 +17,12 @@ import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Joint, ones
-from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, Spring
+from damping.forces.contract import Force, Joint
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,
     QuadraticDisplacement,
-    VelocityPower,
     VelocitySquared,
 )
 from damping.forces.shapes import FORCE, LENGTH, Shape
@@ -38,11 +37,9 @@ _WEIGHTS = _LEFT * _GAUSS[1]
 _ENDS = np.linspace(0.0, 1.0, 33) ** 2
 #: Exponent of a spring that is no cubic one: 1.5 to 8.
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
-#: Power of velocity of a damping force that is none of those above: 0.3 to 8.
-_POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 
 
-def _adds(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
+def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
     """The terms with the force that a table gives."""
     return lambda terms, table: terms.plus(forces=force(table))
 
@@ -58,7 +55,7 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
     def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
 
-    effect = Effect(name, "force", sentence, forms, _adds(force), unit.shapes, force, damping=unit.name)
+    effect = Effect(name, "force", sentence, forms, adds_force(force), unit.shapes, force, damping=unit.name)
     return effect
 
 
@@ -178,7 +175,7 @@ SLIP = Effect(
     kind="force",
     sentence="an elastic joint slips",
     forms=joint_forms,
-    simulate=_adds(joint_force),
+    simulate=adds_force(joint_force),
     shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", default=0.0, switch=True)),
     force=joint_force,
     damping=Slip.name,
@@ -209,7 +206,7 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
         kind="force",
         sentence=sentence,
         forms=forms,
-        simulate=_adds(force),
+        simulate=adds_force(force),
         shapes=(
             Shape("coefficient", FORCE / LENGTH ** "exponent", least=0.0),
             Shape("exponent", above=0.0, default=3.0),
@@ -225,72 +222,4 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
 SPRINGS = (
     _stiffness_effect("stiffness-hardening", 1.0, "the stiffness grows with amplitude", "stiffness-softening"),
     _stiffness_effect("stiffness-softening", -1.0, "the stiffness falls with amplitude", "stiffness-hardening"),
-)
-
-
-@dataclass(frozen=True)
-class Contact(Spring):
-    """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic.
-
-    S = k A (1 - (2/pi)(asin x + x sqrt(1 - x^2))), x = clearance/A, above the clearance (DenHartog 1931); else 0.
-    """
-
-    coefficient: Floats
-    clearance: Floats
-
-    name: ClassVar[str] = "contact"
-    shapes: ClassVar[tuple[Shape, ...]] = (
-        Shape("coefficient", FORCE / LENGTH, least=0.0),
-        Shape("clearance", LENGTH, above=0.0),
-    )
-
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
-        root = np.sqrt(1.0 - x * x)
-        k = self.coefficient * A * ones(omega)
-        S: Floats = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-        return S, S + (4.0 / np.pi) * k * x * root
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """k (q - clip(q, -clearance, clearance))."""
-        return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
-
-
-def contact_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness. Shape: the clearance, within the measured amplitudes."""
-    place = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
-
-    def report(stiffness: Floats, clearance: Floats) -> dict[str, Floats]:
-        return {"coefficient": stiffness, "clearance": clearance}
-
-    return (CONTACT.form(report, scales.loss, shapes=(place,), largest=3.0 * scales.stiffness),)
-
-
-CONTACT = Effect(
-    name="contact",
-    kind="force",
-    sentence="a spring that acts beyond a clearance",
-    forms=contact_forms,
-    simulate=_adds(lambda table: Contact(table["coefficient"], table["clearance"])),
-    need="sweep",
-)
-
-
-def power_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
-
-    def report(loss: Floats, power: Floats) -> dict[str, Floats]:
-        unit = VelocityPower(np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
-        return {"coefficient": loss / unit, "exponent": power}
-
-    return (ANY_POWER.form(report, scales.loss, shapes=(_POWER,)),)
-
-
-ANY_POWER = Effect(
-    name="any-power",
-    kind="force",
-    sentence="a damping force with another power of velocity",
-    forms=power_forms,
-    simulate=_adds(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
 )

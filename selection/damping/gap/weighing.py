@@ -94,29 +94,34 @@ def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
 def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
     """How much is measured beyond first harmonics of one state that tells the first explanation from imitations.
 
-    Third harmonics do, unless those of the force that is blamed are below noise and so is what they differ from those
-    of any explanation whose first harmonics are the same. So do another state and added mass, but of a stiffness only
-    beside third harmonics: one that follows the mean square of the motion, as of a spring that warms up, has the same
-    first harmonics at any mass. ``further``: rows to come, as the first explanation predicts them.
+    Third harmonics do where they tell it from having none, or from an explanation of the same first harmonics, by log
+    odds of ``INDISTINCT``^2/2. So do another state and added mass, but of a stiffness only beside third harmonics: one
+    that follows the mean square of the motion, as of a spring that warms up, has the same first harmonics at any mass.
+    ``further``: rows to come, as the first explanation predicts them.
     """
     fit = hypotheses[0].hypothesis.best
     every = (fit.model.problem.rows, *further)
-    forces = [effect for name in fit.effects if (effect := CATALOGUE[name]).force is not None]
-    third = any("third" in rows.channels for rows in every)
-    if third and forces:
-        own, first = _predict_thirds(fit, every), len(every[0]) * (1 + every[0].has_phase)
+    third = False
+    if any("third" in rows.channels for rows in every):
+        own, first = _miss_thirds(fit, every), len(every[0]) * (1 + every[0].has_phase)
         alike = (rival.hypothesis.best for rival in hypotheses[1:])
-        heard = (own - _predict_thirds(other, every) for other in alike if distance(fit, other, first) < INDISTINCT)
-        third = any(float(np.linalg.norm(difference)) >= INDISTINCT for difference in chain([own], heard))
+        others = (_miss_thirds(rival, every) for rival in alike if distance(fit, rival, first) < INDISTINCT)
+        third = max([_miss_thirds(None, every), *others]) - own >= INDISTINCT**2
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
-    return third + (states and (third or all(effect.damping for effect in forces)))
+    stiff = any(CATALOGUE[name].force is not None and not CATALOGUE[name].damping for name in fit.effects)
+    return third + (states and (third or not stiff))
 
 
-def _predict_thirds(fit: ModelFit, every: Sequence[Rows]) -> ComplexArray:
-    """Third harmonics (rows,) of a fit in units of their noise."""
-    terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
-    parts = [recorded_third(terms, rows.u, rows.phase, rows.drive) / rows.sd_third for rows in every]
-    return np.concatenate([np.broadcast_to(part, (1, len(rows)))[0] for part, rows in zip(parts, every, strict=True)])
+def _miss_thirds(fit: ModelFit | None, every: Sequence[Rows]) -> float:
+    """Square of what a fit misses of third harmonics, in units of their noise; None predicts none."""
+    missed = 0.0
+    for rows in every:
+        predicted: ComplexArray = np.zeros(len(rows), dtype=np.complex128)
+        if fit is not None:
+            terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+            predicted = predicted + recorded_third(terms, rows.u, rows.phase, rows.drive).reshape(-1)
+        missed += float(np.sum(np.abs((predicted - rows.third) / rows.sd_third) ** 2))
+    return missed
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
