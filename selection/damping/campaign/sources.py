@@ -224,6 +224,9 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
 
 def _read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
+    if is_binary(start):
+        expected = "a universal file, HDF5, TDMS or a table of times; convert another file with damping import"
+        raise InputError("no file of a known kind", expected=expected)
     layout = find_layout(recode(start)[0].decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
     headers = [parse_header(name.strip()) for name in layout.names] if layout else []
     time = next((header for header in headers if header.name.lower() in ROLE_NAMES["time"]), None)
@@ -232,9 +235,6 @@ def _read_table(source: Source, start: bytes) -> CampaignRun:
         return _track_table(source, layout, headers, time, drive)
     data = read_bytes(source.file, source.most)
     sensors = [header for header in headers if header is not time and header.text]
-    if is_binary(start):
-        expected = "a universal file, HDF5, TDMS or a table of times; convert another file with damping import"
-        raise InputError("no file of a known kind", expected=expected)
     if time is None or not sensors:
         first = start.decode("utf-8-sig", errors="replace").partition("\n")[0]
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"

@@ -92,6 +92,7 @@ class SlowSpring(CubicStiffness):
     """A spring whose stiffness follows the mean square of the motion, K + (3/4) k A^2, as one that warms up.
 
     Its first harmonic is that of a cubic spring; it has no third, since the stiffness is the same all through a cycle.
+    That holds of averages over cycles: ``g`` is the cubic spring's, and no model with this one is integrated in time.
     """
 
     name: ClassVar[str] = "slow-spring"

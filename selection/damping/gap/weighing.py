@@ -106,7 +106,8 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
         own, first = _miss_thirds(fit, every), len(every[0]) * (1 + every[0].has_phase)
         alike = (rival.hypothesis.best for rival in hypotheses[1:])
         others = (_miss_thirds(rival, every) for rival in alike if distance(fit, rival, first) < INDISTINCT)
-        third = max([_miss_thirds(None, every), *others]) - own >= INDISTINCT**2
+        # noise that is not stated may be larger by a factor
+        third = max([_miss_thirds(None, every), *others]) - own >= (INDISTINCT * fit.model.scatter.factor) ** 2
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
     stiff = any(CATALOGUE[name].force is not None and not CATALOGUE[name].damping for name in fit.effects)
     return third + (states and (third or not stiff))
@@ -225,7 +226,7 @@ class Group:
 def distance(fit: ModelFit, other: ModelFit, first: int | None = None) -> float:
     """Norm of the difference of two best-fitting predictions in units of noise, wild points left out.
 
-    ``first``: of the first so many values alone.
+    ``first``: how many values from the beginning are compared, such as all first harmonics; every value where None.
     """
     weights = np.sqrt(fit.weights * other.weights)
     return float(np.sqrt(np.sum((weights * (fit.r - other.r) ** 2)[:first])))
