@@ -176,7 +176,7 @@ def test_third_harmonics_tell_by_those_that_a_rival_would_have(lab):
 
 
 def test_a_stiffness_without_third_harmonics_is_no_spring_of_the_library(lab):
-    """That of a cubic one would be 77 times the noise at the largest row; with the mean square of the motion none is."""
+    """That of a cubic one would be 77 times the noise at the largest row; of the mean square of the motion none is."""
     record = lab.measured("stiffness-hardening")
     rng, top = np.random.default_rng(8), record.column("amplitude").max()
     noise = 1e-5 * top * (rng.standard_normal(len(record)) + 1j * rng.standard_normal(len(record)))
