@@ -11,8 +11,9 @@ from scipy.special import expit
 
 from damping.effects import CATALOGUE
 from damping.gap import weighing
+from damping.gap.designs import DESIGNS, FLOOR
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import DESIGNS, FLOOR, WORTH, name_command
+from damping.gap.next_test import WORTH, name_command
 from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold
 from damping.gap.weighing import COVER, INDISTINCT, distance
@@ -95,6 +96,28 @@ def test_the_mildest_test_that_settles_the_case_comes_first(lab):
     assert settle == sorted(settle)
     assert others == sorted(others, reverse=True)
     assert all(test.probability >= COVER for test in pair.next_tests[: len(settle)])
+
+
+def test_two_runs_are_proposed_where_none_settles_the_case_alone(lab):
+    """What two runs tell of a rival is at least what either does: each is a part of the same Gaussian vector."""
+    found = lab.diagnosed("velocity-squared")
+    pair = replace(found, explanations=found.explanations[:2], hypotheses=found.explanations[:2])
+    assert max(test.probability for test in pair.next_tests) >= COVER
+    assert all(len(test.rows) == 1 for test in pair.next_tests)
+    weak = [own for own in DESIGNS if own.heavier == 0.0 and own.factor == 1.0 and own.width]
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("damping.gap.next_test.DESIGNS", weak)
+        doubted = replace(pair, in_library=0.1)
+        first, *others = doubted.next_tests
+    alone = {test.what: test for test in others if len(test.rows) == 1}
+    assert max(test.probability for test in alone.values()) < COVER <= first.probability
+    assert len(first.rows) == 2
+    parts = [alone[what] for what in first.what.split("; and ") if what in alone]
+    assert parts
+    for part in parts:
+        assert first.expected_log_odds >= part.expected_log_odds
+        assert set(part.columns) <= set(first.columns)
+        assert part.rows[0] in first.rows
 
 
 def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):

@@ -1,0 +1,142 @@
+"""Tests that could be made next: the sweeps that a record can hold, the mildest first."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import chain
+from math import sqrt
+
+import numpy as np
+
+from damping.effects.contract import Terms
+from damping.gap.model import Problem
+from damping.gap.rows import UNSEEN, Rows
+
+#: Rows of a sweep.
+_POINTS = 40
+#: Masses added for a second state, as shares of the modal mass.
+ADDED_MASSES = (0.2, 0.5)
+#: Noise of a harmonic analyser over the largest amplitude.
+FLOOR = 3e-4
+#: Columns of a third harmonic.
+THIRD = ("amplitude_3", "phase_3")
+
+
+@dataclass(frozen=True)
+class ProposedTest:
+    """A test that could be made next: what it is, why it tells, the columns that it fills beside those of a sweep.
+
+    ``width`` of the sweep over that of the record, 0 for the vicinity of resonance; ``factor`` on the highest force, or
+    on the ``lowest``; ``heavier``: added mass over the modal mass. ``channel``: a further one that is measured.
+    ``change`` is what it does to the terms of any hypothesis.
+    """
+
+    what: str
+    why: str
+    columns: tuple[str, ...] = ()
+    width: float = 1.0
+    factor: float = 1.0
+    lowest: bool = False
+    heavier: float = 0.0
+    channel: str = ""
+    change: Callable[[Terms], Terms] = lambda terms: terms
+
+    def joins(self, other: "ProposedTest") -> bool:
+        """Whether both can be rows of one table: what changes the terms changes them for all rows."""
+        return "sweep_rate" not in {*self.columns, *other.columns}
+
+    def plan(self, problem: Problem) -> Rows:
+        """Its rows, after those of the record, with the amplitudes of the sweep run again as far from its resonance.
+
+        A further channel has the noise that it has in the record; else that of the smallest amplitudes, or of `FLOOR`.
+        """
+        rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
+        level = rows.level.min() if self.lowest else rows.level.max()
+        reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
+        if not self.width:
+            reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
+        band = 1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8)
+        again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
+        u = planned.u + np.log(self.factor)
+        F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
+        shaken = float(np.median(again.shaken))
+        sd_amplitude = float(np.median(again.sd_amplitude))
+        floor = min(float(np.min(sd_amplitude * np.exp(u))), FLOOR * float(np.max(np.exp(u))))
+        sd = {name: np.full(_POINTS, UNSEEN) for name in ("third", "cross")}
+        if self.channel:
+            known = float(getattr(rows, f"sd_{self.channel}").min())
+            sd[self.channel] = np.full(_POINTS, known if known < UNSEEN else floor)
+        turn = np.arange(_POINTS)[:: 1 if again.up[0] > 0.0 else -1]
+        return replace(
+            planned,
+            row=np.arange(_POINTS),
+            sweep=np.zeros(_POINTS, dtype=np.int64),
+            F=np.full(_POINTS, F * (1.0 + added / shaken) if shaken else F),
+            omega=scales.omega_n * band / sqrt(1.0 + self.heavier),
+            u=u,
+            resonant=np.zeros(_POINTS, dtype=bool),
+            time=0.5 + (1.0 + turn) / max(len(rows) - 1, 1),
+            label=np.zeros(_POINTS),
+            rate=planned.rate * ("sweep_rate" not in self.columns),
+            added=np.full(_POINTS, added),
+            sd_amplitude=np.full(_POINTS, sd_amplitude),
+            sd_phase=np.full(_POINTS, float(np.median(again.sd_phase))),
+            sd_third=sd["third"],
+            sd_cross=sd["cross"],
+            channels=(self.channel,) if self.channel else (),
+        )
+
+
+def _with_third(design: ProposedTest) -> ProposedTest:
+    """The same with the third harmonic."""
+    return replace(
+        design,
+        what=f"{design.what}, with the third harmonic of the displacement",
+        why=f"{design.why}; forces that are not linear in the motion distort it, paths and gains do not",
+        columns=(*design.columns, *THIRD),
+        channel="third",
+    )
+
+
+def _add_mass(share: float, factor: float = 1.0) -> ProposedTest:
+    """A second state."""
+    return ProposedTest(
+        f"a second state with a known mass of {share:.0%} of the modal mass added"
+        + (f", at {factor:g} times the highest force" if factor > 1.0 else ""),
+        "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
+        ("added_mass",),
+        factor=factor,
+        heavier=share,
+    )
+
+
+#: Tests of the displacement along the drive, the mildest first.
+_ALONG = (
+    ProposedTest("a sweep at the highest force", "what else it holds is measured beside it"),
+    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
+    ProposedTest("a sweep at half the lowest force", "effects part with amplitude", factor=0.5, lowest=True),
+    ProposedTest(
+        "a sweep of twice the band at the highest force",
+        "other paths and other powers of frequency show far from resonance",
+        width=2.0,
+    ),
+    *map(_add_mass, ADDED_MASSES),
+    ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
+    *(_add_mass(share, 2.0) for share in ADDED_MASSES),
+)
+#: All tests that a record can hold, the mildest first.
+DESIGNS = (
+    ProposedTest(
+        "the highest sweep again, each frequency held until the motion is steady",
+        "what a moving frequency does is gone",
+        ("sweep_rate",),
+        change=lambda terms: terms._replace(moving=()),
+    ),
+    ProposedTest(
+        "the motion across the measured axis at the highest force",
+        "a second principal plane moves across the drive, nothing else does",
+        ("amplitude_y", "phase_y"),
+        channel="cross",
+    ),
+    *chain.from_iterable((design, _with_third(design)) for design in _ALONG),
+)
