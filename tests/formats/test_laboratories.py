@@ -12,7 +12,8 @@ from nptdms import ChannelObject, TdmsWriter
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.conversion import time_histories
-from damping.formats.series import ROLES, Stated, parse_header, refuse_decibels
+from damping.formats.headers import ROLES, parse_header, refuse_decibels
+from damping.formats.series import Stated
 from damping_pipelines.cli_files import import_
 
 CLOSE = 1e-5  # six printed digits
@@ -236,6 +237,28 @@ def test_a_unit_after_a_blank_is_one(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     table.to_csv(path, index=False)
     close(imported(path).record, truth)
+
+
+def test_one_word_of_a_name_tells_what_a_column_is(truth, tmp_path, imported):
+    """Where its unit agrees, and no other column could be meant: two motions, or two forces, are asked for."""
+    names = {"Excitation freq [Hz]": lambda F: truth.f, "Drive force (N)": lambda F: np.full(truth.f.shape, F)}
+    names["Tip_displacement (mm)"] = lambda F: 1e3 * F * np.abs(truth.H)
+    names["Phase (deg)"] = lambda F: np.degrees(truth.lag)
+    path = tmp_path / "a.csv"
+    table = stacked(truth, **names)
+    table.to_csv(path, index=False)
+    close(imported(path).record, truth)
+    # the phase of a stated amplitude is taken by its name
+    table.rename(columns={"Tip_displacement (mm)": "w (mm)"}).to_csv(path, index=False)
+    found = imported(path, columns={"amplitude": "w"}, response="displacement").record
+    assert "phase" in found.table
+    close(found, truth)
+    table.assign(**{"Root displacement (mm)": 1.0}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="which column is the response"):
+        imported(path)
+    table.assign(**{"Static force (N)": 1.0}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="force"):
+        imported(path)
 
 
 @pytest.mark.parametrize("text", ["roof N", "roof S [g]", "roof pk", "Level 1", "accel N", "rms", "phase g"])

@@ -30,7 +30,8 @@ from damping.campaign.tracked import Source
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
-from damping.formats.series import ABSCISSAS, ROLE_NAMES, ColumnHeader, Summary, parse_header
+from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
+from damping.formats.series import Summary
 from damping.formats.uff import Function, read_functions
 from damping.records.text import describe_shortened, is_binary, name_apart, read_bytes, read_start, recode
 

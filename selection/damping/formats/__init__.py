@@ -14,19 +14,10 @@ from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series
 from damping.formats.columns import DECIMALS, DELIMITERS, Layout, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
-from damping.formats.series import (
-    ABSCISSAS,
-    NAMES,
-    ROLES,
-    FileFacts,
-    Series,
-    Stated,
-    Summary,
-    refuse_decibels,
-    require_response,
-)
+from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
 from damping.records.text import (
     DEFAULT_MAX_SIZE,

@@ -16,20 +16,10 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import unit
-from damping.formats.series import (
-    ABSCISSAS,
-    NAMES,
-    ROLES,
-    FileFacts,
-    Samples,
-    Series,
-    Stated,
-    Summary,
-    refuse_decibels,
-    require_response,
-)
+from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
 LONGEST = 60.0  #: seconds after which a file that is still being read is given up

@@ -13,7 +13,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.series import ColumnHeader, merge_units, parse_header, recognise
+from damping.formats.headers import PHASES, ColumnHeader, merge_units, parse_header, recognise
 from damping.records.text import CsvRows, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
@@ -146,7 +146,8 @@ def read_columns(
     Args:
         data: the file.
         mapped: column of each role as the user states it, with or without its unit, or its number from 1; what is not
-            stated of frequency, time and sweep, and a force beside a frequency, is found by name; empty: all by name.
+            stated of frequency, time and sweep, a force beside a frequency and the phase of an amplitude is found by
+            name; empty: all by name.
         known: names, in lower case and without units, that columns of each role have; these go before those that
             tables of laboratories have (``headers.recognise``).
         delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
@@ -220,13 +221,16 @@ def _places(
     headers = [parse_header(name) for name in names]
     by_name, response = _by_name(headers, known, line)
     if not mapped:
+        if "amplitude" not in by_name or {"lead_deg", "lag_deg", "lead"} & set(by_name):
+            by_name.pop("angle", None)
         return by_name, response
     places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
     undriven = "force_x" not in places and "time" not in {*places, *by_name}  # against time it is no amplitude
+    unphased = "amplitude" in places and not set(PHASES) & set(places)
+    wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting) | dict.fromkeys(PHASES, unphased)
     for role, place in by_name.items():
-        free = place not in taken and role not in places
-        if free and (role == "sweep" or (role in _SETTING and setting) or (role == "force" and undriven)):
+        if place not in taken and role not in places and wanted.get(role):
             places[role] = place
     return places, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
 
@@ -254,8 +258,6 @@ def _by_name(
         usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}
         response = None
     places = {role: place for role, place in usual.items() if place not in own.values() and role not in own} | own
-    if not {"amplitude"} & set(places) or {"lead_deg", "lag_deg", "lead"} & set(places):
-        places.pop("angle", None)
     return places, response
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.headers import NAMES
 from damping.formats.quantity import SYSTEMS, Unit, unit
-from damping.formats.series import NAMES, FileFacts, Series, Stated, Summary
+from damping.formats.series import FileFacts, Series, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {

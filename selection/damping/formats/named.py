@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.series import ABSCISSAS, FileFacts, Samples, Series, Stated, Summary
+from damping.formats.headers import ABSCISSAS, PHASES
+from damping.formats.series import FileFacts, Samples, Series, Stated, Summary
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -26,7 +27,6 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-_PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 _MOST_SWEEPS = 1000
 #: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
 _TURN_IN_RADIANS = 1.5
@@ -135,7 +135,7 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
     InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
     """
     turned = dict(arrays)
-    for role in _PHASES:
+    for role in PHASES:
         if role not in turned or np.iscomplexobj(turned[role]):
             continue
         values = np.asarray(turned[role], dtype=np.float64)
@@ -186,7 +186,7 @@ def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[
 def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Samples, bool]:
     """The response (n, k) and whether its phase is known."""
     main = cast(str, _choose_role(arrays, ("response", "x", "amplitude"), "response", needed=True))
-    phase = _choose_role(arrays, tuple(_PHASES), "phase", needed=False)
+    phase = _choose_role(arrays, tuple(PHASES), "phase", needed=False)
     values = _matrix(arrays[main], n, main)
     if (main == "x") != ("y" in arrays):
         raise InputError("x and y need each other", expected="--column x=NAME and y=NAME")
@@ -209,7 +209,7 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
     size = _magnitude(values, "amplitude")
     if phase is None:
         return size, False
-    angle = _real(_same(arrays[phase], n, values, phase), phase) * _PHASES[phase]
+    angle = _real(_same(arrays[phase], n, values, phase), phase) * PHASES[phase]
     return size * np.exp(1j * angle), True
 
 

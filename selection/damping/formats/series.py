@@ -1,15 +1,10 @@
-"""What a file holds, before it is a record: series, what the file and the user say of them, roles and names of columns.
+"""What a file holds, before it is a record: series, and what the file and the user say of them.
 
-A header holds a name, a unit and a scaling: ``Accel [g rms]``; ``F [N]`` is a force and ``f [Hz]`` a frequency, told by
-the unit. What was understood of a file: a table of fact and whence, and notes on what was left out.
+What was understood of a file: a table of fact and whence, and notes on what was left out.
 """
 
-import re
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import pi
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy.typing as npt
@@ -17,172 +12,8 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.quantity import unit
+from damping.formats.headers import parse_header
 from damping.records.text import describe_shortened
-
-_UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
-_BARE_UNIT = re.compile(r"^(.*?\S)(?:\s+in\s+|\s*/\s*|\s+)([^\W\d_]\S*|°)$")  # force N, Kraft in kN, Frequenz/Hz
-_SCALING = re.compile(
-    r"(?i)(?P<apart>[\s_,]*)(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|r\.m\.s|eff)"
-    r"|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
-)
-_DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
-_ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
-#: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
-ABSCISSAS: dict[str, dict[str, float]] = {
-    "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
-                  "rad/s": 0.5 / pi},
-    "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
-    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
-}  # fmt: skip
-
-#: What a row of units holds where a column has none that is understood.
-_NO_UNITS = {"", "-", "V", "mV", "%"}
-
-#: Names of roles, columns and formats, by what they are names in.
-NAMES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
-#: Roles of arrays and columns, each with its meaning.
-ROLES: dict[str, str] = NAMES["meaning"]
-#: Names of columns by role in tables of laboratories.
-ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
-NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
-_KNOWN_NAMES = {
-    name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
-}
-
-
-@dataclass(frozen=True)
-class ColumnHeader:
-    """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``.
-
-    ``title`` is the name with the scaling that stands beside it: ``Force RMS`` of ``Force RMS [N]``.
-    """
-
-    text: str
-    name: str
-    unit: str = ""
-    scaling: str | None = None
-    title: str = ""
-
-    @property
-    def angle(self) -> str:
-        """``degrees`` or ``radians`` where the unit is one of these, else ''."""
-        return _ANGLES.get(self.unit.lower(), "")
-
-
-def parse_header(text: str) -> ColumnHeader:
-    """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft / kN eff``."""
-    rest, last = _take_scaling(text.strip(), apart=True)
-    match = _UNIT.match(rest) or _BARE_UNIT.match(rest)
-    title, within = (match[1].rstrip("/ "), match[2]) if match else (rest, "")
-    within, inner = _take_scaling(within, apart=False)
-    name, first = _take_scaling(title, apart=True)
-    known = name.lower() in _KNOWN_NAMES  # any other may be the name of a sensor: roof N, roof pk
-    if match and match.re is _BARE_UNIT and not (known and _is_unit(name.lower(), within)):
-        title, within, name, match = rest, "", rest, None
-    scaling = inner or last or first
-    title = title if match else text.strip()
-    return ColumnHeader(text, name if known else title, within, scaling, title)
-
-
-def refuse_decibels(what: str, text: str) -> None:
-    """InputError where a name or unit says that amplitudes are logarithms, which no factor turns back."""
-    if _DECIBELS.search(text):
-        expected = "linear values: the reference times 10^(dB/20)"
-        raise InputError(f"{what} in decibels ({describe_shortened(text)!r})", expected=expected)
-
-
-def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
-    """Text without the scaling at its end, and its name; ``apart``: only of a word of its own beside others."""
-    scaled = _SCALING.search(text)
-    if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
-        return text, None
-    kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
-    return text[: scaled.start()].strip(), kind
-
-
-def _is_unit(name: str, text: str) -> bool:
-    """Whether a word is a unit of what a column of a known name holds."""
-    for abscissa in ABSCISSAS:
-        if name in (abscissa, *ROLE_NAMES[abscissa]) and text.lower() in ABSCISSAS[abscissa]:
-            return True
-    if name.startswith(("phase", "lag", "lead", "angle", "theta")):
-        return text.lower() in _ANGLES
-    kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or NAMES["motion"]
-    kinds = ["force"] if name in ROLE_NAMES["force"] else kinds
-    try:
-        unit(text)
-    except InputError:
-        return False
-    return name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
-
-
-def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
-    """Headers of names with the units in the row below them; None where that row holds anything else."""
-    texts = [cell.strip().strip("[]()") for cell in below]
-    if len(texts) != len(names) or not all(text in _NO_UNITS or _names_unit(text) for text in texts):
-        return None
-    if set(texts) <= _NO_UNITS:
-        return None
-    return [name if text in ("", "-") else f"{name} [{text}]" for name, text in zip(names, texts, strict=True)]
-
-
-def _names_unit(text: str) -> bool:
-    """Whether a text is a unit of an abscissa, an angle, or any other."""
-    if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
-        return True
-    try:
-        unit(text)
-    except InputError:
-        return False
-    return not text.isdecimal()
-
-
-def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
-    """Columns by role where the names of a table say it, and the type of response that a name says.
-
-    Where there is a time, ``x`` and ``y`` are no readings of an amplifier, nor where there is a ``z`` beside them.
-    """
-    places: dict[str, int] = {}
-    for place, header in enumerate(headers):
-        for role, names in ROLE_NAMES.items():
-            if role not in places and header.name.lower() in names and _may_be(role, header):
-                places[role] = place
-                break
-    is_time = "time" in places and not {"frequency", "omega"} & set(places)
-    lower = [header.name.lower() for header in headers]
-    response = None
-    for place, header in enumerate(headers):
-        name = header.name.lower()
-        motion = next((kind for kind, names in NAMES["motion"].items() if name in names), None)
-        free = place not in places.values() and not {"response", "amplitude"} & set(places)
-        # a phase whose unit is known, or that of a record
-        is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
-        if motion and free and _may_be(motion, header):
-            places["response" if is_time else "amplitude"], response = place, motion
-        elif is_angle and not is_time and "angle" not in places:
-            places["angle"] = place
-    if not is_time and {"x", "y"} <= set(lower) and "z" not in lower and "amplitude" not in places:
-        places |= {"x": lower.index("x"), "y": lower.index("y")}
-        places.pop("angle", None)
-    return places, response
-
-
-def _may_be(role: str, header: ColumnHeader) -> bool:
-    """Whether the unit of a header, where it has one, is one of the role."""
-    if not header.unit or role == "sweep":
-        return True
-    text = header.unit.lower()
-    if role in ABSCISSAS:
-        return text in ABSCISSAS[role] and (role != "frequency" or not text.startswith("rad"))
-    try:
-        powers = unit(header.unit).powers
-    except InputError:
-        # volts: a scale may be stated
-        return role != "force" and text not in ABSCISSAS["frequency"] and text not in _ANGLES
-    order = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(role, 0)
-    return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))
-
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.headers import ABSCISSAS, NAMES, refuse_decibels
 from damping.formats.quantity import unit
-from damping.formats.series import ABSCISSAS, NAMES, FileFacts, Samples, Series, Summary, refuse_decibels
+from damping.formats.series import FileFacts, Samples, Series, Summary
 from damping.formats.uff_blocks import FREQUENCY, DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
