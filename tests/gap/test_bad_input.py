@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
-from damping.gap.corrected import describe_effects
+from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
 from damping.gap.problem import list_repeated, list_unread
 from damping.records.record import Record
@@ -190,11 +191,23 @@ def test_damping_far_above_the_simulated_one_moves_the_peak_and_is_no_other_mode
     np.testing.assert_allclose(size, times - 1.0, rtol=0.03, atol=0.0)  # 1 % noise, 180 values
 
 
-def test_a_model_without_damping(lab, honest):
-    found, said = answer(honest(), lab.mode(damping={}))
-    assert "the simulation has no damping" in said
-    assert found.leading.effects != ()  # something has to balance the force
-    assert found.leading.effects not in (("slip",), ("coulomb-friction",))  # it is linear
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_viscous_damping_that_is_not_simulated_is_found(lab, honest, share):
+    """Where nothing is simulated, or case II: that loses 2 c A^2 (Table 2.II), viscous damping pi c omega A^2."""
+    damping = {"displacement": {"coefficient": share * lab.viscous * lab.omega}} if share else {}
+    found, said = answer(honest(), lab.mode(damping=damping))
+    assert ("the simulation has no damping" in said) == (not damping)
+    assert found.leading.effects == ("viscous-coefficient",)
+    corrected = corrected_mode(found.leading.best, CATALOGUE).damping
+    lost = corrected["viscous"]["coefficient"]
+    lost += 2.0 / (np.pi * lab.omega) * corrected.get("displacement", {"coefficient": 0.0})["coefficient"]
+    np.testing.assert_allclose(lost, lab.viscous, rtol=0.02, atol=0.0)  # 1 % noise, and 2 % tolerance of the mass
+
+
+def test_resonances_alone_say_nothing_of_a_simulation_without_damping(lab):
+    peaks = pd.DataFrame({"sweep": ["A", "B"], "force": [1.0, 2.0], "frequency": 3.0, "amplitude": [0.02, 0.04]})
+    with pytest.raises(AnalysisError, match=r"no damping.*simulate some in \[damping\]"):
+        diagnose(Record(peaks), lab.mode(damping={}))
 
 
 def test_noise_that_is_not_stated_is_said_and_found(lab, honest):

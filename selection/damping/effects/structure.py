@@ -40,17 +40,19 @@ _OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The viscous force times 1 + ``relative``."""
+    """The viscous force times 1 + ``relative``; one of ``coefficient`` where none is simulated."""
+    if np.any(table["coefficient"]):
+        return terms.plus(forces=Viscous(table["coefficient"]))
     factor = 1.0 + table["relative"]
     forces = (replace(f, coefficient=f.coefficient * factor) if isinstance(f, Viscous) else f for f in terms.forces)
     return terms._replace(forces=tuple(forces))
 
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln| of the factor beyond that of 3 tolerances. No form without simulated viscous damping."""
+    """Strength: |ln| of the factor beyond that of 3 tolerances; the coefficient where none is simulated."""
     least = log1p(3.0 * scales.damping)
     if scales.viscous == 0.0:
-        return ()
+        return (VISCOUS_COEFFICIENT.form(lambda c: {"coefficient": c}, scales.loss / scales.omega_n),)
 
     def change(terms: Terms, beyond: Floats) -> Terms:
         c = Viscous(scales.viscous * np.exp(beyond + np.copysign(least, beyond)))
@@ -70,7 +72,8 @@ VISCOUS_COEFFICIENT = Effect(
     sentence="the viscous coefficient is off by more than its tolerance",
     forms=viscous_forms,
     simulate=simulate_viscous,
-    shapes=(RELATIVE,),
+    shapes=(replace(RELATIVE, default=0.0), replace(Viscous.shapes[0], default=0.0)),
+    damping=Viscous.name,
     corrects=Viscous.name,
 )
 

@@ -117,7 +117,7 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     others: dict[str, Mapping[str, Any]] = dict(mode.effects)
     for name, values in effect_values(fit).items():
         effect = effects[name]
-        if effect.corrects:
+        if effect.corrects and "relative" in values:
             relative[effect.corrects] = values["relative"]
         elif effect.damping and set(values) <= set(list_parameter_names(effect.damping)):
             added[effect.damping] = values

@@ -146,7 +146,8 @@ def explain(
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
 
     Raises:
-        AnalysisError: model and record are of different modes, or there are too many rows.
+        AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
+            simulation without damping.
     """
     given = [(record, mode), *states]
     driven = drive_by_forces(given, simulated=simulate is not None)
@@ -158,6 +159,11 @@ def explain(
         mode = replace(mode, damping=own)
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
+    if rows.at_resonance and not mode.damping and simulate is None:
+        message = (
+            "the simulation has no damping, and so no resonance that these rows, which are all at resonance, part from"
+        )
+        raise AnalysisError(f"{mode.source}: {message}: simulate some in [damping]; damping rank tells which law fits")
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):

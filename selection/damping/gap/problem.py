@@ -125,7 +125,7 @@ def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> di
         "planar-coupling": mode.rig.planes == 1,
         "force-dropout": mode.rig.force == "measured",
         "sweep-rate": mode.rig.rate is not None or bool(np.any(rows.rate != 0.0)),
-        "viscous-coefficient": mode.tolerance.from_record,
+        "viscous-coefficient": mode.tolerance.from_record and Viscous.name in mode.damping,
         "natural-frequency": mode.tolerance.from_record,
     }
     return {name: effect for name, effect in effects.items() if not known.get(name, False)}
