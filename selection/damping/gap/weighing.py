@@ -13,13 +13,13 @@ from itertools import chain
 import numpy as np
 from scipy.special import expit, logsumexp, softmax
 
-from damping.arrays import ComplexArray, FloatArray
+from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
-from damping.effects.rig import recorded_third
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
-from damping.gap.fit import ModelFit
+from damping.gap.fit import ModelFit, log_likelihood
+from damping.gap.model import residuals
 from damping.gap.rows import Rows
 from damping.gap.search import Hypothesis
 from damping.gap.size import Gap, HeldOut
@@ -106,35 +106,47 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
         own, first = _miss_thirds(fit, every), len(every[0]) * (1 + every[0].has_phase)
         alike = (rival.hypothesis.best for rival in hypotheses[1:])
         others = (_miss_thirds(rival, every) for rival in alike if distance(fit, rival, first) < INDISTINCT)
-        # noise that is not stated may be larger by a factor
-        third = max([_miss_thirds(None, every), *others]) - own >= (INDISTINCT * fit.model.scatter.factor) ** 2
+        third = max([_miss_thirds(fit, every, predicts=False), *others]) - own >= INDISTINCT**2
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
     stiff = any(CATALOGUE[name].force is not None and not CATALOGUE[name].damping for name in fit.effects)
     return third + (states and (third or not stiff))
 
 
-def _miss_thirds(fit: ModelFit | None, every: Sequence[Rows]) -> float:
-    """Square of what a fit misses of third harmonics, in units of their noise; None predicts none."""
+def _miss_thirds(fit: ModelFit, every: Sequence[Rows], *, predicts: bool = True) -> float:
+    """-2 ln p of what a fit misses of third harmonics, or of those themselves where it ``predicts`` none."""
     missed = 0.0
     for rows in every:
-        predicted: ComplexArray = np.zeros(len(rows), dtype=np.complex128)
-        if fit is not None:
-            terms = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
-            predicted = predicted + recorded_third(terms, rows.u, rows.phase, rows.drive).reshape(-1)
-        missed += float(np.sum(np.abs((predicted - rows.third) / rows.sd_third) ** 2))
+        if "third" in rows.channels:
+            left = np.concatenate([rows.third.real, rows.third.imag]) / np.tile(rows.sd_third, 2)
+            left = _list_thirds(fit, rows) if predicts else left / fit.model.scatter.factor
+            missed -= 2.0 * float(log_likelihood(left))
     return missed
+
+
+def _list_thirds(fit: ModelFit, rows: Rows) -> FloatArray:
+    """Residuals of third harmonics, (2 n,): of the record as fitted, of other ``rows`` where no sweep deviates."""
+    r, model = fit.r, fit.model
+    if rows is not model.problem.rows:
+        terms = model.terms(fit.y[np.newaxis, : model.size])
+        r = residuals(terms, rows, np.zeros((1, 2 * len(rows.sweeps))), model.scatter).r[0]
+    first = len(rows) * (1 + rows.has_phase + 2 * rows.channels.index("third"))
+    return r[first : first + 2 * len(rows)]
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:
     """Probabilities that can be staked on: blended with those of imitations, as likely as the cause is unknown.
 
-    ``beyond``: see `count_beyond`. Where there is nothing the leading one leaves a rest, which is that of causes nobody
-    fitted.
+    ``beyond``: see `count_beyond`. Where there is something, or nothing is blamed, explanations with the effects of the
+    leading one and more are no imitations: they name what it names. Where there is nothing, or nothing is blamed, the
+    leading one leaves a rest, which is that of causes nobody fitted.
     """
+    named = hypotheses[0].hypothesis.key
     with np.errstate(divide="ignore"):  # what has no chance at all
         log_odds = np.log([explanation.probability for explanation in hypotheses])
+    if beyond or not named:
+        log_odds[[named < explanation.hypothesis.key for explanation in hypotheses]] = -np.inf
     outside = softmax(log_odds / TEMPERATURES[beyond])
-    outside[0] = outside[0] if beyond else min(outside[0], LARGEST_IMITATION)
+    outside[0] = outside[0] if beyond and named else min(outside[0], LARGEST_IMITATION)
     return tuple(
         replace(explanation, probability=float(in_library * explanation.probability + (1.0 - in_library) * own))
         for explanation, own in zip(hypotheses, outside, strict=True)
