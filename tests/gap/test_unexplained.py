@@ -132,6 +132,50 @@ def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
     assert given[0] < 0.95 < given[1] < given[2]
 
 
+def test_an_explanation_that_names_the_same_and_more_is_no_imitation():
+    """It takes of the probability what it has itself, and nothing of what causes outside the library have.
+
+    First harmonics of one state alone tell neither; where nothing is blamed ``LARGEST_IMITATION`` stays the limit.
+    """
+    further = [hypothesis(0.0, "slip"), hypothesis(-6.0, "slip", "drift"), hypothesis(-60.0, "drift")]
+    nothing = [hypothesis(0.0), hypothesis(-6.0, "slip")]
+    p = 1.0 / (1.0 + np.exp(-6.0))
+    for ranked, beyond, outside in (
+        (further, 1, 1.0 / (1.0 + np.exp(-10.0))),
+        (further, 0, 1.0 / (1.0 + np.exp(-1.2) + np.exp(-12.0))),
+        (nothing, 0, 0.65),
+        (nothing, 1, 0.65),
+    ):
+        weighed = weigh_alike(ranked)
+        given = blend_probabilities(weighed, 0.8, beyond)
+        expected = 0.8 * p + 0.2 * min(outside, 0.65 if not beyond else 1.0)
+        assert given[0].probability == pytest.approx(expected, rel=1e-9)
+        if beyond:
+            assert given[1].probability == pytest.approx(0.8 * (1.0 - p), rel=1e-9)
+            assert sum(own.probability for own in given) == pytest.approx(1.0 if ranked is further else 0.93, rel=1e-9)
+
+
+def weigh_alike(ranked):
+    """Explanations with the probabilities that their log posteriors give."""
+    p = np.exp([own.hypothesis.log_posterior for own in ranked])
+    p /= p.sum()
+    return tuple(Explanation(own.hypothesis.effects, q, own.hypothesis) for own, q in zip(ranked, p, strict=True))
+
+
+def test_neither_a_wild_third_harmonic_nor_wrong_phases_hide_the_others(lab):
+    """Third harmonics of 9 times what tells; 60 degrees turn those predicted from a measured phase against them."""
+    alone = lab.diagnosed("velocity-squared").hypotheses[:1]
+    fit = alone[0].hypothesis.best
+    rows, terms = fit.model.problem.rows, fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+    third = recorded_third(terms, rows.u, rows.phase, rows.drive).reshape(-1)
+    sd = float(np.linalg.norm(third)) / (3.0 * INDISTINCT)
+    weak = np.argsort(np.abs(third))[len(third) // 2]
+    wild = np.where(np.arange(len(third)) == weak, -200.0 * sd * third / np.abs(third), third)
+    assert count_beyond(alone, third_measured(rows, third, sd)) == 1
+    assert count_beyond(alone, third_measured(rows, wild, sd)) == 1
+    assert count_beyond(alone, third_measured(replace(rows, phase=rows.phase + np.pi / 3.0), third, sd)) == 1
+
+
 def third_measured(rows, third, sd):
     """The rows with third harmonics as they are, of a noise that is the same at all."""
     return replace(rows, channels=("third",), third=third, sd_third=np.full(len(rows), sd))
