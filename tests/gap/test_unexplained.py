@@ -132,27 +132,29 @@ def test_first_harmonics_of_one_state_leave_a_rest_to_causes_nobody_fitted():
     assert given[0] < 0.95 < given[1] < given[2]
 
 
-def test_an_explanation_that_names_the_same_and_more_is_no_imitation():
-    """It takes of the probability what it has itself, and nothing of what causes outside the library have.
+@pytest.mark.parametrize(
+    ("ranked", "beyond", "imitations"),
+    [
+        ([("slip",), ("slip", "drift"), ("drift",)], 1, (2,)),
+        ([("slip",), ("slip", "drift"), ("drift",)], 0, (1, 2)),
+        ([(), ("slip",), ("drift",)], 0, ()),
+        ([(), ("slip",), ("drift",)], 1, ()),
+    ],
+)
+def test_an_explanation_that_names_the_same_and_more_is_no_imitation(ranked, beyond, imitations):
+    """Softmax at temperatures of 5 (nothing beyond first harmonics) and 6, closed form; log odds of 2 and 30.
 
-    First harmonics of one state alone tell neither; where nothing is blamed ``LARGEST_IMITATION`` stays the limit.
+    Where nothing is beyond, or nothing is blamed, causes outside the library leave ``LARGEST_IMITATION`` at most.
     """
-    further = [hypothesis(0.0, "slip"), hypothesis(-6.0, "slip", "drift"), hypothesis(-60.0, "drift")]
-    nothing = [hypothesis(0.0), hypothesis(-6.0, "slip")]
-    p = 1.0 / (1.0 + np.exp(-6.0))
-    for ranked, beyond, outside in (
-        (further, 1, 1.0 / (1.0 + np.exp(-10.0))),
-        (further, 0, 1.0 / (1.0 + np.exp(-1.2) + np.exp(-12.0))),
-        (nothing, 0, 0.65),
-        (nothing, 1, 0.65),
-    ):
-        weighed = weigh_alike(ranked)
-        given = blend_probabilities(weighed, 0.8, beyond)
-        expected = 0.8 * p + 0.2 * min(outside, 0.65 if not beyond else 1.0)
-        assert given[0].probability == pytest.approx(expected, rel=1e-9)
-        if beyond:
-            assert given[1].probability == pytest.approx(0.8 * (1.0 - p), rel=1e-9)
-            assert sum(own.probability for own in given) == pytest.approx(1.0 if ranked is further else 0.93, rel=1e-9)
+    log_odds = np.array([0.0, -2.0, -30.0])
+    weighed = weigh_alike([hypothesis(own, *effects) for own, effects in zip(log_odds, ranked, strict=True)])
+    odds = np.exp(log_odds / (6.0 if beyond else 5.0))
+    share = 1.0 / (1.0 + sum(odds[at] for at in imitations))
+    share = share if beyond and ranked[0] else min(share, 0.65)
+    given = [own.probability for own in blend_probabilities(weighed, 0.8, beyond)]
+    assert given[0] == pytest.approx(0.8 * weighed[0].probability + 0.2 * share, rel=1e-12)
+    if 1 not in imitations:  # it keeps what it has itself
+        assert given[1] == pytest.approx(0.8 * weighed[1].probability, rel=1e-12)
 
 
 def weigh_alike(ranked):

@@ -26,9 +26,10 @@ from damping.records.record import Record
 
 #: Standard deviation of the ln of a noise that was estimated from roughness, at least.
 NOISE_ERROR = 0.2
-#: A resonance farther from the simulated one than this is that of another mode.
+#: A resonance farther from the simulated one than this, relative, is that of another mode ...
 _ANOTHER_MODE = 0.12
-_BROAD = 0.5  #: ... unless all rows between the two, more than so many, respond by at least this share of the largest
+#: ... unless the response between the two stays above this share of the largest, at more than ``_BROAD_ROWS`` rows.
+_BROAD = 0.5
 _BROAD_ROWS = 2
 #: Columns of a row that two measurements do not share to the last digit, and the share of rows that do where one is a
 #: copy: rounded peaks may agree once.

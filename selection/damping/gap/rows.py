@@ -118,6 +118,11 @@ class Rows:
         """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
         return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
 
+    def places(self, channel: str) -> slice:
+        """Places of a further phasor among the residuals, real parts first."""
+        first = len(self) * (1 + self.has_phase + 2 * self.channels.index(channel))
+        return slice(first, first + 2 * len(self))
+
     @property
     def levels(self) -> int:
         """Number of different force levels."""

@@ -93,7 +93,7 @@ class Search:
 
     Attributes:
         problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
-        hypotheses: fitted so far. units: the strength of each form at which its gap equals the noise.
+        hypotheses: fitted ones, by effects. units: the strength of each form at which its gap equals the noise.
         choices: how many effects a further one is chosen from; those that the record can show where 0.
     """
 

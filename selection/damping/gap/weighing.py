@@ -117,20 +117,24 @@ def _miss_thirds(fit: ModelFit, every: Sequence[Rows], *, predicts: bool = True)
     missed = 0.0
     for rows in every:
         if "third" in rows.channels:
-            left = np.concatenate([rows.third.real, rows.third.imag]) / np.tile(rows.sd_third, 2)
-            left = _list_thirds(fit, rows) if predicts else left / fit.model.scatter.factor
+            left = _list_residuals(fit, rows)[rows.places("third")] if predicts else _list_thirds(fit, rows)
             missed -= 2.0 * float(log_likelihood(left))
     return missed
 
 
+def _list_residuals(fit: ModelFit, rows: Rows) -> FloatArray:
+    """Residuals (m,) of a fit: of the record as fitted, of other ``rows`` where no sweep deviates."""
+    model = fit.model
+    if rows is model.problem.rows:
+        return fit.r
+    terms = model.terms(fit.y[np.newaxis, : model.size])
+    return np.asarray(residuals(terms, rows, np.zeros((1, 2 * len(rows.sweeps))), model.scatter).r[0])
+
+
 def _list_thirds(fit: ModelFit, rows: Rows) -> FloatArray:
-    """Residuals of third harmonics, (2 n,): of the record as fitted, of other ``rows`` where no sweep deviates."""
-    r, model = fit.r, fit.model
-    if rows is not model.problem.rows:
-        terms = model.terms(fit.y[np.newaxis, : model.size])
-        r = residuals(terms, rows, np.zeros((1, 2 * len(rows.sweeps))), model.scatter).r[0]
-    first = len(rows) * (1 + rows.has_phase + 2 * rows.channels.index("third"))
-    return r[first : first + 2 * len(rows)]
+    """Measured third harmonics (2 n,), real parts first, in units of their noise as a fit takes it."""
+    noise = fit.model.scatter.factor * rows.sd_third
+    return np.concatenate([rows.third.real / noise, rows.third.imag / noise])
 
 
 def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, beyond: int) -> tuple[Explanation, ...]:

@@ -148,9 +148,11 @@ class SubsetProblem:
 
 @dataclass
 class Shortlist:
-    """The best subsets so far: ``members`` (m, k), their sums of squares ``values`` (m,), and ``limits`` (k + 1,): no
-    subset of a size can enter the list with more, ``ceiling`` (k + 1,) from the start. ``reach`` (k + 1,): nor any of
-    that size or a larger one."""
+    """The best of the subsets that were tried: ``members`` (m, k), with sums of squares ``values`` (m,).
+
+    ``limits`` (k + 1,): the largest sum of squares by which a subset of each size can still enter the list; ``ceiling``
+    (k + 1,) is that at the start, and ``reach`` (k + 1,) that of any subset of that size or a larger one.
+    """
 
     problem: SubsetProblem
     number: int

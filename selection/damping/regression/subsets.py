@@ -191,7 +191,7 @@ def _grown(root: _State, basis: Basis, terms: range) -> _State:
 
 
 def _add(state: _State, m: int, j: int, basis: Basis) -> None:
-    """Fill subsets m..2m-1: the first m with term j added (their terms so far are all before j)."""
+    """Fill subsets m..2m-1: the first m with term j added (whose own terms all come before j)."""
     directions, inverse, coefficients, variances, rest, leverages, members = state
     old, new, upto = slice(0, m), slice(m, 2 * m), slice(0, j + 1)
     along, across = _project(directions[old, :j, :j], basis.factor[:j, j])
