@@ -13,6 +13,7 @@ from damping.errors import AnalysisError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import MOST_ROWS, diagnose
 from damping.gap.problem import list_repeated, list_unread
+from damping.gap.rows import read_rows
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -102,6 +103,7 @@ def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
             ["phase_3 is without amplitude_3 and", "amplitude_y is without phase_y and"],
         ),
         ({"amplitude_3": 1e-4, "phase_3": 0.1, "amplitude_y": np.nan}, []),
+        ({"amplitude_3": 0.0, "phase_3": 0.1}, ["amplitude_3 is 0 and is not used: an analyser reads noise at least"]),
     ],
 )
 def test_half_a_phasor_is_told_and_not_used(honest, columns, said):
@@ -110,6 +112,15 @@ def test_half_a_phasor_is_told_and_not_used(honest, columns, said):
     cautions = list_unread([(one, None)])
     assert len(cautions) == len(said)
     assert all(caution.startswith(start) for caution, start in zip(cautions, said, strict=True))
+
+
+def test_third_harmonics_of_zero_change_no_answer(lab, honest):
+    """Their noise would be estimated as nothing, beside which no law of damping fits."""
+    record = honest()
+    zero = Record(record.table.assign(amplitude_3=0.0, phase_3=0.0))
+    ours, theirs = (read_rows(one, lab.mode()) for one in (zero, record))
+    assert ours.channels == theirs.channels == ()
+    np.testing.assert_array_equal(ours.sd_third, theirs.sd_third)
 
 
 def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):

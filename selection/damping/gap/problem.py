@@ -214,17 +214,21 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
 
 
 def list_unread(states: Sequence[State]) -> list[str]:
-    """Further channels that are in the records and count for nothing, since half of their phasors is missing."""
+    """Further channels that are in the records and count for nothing: half of their phasors is missing, or all is 0."""
     cautions = []
     for number, (record, _) in enumerate(states, 1):
         for channel in FURTHER_CHANNELS:
             amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
-            for name, other in ((amplitude, phase), (phase, amplitude)):
-                alone = _is_filled(record, name) & ~_is_filled(record, other)
-                if alone.any():
-                    rows = "" if alone.all() else f" in {alone.sum()} of {len(record)} rows"
+            read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
+            for name, fault, unread, why in (
+                (amplitude, f"without {phase}", read & ~timed, "both make one phasor"),
+                (phase, f"without {amplitude}", timed & ~read, "both make one phasor"),
+                (amplitude, "0", read & (record.column(amplitude, np.nan) == 0.0), "an analyser reads noise at least"),
+            ):
+                if unread.any():
+                    rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
                     of_state = f" of state {number}" if len(states) > 1 else ""
-                    cautions.append(f"{name}{of_state} is without {other}{rows} and is not used: both make one phasor")
+                    cautions.append(f"{name}{of_state} is {fault}{rows} and is not used: {why}")
     return cautions
 
 

@@ -158,9 +158,12 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     def optional(name: str, default: float) -> FloatArray:
         return record.column(name, default)[order]
 
-    third, cross = (
-        optional(f"amplitude_{k}", np.nan) * np.exp(-1j * optional(f"phase_{k}", np.nan)) for k in FURTHER_CHANNELS
-    )
+    def phasor(channel: str) -> ComplexArray:
+        A = optional(f"amplitude_{channel}", np.nan)
+        # an amplitude of exactly 0 is none that was read: any analyser has noise
+        return np.asarray(np.where(A > 0.0, A, np.nan) * np.exp(-1j * optional(f"phase_{channel}", np.nan)))
+
+    third, cross = map(phasor, FURTHER_CHANNELS)
     rate = optional("sweep_rate", mode.rig.rate or 0.0)
     return Rows(
         row=order,
