@@ -1,22 +1,26 @@
-"""Forces without a name in the library that imitate those with one: contact, other powers, a spring that warms up."""
+"""Forces without a name in the library that imitate those with one: contact, other powers, lag, a spring that warms up."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.effects.contract import Effect, Form, FormVariable, Scales
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.forces.contract import ones, zeros
+from damping.forces.contract import Force, ones, zeros
 from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: Power of velocity of a damping force that is none of those above: 0.3 to 8.
-_POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
+#: 1 + the power of velocity of a damping force that is none of those above: from friction that falls nearly as 1/speed to
+#: the eighth power.
+_POWER = FormVariable.between(0.2, 9.0, starts=(-1.5, -0.2, 0.6, 1.4))
+#: Lag of what follows the motion late, rad at resonance, as its tangent: from almost a dashpot to almost a spring.
+_LAG = FormVariable.between(0.2, 5.0)
 
 
 @dataclass(frozen=True)
@@ -48,14 +52,46 @@ class Contact(Spring):
         return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
 
 
+@dataclass(frozen=True)
+class Rub(Force):
+    """Friction that acts beyond a ``clearance`` only: energy per cycle 4 R (A - clearance)."""
+
+    coefficient: Floats
+    clearance: Floats
+
+    name: ClassVar[str] = "rub"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE, least=0.0),
+        Shape("clearance", LENGTH, above=0.0),
+    )
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
+        whole, x = (4.0 / np.pi) * self.coefficient * ones(omega), self.clearance / A
+        return whole * (1.0 - np.minimum(x, 1.0)), whole * x * (x < 1.0)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `grow`."""
+        return self.grow(A, omega)[0]
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """R sgn q' where abs(q) > clearance."""
+        return sign * self.coefficient * (np.abs(q) > self.clearance)
+
+
+def _place_clearance(scales: Scales) -> FormVariable:
+    """A clearance within the measured amplitudes."""
+    return FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
+
+
+def _report_beyond(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
+    return {"coefficient": coefficient, "clearance": clearance}
+
+
 def contact_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness. Shape: the clearance, within the measured amplitudes."""
-    place = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
-
-    def report(stiffness: Floats, clearance: Floats) -> dict[str, Floats]:
-        return {"coefficient": stiffness, "clearance": clearance}
-
-    return (CONTACT.form(report, scales.loss, shapes=(place,), largest=3.0 * scales.stiffness),)
+    """Strength: the stiffness. Shape: the clearance."""
+    shapes = (_place_clearance(scales),)
+    return (CONTACT.form(_report_beyond, scales.loss, shapes=shapes, largest=3.0 * scales.stiffness),)
 
 
 CONTACT = Effect(
@@ -68,10 +104,26 @@ CONTACT = Effect(
 )
 
 
-def power_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
+def rub_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the friction. Shape: the clearance."""
+    return (RUB.form(_report_beyond, scales.loss * scales.A_high, shapes=(_place_clearance(scales),)),)
 
-    def report(loss: Floats, power: Floats) -> dict[str, Floats]:
+
+RUB = Effect(
+    name="rub",
+    kind="force",
+    sentence="friction that acts beyond a clearance",
+    forms=rub_forms,
+    simulate=adds_force(lambda table: Rub(table["coefficient"], table["clearance"])),
+    need="sweep",
+)
+
+
+def power_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: C/A at the largest amplitude. Shape: 1 + the power of velocity."""
+
+    def report(loss: Floats, above: Floats) -> dict[str, Floats]:
+        power = above - 1.0
         unit = VelocityPower(np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
         return {"coefficient": loss / unit, "exponent": power}
 
@@ -118,4 +170,33 @@ SLOW_SPRING = Effect(
     forms=slow_forms,
     simulate=adds_force(lambda table: SlowSpring(table["coefficient"])),
     need="third",
+)
+
+
+def lag_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the loss over A at resonance. Shape: tangent of the lag there."""
+
+    def report(loss: Floats, lag: Floats) -> dict[str, Floats]:
+        return {"stiffness": loss * (lag + 1.0 / lag), "time": lag / scales.omega_n}
+
+    return (MEMORY.form(report, scales.loss, shapes=(_LAG,)),)
+
+
+def simulate_memory(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """Z and k i omega tau/(1 + i omega tau): a spring k behind a dashpot k tau (Maxwell), as rubber or a fluid."""
+    stiffness, time = table["stiffness"], table["time"]
+
+    def part(drive: Drive) -> Floats:
+        turned = 1j * drive.omega * time
+        return np.asarray(stiffness * turned / (1.0 + turned))
+
+    return terms.plus(beside=part)
+
+
+MEMORY = Effect(
+    name="memory",
+    kind="structure",
+    sentence="a force that follows the motion late, as of rubber or a fluid, stiffening and damping at once",
+    forms=lag_forms,
+    simulate=simulate_memory,
 )

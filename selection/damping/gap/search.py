@@ -212,7 +212,7 @@ class Search:
         """
         best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
         price = np.log(self.choices + 1.0)
-        wanted: dict[frozenset[str], tuple[float, Hypothesis, str, list[list[Start]]]] = {}
+        wanted: dict[frozenset[str], list[tuple[float, Hypothesis, str, list[list[Start]]]]] = {}
         quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and _leaves_noise(own)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:6]:
             least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
@@ -227,18 +227,22 @@ class Search:
                 tried = list_starts(base.plain, self.forms[name], self.units)
                 gain = max(start.gain for start in chain.from_iterable(tried))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
-                if gain > least and hope > best and (key not in wanted or hope > wanted[key][0]):
-                    wanted[key] = (hope, base, name, tried)
+                if gain > least and hope > best:
+                    wanted.setdefault(key, []).append((hope, base, name, tried))
         most = _MOST_DOUBTING if doubted else _MOST_FITS
-        ordered = sorted(wanted.values(), key=lambda item: -item[0])
-        for hope, base, name, tried in ordered[:most]:
-            if hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base):
-                self.extend(base, name, tried)
+        for ways in wanted.values():
+            ways.sort(key=lambda item: -item[0])
+        ordered = sorted(wanted.items(), key=lambda item: -item[1][0][0])
+        for key, ways in ordered[:most]:
+            for hope, base, name, tried in ways:
+                near = hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base)
+                if near and key not in self.hypotheses:  # the next way where a fit has lost the motion
+                    self.extend(base, name, tried)
         leading = self.ranked()[0]
         shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
-        for _, base, name, tried in ordered:  # what made it lead is added to bases about as good as its own
+        for key, ((_, base, name, tried), *_) in ordered:  # what made it lead is added to bases about as good as its own
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
-            if twin and name in leading.effects[-1:] and base.key | {name} not in self.hypotheses:
+            if twin and name in leading.effects[-1:] and key not in self.hypotheses:
                 self.extend(base, name, tried)
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:

@@ -33,6 +33,7 @@ ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
+_FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
 SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
 
@@ -41,8 +42,9 @@ class Resonance:
     """Phase resonance of one sweep.
 
     ``force``, ``frequency`` (Hz) and ``amplitude`` there; ``phase_offset`` (rad) is what was taken off the phases of
-    the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows) or ``peak``
-    (row of largest amplitude); ``row`` is the row of the record at or nearest to it.
+    the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows), ``beside``
+    (damping alone at the row of largest amplitude, where phases do not reach pi/2) or ``peak`` (that row, taken for
+    resonance); ``row`` is the row of the record at or nearest to it.
     """
 
     sweep: str
@@ -118,6 +120,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
         if passage is not None:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
             return Resonance(sweep, *passage, offset, "interpolated", row)
+        if (told := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
+            return Resonance(sweep, *told, offset, "beside", int(rows[np.argmax(amplitude)]))
     peak = int(np.argmax(amplitude))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
@@ -207,6 +211,26 @@ def _at_resonance(
     if min(F, f, compliance) <= 0.0:  # noise alone
         return None
     return float(F), float(f), float(F * compliance)
+
+
+def _beside_resonance(
+    force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
+) -> tuple[float, float, float] | None:
+    """The force that the damping takes at the row of largest amplitude, the frequency of resonance, and that amplitude.
+
+    With Re Z = K - M omega^2 + S/A, whose slope over all rows gives M, the frequency^2 is omega^2 + Re Z/M. It is the
+    row's own where the slope is none of a mass, or leads far away. None where the phase is none of a driven mode.
+    """
+    peak = int(np.argmax(amplitude))
+    damping = float(force[peak] * np.sin(phase[peak]))
+    if damping <= 0.0:
+        return None
+    spring, square = force * np.cos(phase) / amplitude, frequency**2
+    apart = square - square.mean()
+    mass = -float(apart @ spring) / max(float(apart @ apart), np.finfo(float).tiny)
+    ahead = float(spring[peak]) / mass if mass > 0.0 else 0.0
+    ahead = ahead if abs(ahead) < _FAR * square[peak] else 0.0
+    return damping, float(np.sqrt(square[peak] + ahead)), float(amplitude[peak])
 
 
 def _fitted(cotangent: FloatArray, cosecant: FloatArray, columns: FloatArray) -> tuple[FloatArray, bool]:
