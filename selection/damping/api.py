@@ -201,7 +201,8 @@ def diagnose(
         check(own, state).require(despite)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
     against = () if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
-    gap = replace(gap, cautions=(*map(str, findings.findings), *gap.cautions))
+    said = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
+    gap = replace(gap, cautions=(*said, *gap.cautions))
     sampled = None
     if posterior:
         with progress("posterior", 1) as done:

@@ -189,6 +189,22 @@ def test_lead_and_lag_by_the_turn(truth, tmp_path, imported, header, of_lag, ord
     close(imported(path).record, truth)
 
 
+def test_an_angle_said_to_be_in_rad_is_none_in_degrees(truth, tmp_path, imported):
+    columns = {
+        "Freq [Hz]": lambda _: truth.f,
+        "F [N]": lambda force: np.full(len(truth.f), force),
+        "Displacement [m]": lambda force: force * np.abs(truth.H),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns, **{"Phase (rad)": lambda _: np.degrees(truth.lag)}).to_csv(path, index=False)
+    with pytest.raises(InputError, match=r"angle in rad up to 1\d\d.*expected at most 2 pi, or --column lag_deg=NAME"):
+        imported(path)
+    stacked(truth, **columns, **{"Phase (rad)": lambda _: truth.lag}).to_csv(path, index=False)
+    taken = imported(path)
+    close(taken.record, truth)
+    assert ("unit of angle", "rad", "found in the file") in taken.summary.rows
+
+
 def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
     w = 2 * np.pi * truth.f
     columns = {

@@ -8,18 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from damping.effects import CATALOGUE, FOREIGN, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
-from damping.effects.foreign import Contact
+from damping.effects.foreign import Contact, Rub
 from damping.effects.moving import _Memory, _remembered
 from damping.effects.rig import clipping, compressing, recorded_third
 from damping.effects.terms import predict, third_harmonic
 from damping.errors import InputError
 from damping.forces import make
 from damping.forces.joints import Slip
+from damping.forces.powers import VelocityPower
 from damping.gap.corrected import effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
@@ -459,6 +460,49 @@ def test_a_contact_beyond_a_clearance_has_the_averages_of_its_force():
     np.testing.assert_allclose(S, sampled(A), rtol=1e-6, atol=1e-9)
     numeric = (sampled(A * np.exp(1e-3)) - sampled(A * np.exp(-1e-3))) / 2e-3
     np.testing.assert_allclose(in_phase_slope, numeric, rtol=1e-4, atol=1e-6)
+
+
+def test_a_rub_has_the_averages_of_its_force():
+    """C and dC/d ln A against the mean over a sampled cycle, below and above the clearance."""
+    force, A = Rub(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4])
+    theta = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
+
+    def sampled(A):
+        cosine = np.cos(theta)
+        return 2.0 * np.mean(force.g(A * np.sin(theta), 1.0, np.sign(cosine)) * cosine, axis=0)
+
+    C, slope, S, _ = force.averages(A, np.ones(4))
+    assert not np.any(S)
+    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4 in C, and as much over 2e-2
+    np.testing.assert_allclose(C, sampled(A), atol=0.02)
+    numeric = (sampled(A * np.exp(0.02)) - sampled(A * np.exp(-0.02))) / 0.04
+    np.testing.assert_allclose(slope[[0, 2, 3]], numeric[[0, 2, 3]], rtol=0.05, atol=0.3)
+
+
+@pytest.mark.parametrize("power", [-0.7, -0.3])
+def test_friction_that_falls_with_speed_is_a_negative_power_of_velocity(power):
+    """C against the quadrature of |cos|^(p + 1), whose end is singular for p < 0: substituted by cos = s^5."""
+    A, omega = 0.05, 7.0
+
+    def integrand(s):
+        cosine = s**5
+        return cosine ** (power + 1.0) * 5.0 * s**4 / np.sqrt(1.0 - cosine**2) if s < 1.0 else 0.0
+
+    whole = quad(integrand, 0.0, 1.0, limit=200)[0]  # over a quarter of the cycle, d theta = -d cos/sin
+    expected = 3.0 * (A * omega) ** power * 4.0 * whole / np.pi
+    # the square root at the other end leaves quad 1e-7
+    np.testing.assert_allclose(VelocityPower(3.0, power).quadrature(A, omega), expected, rtol=1e-6)
+
+
+def test_memory_is_a_spring_behind_a_dashpot():
+    """Against the generator's fluid, whose push is solved from its own equation: a stiff and hardly damped far end."""
+    omega = OMEGA * np.linspace(0.9, 1.1, 30)
+    # x'' + 2 zeta w x' + w^2 x = w^2 q with w large at 2 zeta/w = tau kept: x = q/(1 + i omega tau)
+    own, tau = 1e6 * OMEGA, 0.7 / OMEGA
+    push = Partner("memory", own, 0.5 * own * tau, 0.2 * (OMEGA / own) ** 2).push(omega)
+    stiffness = MASS * (OMEGA**2 - omega**2) + 1j * VISCOUS * omega - MASS * push
+    H = receptance(omega, FOREIGN["memory"].simulate(TERMS, {"stiffness": 0.2 * MASS * OMEGA**2, "time": tau}))
+    np.testing.assert_allclose(H, 1.0 / stiffness, rtol=1e-5, atol=0.0)  # (omega/w)^2, times the stiffness over loss
 
 
 def test_a_partner_is_the_second_of_two_coupled_equations():

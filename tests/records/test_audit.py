@@ -15,7 +15,7 @@ import damping as dp
 from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
-from damping.records.mode import Mode, read_mode
+from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import Run, find_prominent
@@ -111,6 +111,41 @@ def test_peaks_in_another_unit_are_doubted_by_their_damping(factor, said):
     found = audit(dp.Record(table), Mode(name="m", frequency=15.0, mass=5.0)).findings
     assert [one.check for one in found] == said
     assert all("mm for m" in str(one) for one in found if one.check == "beyond-model")
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_force_and_frequency_exchanged_are_named(alone):
+    """Peaks of one row a level, and sweeps; force numbers that happen to be near the frequency are left alone."""
+    bench = next(bench for bench in right_benches(12, seed=5) if bench.levels >= 3)
+    table = peaks(bench) if alone else measured(clean(bench), bench)
+    spread = table["force"].max() / table["force"].min()
+    assert spread > 1.7
+    exchanged = table.assign(force=table["frequency"], frequency=bench.mode.frequency * table["force"])
+    (found,) = audit(record_of(exchanged), bench.mode).findings
+    assert (found.check, found.verdict, "exchanged" in found.advice) == ("units", "refuse", True)
+    near = table.assign(force=table["force"] / table["force"].iloc[0] * bench.mode.frequency)
+    assert "exchanged" not in str(audit(record_of(near), bench.mode))
+
+
+def test_levels_under_one_label_are_not_told_to_sweep_on():
+    """Five peaks of one label would be a sweep that ends at its largest response."""
+    bench = replace(right_benches(1, seed=5)[0], levels=5)
+    (found,) = audit(record_of(peaks(bench).assign(sweep="all")), bench.mode).findings
+    assert (found.check, found.verdict) == ("mixed-levels", "refuse")
+
+
+@pytest.mark.parametrize(("simulated", "verdict"), [(0.01, "refuse"), (1e-4, "ok")])
+def test_a_damping_ratio_that_no_simulation_is_so_far_from_is_of_a_unit(simulated, verdict):
+    """Peaks 1000 times too large of a ratio of .02; a crystal simulated with a ratio as small has it by right."""
+    table = pd.DataFrame({"sweep": ["a", "b"], "force": [1.0, 2.0], "frequency": 10.0, "amplitude": [1.0, 2.0]})
+    omega = 2.0 * np.pi * 10.0
+    mode = Mode(
+        name="made", frequency=10.0, mass=1.0 / (2.0 * 2e-5 * omega**2), units=Units("N", "m", "s"),
+        damping={"viscous": {"coefficient": 2.0 * simulated / (2.0 * 2e-5 * omega)}},
+    )  # fmt: skip
+    found = audit(record_of(table), mode)
+    assert found.verdict == verdict
+    assert verdict == "ok" or "mm for m" in str(found)
 
 
 def test_turns_are_named_as_turns():

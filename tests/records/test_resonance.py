@@ -197,13 +197,32 @@ def test_repeated_points_alone():
     assert (found.force, found.amplitude) == pytest.approx((1.5, LINEAR_PEAK), rel=3e-5)
 
 
-def test_without_a_passage_the_largest_amplitude_is_taken():
+@pytest.mark.parametrize("ends", [-1.0, -4.0, 1.5])
+def test_a_sweep_that_ends_beside_its_resonance_tells_the_damping_there(ends):
+    """Half-power half-widths from resonance: of a linear mode C omega A at the last row, and its natural frequency."""
+    frequency = grid(41)
+    frequency = frequency[np.sign(ends) * (frequency - OMEGA_N / (2 * pi)) > abs(ends) * HALF_WIDTH]
+    A, phase = linear(frequency)
+    found = resonance(record(1.5, frequency, A, phase), "A")
+    nearest = int(np.argmax(A))
+    assert (found.method, found.row, found.amplitude) == ("beside", nearest, A[nearest])
+    # Re Z is a line in omega^2 and Im Z is C omega: rounding alone, larger by Z over C omega
+    assert found.force == pytest.approx(C * 2 * pi * frequency[nearest] * A[nearest], rel=1e-12)
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), rel=1e-9)
+
+
+def test_friction_is_read_beside_resonance_at_the_amplitude_that_was_reached():
+    """h A + 4 R/pi at the last row, which the force of the sweep, 1.5, is not."""
+    reached = (1.5 - 4 * 0.3 / pi) / (C * OMEGA_N) * np.linspace(0.1, 0.7, 40)
+    frequency, A, phase = (values[: len(reached)] for values in friction(1.5, 0.3, reached))  # rising, below resonance
+    found = resonance(record(1.5, frequency, A, phase), "A")
+    assert found.method == "beside"
+    assert found.force == pytest.approx(C * OMEGA_N * reached[-1] + 4 * 0.3 / pi, rel=1e-12)  # 1.18
+
+
+def test_without_phases_the_largest_amplitude_is_taken_for_the_resonance():
     frequency = grid(41)
     A, phase = linear(frequency)
-    wing = frequency < OMEGA_N / (2 * pi) - HALF_WIDTH
-    table = record(1.5, frequency[wing], A[wing], phase[wing]).table
-    found = resonance(Record(table, ""), "A")
-    assert (found.method, found.row, found.amplitude) == ("peak", wing.sum() - 1, A[wing].max())
     # phases counted as lead pass -pi/2, not pi/2
     assert resonance(record(1.5, frequency, A, -phase), "A").method == "peak"
     assert resonance(record(1.5, frequency, A), "A").method == "peak"

@@ -1,4 +1,4 @@
-"""Forces without a name in the library that imitate those with one: contact, other powers, lag, a spring that warms up."""
+"""Causes without a name in the library that imitate those with one: contact, other powers, lag, a warming spring."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: 1 + the power of velocity of a damping force that is none of those above: from friction that falls nearly as 1/speed to
-#: the eighth power.
+#: 1 + the power of velocity of a damping force that is none of the library's: from friction that falls nearly as
+#: 1/speed to the eighth power.
 _POWER = FormVariable.between(0.2, 9.0, starts=(-1.5, -0.2, 0.6, 1.4))
 #: Lag of what follows the motion late, rad at resonance, as its tangent: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)

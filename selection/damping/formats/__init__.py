@@ -78,7 +78,7 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         response=columns.response,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
-        degrees=tuple(role for role, header in headers.items() if header.angle == "degrees"),
+        angles={role: header.angle for role, header in headers.items() if header.angle},
     )
     return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")
 

@@ -57,7 +57,7 @@ def to_series(
 
     InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, facts)
+    arrays = _in_radians(arrays, facts, summary)
     times = _taken_times(arrays, facts.units)
     arrays = {role: values for role, values in arrays.items() if times is None or role != "time"}
     role, x = _abscissa(arrays, facts.units)
@@ -129,7 +129,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     return sorted(starts)
 
 
-def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Samples]:
+def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts, summary: Summary) -> dict[str, Samples]:
     """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
 
     InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
@@ -141,9 +141,10 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
         values = np.asarray(turned[role], dtype=np.float64)
         known = values[np.isfinite(values)]
         large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
-        degrees = role in facts.degrees or role.endswith("_deg")
-        if role in ("phase", "lead") and large and not degrees:
-            other = "lag_deg" if role == "phase" else "lead_deg"
+        said = facts.angles.get(role, "")
+        degrees = said == "degrees" or role.endswith("_deg")
+        if (role in ("phase", "lead") or said == "radians") and large and not degrees:
+            other = "lead_deg" if role == "lead" else "lag_deg"
             message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
             raise InputError(message, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
         if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
@@ -151,6 +152,9 @@ def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts) -> dict[str, Sa
             raise InputError(message, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
         if not role.endswith("_deg") and (degrees or large):
             turned[role] = values * (pi / 180.0)
+        if role == "angle":
+            whence = "found in the file" if said else "follows from its size"
+            summary.add("unit of angle", "degrees" if degrees or large else "rad", whence)
     return turned
 
 

@@ -3,7 +3,7 @@
 What was understood of a file: a table of fact and whence, and notes on what was left out.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -28,7 +28,7 @@ class FileFacts:
     force_scaling: str | None = None  #: that of the force where it has its own
     turn: bool = False  #: whether the phase leads or lags is told by its turn alone
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
-    degrees: Sequence[str] = ()  #: roles whose header says degrees
+    angles: Mapping[str, str] = field(default_factory=dict)  #: roles whose header says ``degrees`` or ``radians``
 
 
 @dataclass(frozen=True)

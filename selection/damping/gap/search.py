@@ -35,7 +35,7 @@ _FITTING = 1.6
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
-_MOST_DOUBTING = 4
+_MOST_DOUBTING = 4  #: Fits beside one that is doubted, or leaves noise.
 _CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
 _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
@@ -229,18 +229,20 @@ class Search:
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best:
                     wanted.setdefault(key, []).append((hope, base, name, tried))
-        most = _MOST_DOUBTING if doubted else _MOST_FITS
         for ways in wanted.values():
             ways.sort(key=lambda item: -item[0])
         ordered = sorted(wanted.items(), key=lambda item: -item[1][0][0])
-        for key, ways in ordered[:most]:
+        # lines promise most to what fits worst: a few that are added to what leaves noise come first
+        first = [key for key, ways in ordered if any(_leaves_noise(base) for _, base, *_ in ways)][:_MOST_DOUBTING]
+        ordered.sort(key=lambda item: item[0] not in first)
+        for key, ways in ordered[: _MOST_DOUBTING if doubted else _MOST_FITS]:
             for hope, base, name, tried in ways:
                 near = hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base)
                 if near and key not in self.hypotheses:  # the next way where a fit has lost the motion
                     self.extend(base, name, tried)
         leading = self.ranked()[0]
         shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
-        for key, ((_, base, name, tried), *_) in ordered:  # what made it lead is added to bases about as good as its own
+        for key, ((_, base, name, tried), *_) in ordered:  # what made it lead is added to bases about as good
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
             if twin and name in leading.effects[-1:] and key not in self.hypotheses:
                 self.extend(base, name, tried)

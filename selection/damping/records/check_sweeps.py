@@ -165,7 +165,10 @@ LIGHTEST = 5e-4  #: a mass that nobody states is that of a damping ratio of this
 
 
 def check_mixed_levels(view: View) -> Finding | None:
-    """One label, several forces: rows of different levels take turns over the same frequencies, or are peaks alone."""
+    """One label, several forces: rows of different levels take turns over the same frequencies, or are peaks alone.
+
+    Levels that would be taken for one sweep without a resonance are refused.
+    """
     levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
     mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
     if not mixed or view.record.is_decay:
@@ -176,7 +179,8 @@ def check_mixed_levels(view: View) -> Finding | None:
     advice = "give every level a label of its own"
     every = view.record.has_phase or "energy" in view.record.table
     advice += "" if every else ": of one label only the largest amplitude is used"
-    return Finding("mixed-levels", "caution", what, advice, tuple(mixed))
+    edge = check_edge(view)
+    return Finding("mixed-levels", edge.verdict if edge else "caution", what, advice, tuple(mixed))
 
 
 def _find_levels(view: View, sweep: str) -> list[float]:

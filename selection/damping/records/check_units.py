@@ -1,5 +1,6 @@
 """Checks of units, energies and phases: one system, columns not exchanged, E <= pi F A, a lag in radians."""
 
+import re
 from collections.abc import Mapping
 from math import inf, log, pi
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
 from damping.records.implied import is_in_turns
+from damping.records.mode import Units
 from damping.records.resonance import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -35,7 +37,18 @@ FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz
 
 
 def check_exchange(view: View) -> Finding | None:
-    """Force and response exchanged: the force has a maximum where force per response, the dynamic stiffness, has it."""
+    """Force exchanged with the response or the frequency.
+
+    Of the response, the force has a maximum where force per response, the dynamic stiffness, has it. Of the frequency,
+    every force is a number near the mode's frequency, while frequencies are levels: one of each sweep, and far apart.
+    """
+    if view.mode is not None:
+        apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
+        levels = view.record.table.groupby("sweep")["frequency"].nunique().max() == 1
+        if levels and np.abs(apart).max() < log(NEAR_THE_MODE) and np.ptp(frequency) > 2.0 * log(NEAR_THE_MODE):
+            what = "every force is a number near the frequency of the mode file, and frequencies are as levels of force"
+            advice = "are the columns force and frequency exchanged?"
+            return Finding("units", "refuse", what, advice, view.record.sweeps)
     seen = []
     for run in view.raw:
         if len(run) < 5:
@@ -50,6 +63,10 @@ def check_exchange(view: View) -> Finding | None:
         return None
     what = f"the force passes through a maximum in {name_sweeps(label_sweeps(seen))} while the response stays the same"
     return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(seen))
+
+
+#: Factor within which the resonances of all levels lie of the mode's frequency.
+NEAR_THE_MODE = 1.3
 
 
 def check_energy(view: View) -> Finding | None:
@@ -103,6 +120,7 @@ ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this f
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a unit is the likelier cause
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
+FAR_BELOW = 0.01  #: share of the simulated damping ratio that no structure falls short of
 OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
 NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
 #: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
@@ -128,6 +146,7 @@ def check_units(view: View) -> Finding | None:
     # a factor this large on force over amplitude is of a unit, not of a structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
+    impossible |= zeta < min(SMALL_RATIO, FAR_BELOW * view.simulated)
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
     participation = f"a participation of {1.0 / ratio:.4g}, shape included"
@@ -135,7 +154,7 @@ def check_units(view: View) -> Finding | None:
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
     # of the mass, else the unit factor that brings the damping ratio back to a structure's, the simulated one if any
-    name = name_factor(ratio) if wrong else name_factor(zeta / (view.simulated or 0.01), UNIT_FACTORS, within=inf)
+    name = name_factor(ratio) if wrong else name_unit(zeta / (view.simulated or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
@@ -145,6 +164,13 @@ def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: fl
     size = abs(log(ratio))
     name = min(factors, key=lambda key: abs(size - log(factors[key])))
     return name if abs(size - log(factors[name])) < within else ""
+
+
+def name_unit(ratio: float, units: Units) -> str:
+    """The unit factor nearest to a ratio that ends in a unit of the mode file; of all where it names none."""
+    named = {unit for unit in (units.force, units.length) if unit}
+    own = {name: by for name, by in UNIT_FACTORS.items() if named & set(re.findall(r"for ([^\s,/]+)", name))}
+    return name_factor(ratio, own or UNIT_FACTORS, within=inf)
 
 
 FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
@@ -172,13 +198,14 @@ def check_beyond_model(view: View) -> Finding | None:
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
     elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:
-        name = name_factor(zeta / 0.01, UNIT_FACTORS, within=inf)
+        name = name_unit(zeta / 0.01, view.mode.units)
         differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
     if not differences:
         return None
     hertz = view.record.column("frequency")
     other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
-    advice = "model and record are of different modes" if other else "check the gain of the sensor and the mode file"
+    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
+    advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
 
 
