@@ -15,6 +15,7 @@ from damping.errors import InputError
 from damping.extrapolation import check_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
 from damping.extrapolation.prediction import PARTS, Band
+from damping.ranking import Candidate
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
@@ -95,7 +96,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
             *(rank_text, c.name, f"{c.weight:.3f}", fitted, held_out, f"{row[2]:.2f}", equal, notes.numbers(c.cautions))
         )
     out.print(table)
-    out.print(_tabulate_coefficients(result, mode.units))
+    out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
     out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
@@ -113,15 +114,16 @@ def _print_notes(notes: Notes, result: RankingResult | PredictedResult) -> None:
     notes.show(console(), (caution for caution in result.cautions if caution not in result.headlines))
 
 
-def _tabulate_coefficients(result: RankingResult, units: Units) -> object:
-    """Coefficients of the best laws with their units: medians and 90 % intervals."""
-    numbers, names = ("median", "low", "high", "T-ratio"), ("law", "coefficient", "unit")
-    table = PlainTable("Coefficients, median and 90 % interval", numbers, names)
-    for c in result.ranking.candidates[:MOST_LAWS]:
+def _tabulate_coefficients(laws: Sequence[Candidate], units: Units) -> object:
+    """Coefficients of laws, by their number, with their units: medians and 90 % intervals."""
+    numbers, names = ("median", "low", "high", "T-ratio"), ("", "coefficient", "unit")
+    table = PlainTable("Coefficients of laws by number, median and 90 % interval", numbers, names)
+    for c in laws:
         for x in c.coefficients:
             parameter = f"{x.force} {x.shape}".strip()
             values = (number(value) for value in (x.value, x.low, x.high))
-            table.add_row(c.name, parameter, format_parameter_unit(parameter, units), *values, number(x.t_ratio, 3))
+            unit = format_parameter_unit(parameter, units)
+            table.add_row(str(c.rank), parameter, unit, *values, number(x.t_ratio, 3))
     return table
 
 
