@@ -32,14 +32,13 @@ CATALOGUE: dict[str, Effect] = {
 }
 
 #: How many causes those of ``FOREIGN`` stand for: contact is a clearance, a stop or a slap, a partner an absorber, a
-#: tank or a circuit, another power a rub, a film or a stream, a reading drifts in gain or in phase. A slow spring is
-#: one.
+#: tank or a circuit, another power a film or a stream, a reading drifts in gain or in phase. The others are one each.
 _STANDS_FOR = 3.0
 #: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-} | {effect.name: effect for effect in (foreign.SLOW_SPRING, foreign.RUB, foreign.MEMORY)}
+} | {effect.name: effect for effect in (foreign.SLOW_SPRING, foreign.RUB, foreign.FALLING_FRICTION, foreign.MEMORY)}
 
 
 def find_effect(name: str) -> Effect:

@@ -14,11 +14,10 @@ from damping.effects.forces import adds_force
 from damping.forces.contract import Force, ones, zeros
 from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
-from damping.forces.shapes import FORCE, LENGTH, Shape
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 
-#: 1 + the power of velocity of a damping force that is none of the library's: from friction that falls nearly as
-#: 1/speed to the eighth power.
-_POWER = FormVariable.between(0.2, 9.0, starts=(-1.5, -0.2, 0.6, 1.4))
+#: Power of velocity of a damping force that is none of the library's.
+_POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 #: Lag of what follows the motion late, rad at resonance, as its tangent: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)
 
@@ -76,7 +75,7 @@ class Rub(Force):
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q' where abs(q) > clearance."""
-        return sign * self.coefficient * (np.abs(q) > self.clearance)
+        return np.where(np.abs(q) > self.clearance, sign * self.coefficient, 0.0)
 
 
 def _place_clearance(scales: Scales) -> FormVariable:
@@ -120,10 +119,9 @@ RUB = Effect(
 
 
 def power_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: C/A at the largest amplitude. Shape: 1 + the power of velocity."""
+    """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
 
-    def report(loss: Floats, above: Floats) -> dict[str, Floats]:
-        power = above - 1.0
+    def report(loss: Floats, power: Floats) -> dict[str, Floats]:
         unit = VelocityPower(np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
         return {"coefficient": loss / unit, "exponent": power}
 
@@ -136,6 +134,56 @@ ANY_POWER = Effect(
     sentence="a damping force with another power of velocity",
     forms=power_forms,
     simulate=adds_force(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
+)
+
+
+@dataclass(frozen=True)
+class FallingFriction(Force):
+    """Friction that falls with speed, R sgn q'/(1 + (q'/v)^2), as of a film that begins to carry (Stribeck 1902)."""
+
+    coefficient: Floats
+    speed: Floats
+
+    name: ClassVar[str] = "falling-friction"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE, least=0.0),
+        Shape("speed", LENGTH / TIME, above=0.0),
+    )
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = (4/pi) R h, h = asinh(x)/(x sqrt(1 + x^2)), x = A omega/v, and dC/d ln A = (4/pi) R dh/d ln x."""
+        x = A * omega / self.speed
+        square = x * x
+        h = np.arcsinh(x) / (x * np.sqrt(1.0 + square))
+        whole = (4.0 / np.pi) * self.coefficient
+        return whole * h, whole * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `grow`."""
+        return self.grow(A, omega)[0]
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """R sgn q'/(1 + (q'/v)^2)."""
+        return sign * self.coefficient / (1.0 + (speed / self.speed) ** 2)
+
+
+def falling_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the friction. Shape: the speed at which half is left."""
+    fastest = scales.A_high * scales.omega_n
+    shapes = (FormVariable.between(0.1 * fastest, fastest),)
+
+    def report(friction: Floats, speed: Floats) -> dict[str, Floats]:
+        return {"coefficient": friction, "speed": speed}
+
+    return (FALLING_FRICTION.form(report, scales.loss * scales.A_high, shapes=shapes),)
+
+
+FALLING_FRICTION = Effect(
+    name="falling-friction",
+    kind="force",
+    sentence="friction that falls with speed",
+    forms=falling_forms,
+    simulate=adds_force(lambda table: FallingFriction(table["coefficient"], table["speed"])),
 )
 
 
