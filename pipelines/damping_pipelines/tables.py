@@ -228,6 +228,9 @@ def _print_audit(findings: Audit, mode: Mode | None) -> None:
     for row in findings.implied.to_dict(orient="records"):
         numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
         table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))
+    if mode is not None:
+        values = (mode.frequency, math.nan, math.nan, mode.mass, mode.viscous_ratio or math.nan, math.nan)
+        table.add_row("mode file", *(number(value) for value in values))
     out.print(table)
 
 

@@ -146,7 +146,7 @@ def check_units(view: View) -> Finding | None:
     # a factor this large on force over amplitude is of a unit, not of a structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
-    impossible |= zeta < min(SMALL_RATIO, FAR_BELOW * view.simulated)
+    impossible |= zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio)
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
     participation = f"a participation of {1.0 / ratio:.4g}, shape included"
@@ -154,7 +154,7 @@ def check_units(view: View) -> Finding | None:
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
     # of the mass, else the unit factor that brings the damping ratio back to a structure's, the simulated one if any
-    name = name_factor(ratio) if wrong else name_unit(zeta / (view.simulated or 0.01), view.mode.units)
+    name = name_factor(ratio) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
@@ -194,7 +194,7 @@ def check_beyond_model(view: View) -> Finding | None:
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
-    simulated, zeta = view.simulated, float(table["damping_ratio"].iloc[0])
+    simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
     elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:

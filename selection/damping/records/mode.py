@@ -117,6 +117,12 @@ class Mode:
         """Undamped natural frequency, rad per unit of time: 2 pi times ``frequency``."""
         return RAD_S_PER_HZ * self.frequency
 
+    @property
+    def viscous_ratio(self) -> float:
+        """Damping ratio C/(2 M omega_n) of the viscous part of the damping; 0 without."""
+        viscous = self.damping.get("viscous", {}).get("coefficient", 0.0)
+        return viscous / (2.0 * self.mass * self.omega_n)
+
 
 def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     """The mode in a TOML file, checked.

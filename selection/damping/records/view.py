@@ -210,13 +210,6 @@ class View:
         implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])
         return implied.reset_index(drop=True)
 
-    @property
-    def simulated(self) -> float:
-        """Damping ratio of the viscous part of the mode's damping."""
-        assert self.mode is not None
-        viscous = self.mode.damping.get("viscous", {}).get("coefficient", 0.0)
-        return viscous / (2.0 * self.mode.mass * self.mode.omega_n)
-
     @cached_property
     def mass_ratio(self) -> float:
         """Mass that the rows imply over that of the mode (or of the rows' own column); NaN where they imply none."""
