@@ -44,6 +44,8 @@ def test_exit_codes_and_form(files, damping):
     run = damping("check", right, "--mode", mode)
     assert (run.code, run.err) == (0, "")
     assert run.out.startswith("audit: ok")
+    # C/(2 M omega_n) = 5/(4 2 pi 10)
+    assert run.out.splitlines()[-1].split() == ["mode", "file", "10", "-", "-", "2", "0.01989", "-"]
     run = damping("check", wrong, "--mode", mode, "--json", "-")
     assert run.code == 1
     form = json.loads(run.out)
