@@ -116,7 +116,7 @@ def _print_notes(notes: Notes, result: RankingResult | PredictedResult) -> None:
 
 def _tabulate_coefficients(laws: Sequence[Candidate], units: Units) -> object:
     """Coefficients of laws, by their number, with their units: medians and 90 % intervals."""
-    numbers, names = ("median", "low", "high", "T-ratio"), ("", "coefficient", "unit")
+    numbers, names = ("median", "low", "high", "T-ratio"), ("law", "coefficient", "unit")
     table = PlainTable("Coefficients of laws by number, median and 90 % interval", numbers, names)
     for c in laws:
         for x in c.coefficients:
