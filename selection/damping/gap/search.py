@@ -5,6 +5,7 @@ The evidence pays for every shape and strength that a hypothesis leaves free (Ma
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
@@ -35,7 +36,12 @@ _FITTING = 1.6
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
+_MOST_OF_A_BASE = 4  #: Fits beside one explanation that come before those beside others.
 _MOST_DOUBTING = 4  #: Fits beside one that is doubted, or leaves noise.
+#: An effect that alone gains as much as one of the leading explanation, within this share, is fitted in its place; most
+#: such fits, and leading explanations that are fitted from their other parts too.
+_AS_MUCH = 0.05
+_MOST_SWAPPED = 3
 _CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
 _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
@@ -232,9 +238,14 @@ class Search:
         for ways in wanted.values():
             ways.sort(key=lambda item: -item[0])
         ordered = sorted(wanted.items(), key=lambda item: -item[1][0][0])
-        # lines promise most to what fits worst: a few that are added to what leaves noise come first
+        # lines promise most to what fits worst: a few of each come first, and what is added to one that leaves noise
+        of_base = Counter[frozenset[str]]()
+        late = list[frozenset[str]]()
+        for key, ((_, base, *_), *_) in ordered:
+            of_base[base.key] += 1
+            late += [key] * (of_base[base.key] > _MOST_OF_A_BASE)
         first = [key for key, ways in ordered if any(_leaves_noise(base) for _, base, *_ in ways)][:_MOST_DOUBTING]
-        ordered.sort(key=lambda item: item[0] not in first)
+        ordered.sort(key=lambda item: (item[0] not in first, item[0] in late))
         for key, ways in ordered[: _MOST_DOUBTING if doubted else _MOST_FITS]:
             for hope, base, name, tried in ways:
                 near = hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base)
@@ -246,6 +257,31 @@ class Search:
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
             if twin and name in leading.effects[-1:] and key not in self.hypotheses:
                 self.extend(base, name, tried)
+        self._swap(self.ranked()[0])
+        near = self.ranked()[0].log_posterior - _NEAR
+        for before in [own for own in self.ranked()[:_MOST_SWAPPED] if own.log_posterior > near]:
+            for _, base, name, tried in wanted.get(before.key, [])[1:]:  # another way may lead to a better mode
+                self.extend(base, name, tried)
+                if before.log_posterior > self.hypotheses[before.key].log_posterior:
+                    self.hypotheses[before.key] = before
+
+    def _swap(self, leading: Hypothesis) -> None:
+        """Fit explanations with another effect in the place of one that alone explains about as much as it does.
+
+        Gains of lines are far apart beside another effect, where fits are not: a displacement's and a viscous one's.
+        """
+        alone = {own.effects[0]: own.log_posterior for own in self.hypotheses.values() if len(own.effects) == 1}
+        none = self.hypotheses[frozenset()].log_posterior
+        swaps = []
+        for own, other in product(leading.effects, alone.keys() - leading.key):
+            key = leading.key - {own} | {other}
+            if own in alone and key not in self.hypotheses and not self.effects[other].denies & key:
+                apart = abs(alone[other] - alone[own])
+                if apart < _NEAR + _AS_MUCH * (alone[own] - none):
+                    swaps.append((apart, own, other))
+        for _, own, other in sorted(swaps)[:_MOST_SWAPPED]:
+            if (base := self.hypotheses.get(leading.key - {own})) is not None:
+                self.extend(base, other)
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
