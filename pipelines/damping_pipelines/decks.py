@@ -8,7 +8,8 @@ force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median st
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 
-by non-negative least squares over the load levels. It follows no damping that falls as the amplitude grows.
+by non-negative least squares over the load levels. It follows no damping that falls as the amplitude grows. OpenFAST
+takes them in N, m and s: where the form names its units they are converted, else a comment says that none is named.
 """
 
 from collections import defaultdict
@@ -22,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.formats.quantity import unit as named_unit
 from damping.records.text import read_bytes
 from damping.report.page import fill_text
 from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, read_form
@@ -89,7 +91,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     by_frequency = sorted(modes, key=lambda mode: modes[mode][0].frequency)
     number = {mode: i + 1 for i, mode in enumerate(by_frequency)}
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
-    fitted = [(mode, which, points, fit_coefficients(points, which, unit)) for (mode, points), which in of_modes]
+    si = find_si(form.units)
+    fitted = [(mode, which, points, fit_coefficients(points, which, unit, si)) for (mode, points), which in of_modes]
     values = {
         "code": code,
         "comment": COMMENTS[code],
@@ -99,6 +102,7 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "drive": drive,
         "unit": unit,
         "fitted": fitted,
+        "si": si,
         "missing": missing,
         "flank": FLANK,
         "number": number,
@@ -112,6 +116,15 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     for mode, which, _, found in fitted:
         if abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")
+
+
+def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
+    """N and m in the units of force and length of a form; None where it names none of these."""
+    try:
+        force, length = (named_unit(units.get(what, "")) for what in ("force", "length"))
+    except InputError:
+        return None
+    return (force.factor, length.factor) if (force.powers, length.powers) == ((1, 0, 0), (0, 1, 0)) else None
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:
@@ -148,6 +161,8 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 class Coefficients:
     """c1 (``linear``) and c2 (``quadratic``) of one mode at one bound, and where they miss its damping most.
 
+    Coefficients, and ``equivalent``, are in N, m and s where the form names its units.
+
     ``miss``: their damping there over that of the form, less 1; ``force`` of that level; ``equivalent``: F/(omega A) of
     the form there, the c1 that alone would do; ``falls``: that it is less at the largest amplitude than at the least.
     ``unit``: of forces.
@@ -170,8 +185,12 @@ class Coefficients:
         return f"{text}, where AddBLin alone would be {self.equivalent:.3g}): this form cannot follow {why}"
 
 
-def fit_coefficients(points: Sequence[Point], which: str, unit: str = "") -> Coefficients:
+def fit_coefficients(
+    points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float] | None = None
+) -> Coefficients:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
+
+    ``si``: N and m in the units of force and amplitude, in which coefficients then are.
 
     The low bound of damping is the force that the low ratio means: F low/median. AnalysisError: the form holds no
     forces and amplitudes.
@@ -179,8 +198,9 @@ def fit_coefficients(points: Sequence[Point], which: str, unit: str = "") -> Coe
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
 
     omega = 2.0 * pi * np.array([point.frequency for point in points])
-    A = np.array([point.amplitude for point in points])
-    F = np.array([point.force * getattr(point, which) / point.median for point in points])
+    newtons, metres = si or (1.0, 1.0)
+    A = np.array([metres * point.amplitude for point in points])
+    F = np.array([newtons * point.force * getattr(point, which) / point.median for point in points])
     if not np.all(np.isfinite(A) & np.isfinite(F)):
         raise AnalysisError("coefficients need force and amplitude of each level: a form loads/1 or curve/1")
     columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]

@@ -235,3 +235,36 @@ def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     levels = fit_levels(read_runs([tmp_path / "noise.h5"], 10_000_000)[0], [40.0])
     with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
         tie_modes(levels)
+
+
+def rubbing(f: np.ndarray, force: float) -> np.ndarray:
+    """Displacement per force of a mode with Coulomb friction, averaged over a cycle: A solves a quadratic."""
+    m, w_n, zeta, friction = 2.0, 2 * np.pi * 57.0, 0.004, 0.2
+    w = 2 * np.pi * f
+    spring, loss, constant = m * (w_n**2 - w**2), 2 * m * zeta * w_n * w, 4 * friction / np.pi
+    both = spring**2 + loss**2
+    A = (np.sqrt((loss * constant) ** 2 + both * (force**2 - constant**2)) - loss * constant) / both
+    return 1.0 / (spring + 1j * (loss + constant / A))
+
+
+def test_peaks_of_a_mode_with_friction_lie_within_their_bands(tmp_path):
+    """Half the force of the lowest level is friction: damping is far from a line in the amplitude within a sweep."""
+    f, rng, levels = np.linspace(50.0, 64.0, 600), np.random.default_rng(1), (0.5, 1.0, 2.0, 4.0)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for force in levels:
+            run = file.create_group(f"run_{force}N")
+            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
+            run["force"].attrs["units"] = "N"
+            for name, shape in (("a", 1.0), ("b", -0.9)):
+                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
+                run[name] = -shape * force * (2 * np.pi * f) ** 2 * rubbing(f, force) * noise
+                run[name].attrs["units"] = "m/s^2"
+    mode = analyse([tmp_path / "a.h5"], [8.0]).modes[0]
+    fine = np.linspace(56.5, 57.5, 4001)
+    for at in mode.places:
+        peak = at.level * np.max((2 * np.pi * fine) ** 2 * np.abs(rubbing(fine, at.level)))
+        ratio = 1.0 / np.max(np.abs(rubbing(fine, at.level))) / (2 * 2.0 * (2 * np.pi * 57.0) ** 2)
+        low, high = at.response[0].band[1:]
+        assert low < peak < high
+        assert at.ratio[1] < ratio < at.ratio[2]
+        assert high / low < (1.05 if at.tested else 1.1)  # 26.2 to 27.5 for 15.3 were printed, damping as a line

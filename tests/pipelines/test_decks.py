@@ -158,6 +158,29 @@ def test_coefficients_carry_the_forces_they_came_from(deck):
     assert text.count("AddBLin") == 2
 
 
+def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):
+    """c1 = 2.5 N/(m/s) and c2 = 19 N/(m/s)^2 by forces in kN and amplitudes in mm; a form without units says so."""
+    c1, c2, omega = 2.5, 19.0, 2.0 * pi * 25.0
+    A = np.array([0.0002, 0.001, 0.003])
+    F = c1 * omega * A + 8.0 / (3.0 * pi) * c2 * (omega * A) ** 2
+    rows = [
+        {"amplitude": 1e3 * a, "force": 1e-3 * f, "frequency": 25.0, "damping_ratio": dict.fromkeys(BOUNDS, 0.01)}
+        for a, f in zip(A, F, strict=True)
+    ]
+    source, out = tmp_path / "form.json", tmp_path / "deck.txt"
+    form = {"format": "curve/1", "level": 0.9, "rows": rows}
+    for units, factors, said in (
+        ({"force": "kN", "length": "mm", "time": "s"}, (1.0, 1.0), "AddBLin in N/(m/s), AddBQuad in N/(m/s)^2"),
+        ({}, (1e-6, 1e-9), "these are the units of the form, which names none"),
+    ):
+        source.write_text(json.dumps({**form, "units": units}))
+        assert damping("export", source, "--to", "openfast", "--out", out).code == 0
+        text = out.read_text()
+        numbers = [float(number) for number in re.findall(r"^(\S+)  AddB", text, re.MULTILINE)][:2]
+        np.testing.assert_allclose(numbers, np.multiply(factors, (c1, c2)), rtol=1e-8)  # nine digits are written
+        assert said in text
+
+
 def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping, tmp_path: Path):
     """Coulomb's damping beside viscous: F = c omega A + 4 R/pi (Table 2.II, case VI); exact c1 by hand with c2 = 0."""
     f, M, c, R = 25.0, 40.0, 50.0, 2.0

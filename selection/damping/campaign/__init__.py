@@ -190,7 +190,9 @@ def _peaks(level: Level, k: int, residues: FloatArray, frequency: float, ratio: 
     fit = level.fit
     f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
     columns = fit.columns(f)
-    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]))
+    columns[:, 2 + k] = (
+        fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
+    )
     coefficients = fit.local[k].copy()
     coefficients[:, 2 + k] = np.nan_to_num(residues)
     size = np.abs(coefficients @ columns.T)

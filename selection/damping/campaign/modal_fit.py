@@ -5,9 +5,10 @@ Motions are accelerations per unit of drive, H (sensors, n). With G_k = 1/(w_k^2
     H_s = c_s + e_s w^2 + sign sum_k r_sk w^2 G_k,
 
 sign +1 for a base that shakes (r = shape x participation) and -1 for a force (r = shape/modal mass); c and e hold the
-motion of the base and modes outside the band. Damping changes with amplitude within a level: z = z_p (1 + s (rho - 1)),
-rho the amplitude over that at the peak, so that the ratio of level to level is not forced into any law. Residues are
-linear and solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+motion of the base and modes outside the band. Damping changes with amplitude within a level, so that the ratio of level
+to level is not forced into any law: z = z_p (1 + s (rho - 1) + t (1/rho - 1)), rho the amplitude over that at the peak,
+where t, the share of friction, is free only where the rows demand it. Residues are linear and solved for at every step
+(Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
@@ -32,29 +33,43 @@ _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
 _NEWTON_STEPS = 3
+_STILL = 1e-9  #: amplitude, over that at the peak, of a row that friction holds
 _FEWEST_ROWS = 6
+_LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
+_FRICTION_PAYS = 20.0  #: fall of the squared misfit at which friction is believed: e^10 in likelihood
 
 
 @dataclass(frozen=True)
 class Poles:
-    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, each (modes,)."""
+    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, ``friction`` t.
+
+    Each (modes,).
+    """
 
     frequency: FloatArray
     ratio: FloatArray
     slope: FloatArray
+    friction: FloatArray
     sign: float
 
     def columns(self, f: FloatArray) -> ComplexArray:
         """Columns (n, 2 + modes) at frequencies f whose real coefficients give H of a sensor."""
-        w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, strict=True)
+        w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, self.friction, strict=True)
         terms = [self.sign * w**2 * receptance(f, *mode) for mode in modes]
         return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
 
-    def moved(self, cluster: Sequence[int], shift: FloatArray, log_ratio: FloatArray, slope: FloatArray) -> Poles:
+    def moved(
+        self,
+        cluster: Sequence[int],
+        shift: FloatArray,
+        log_ratio: FloatArray,
+        slope: FloatArray,
+        friction: FloatArray | float = 0.0,
+    ) -> Poles:
         """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms."""
-        parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy()
+        parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy(), self.friction.copy()
         parameters[0][cluster] = self.frequency[cluster] * (1.0 + shift)
-        parameters[1][cluster], parameters[2][cluster] = np.exp(log_ratio), slope
+        parameters[1][cluster], parameters[2][cluster], parameters[3][cluster] = np.exp(log_ratio), slope, friction
         return Poles(*parameters, self.sign)
 
     @property
@@ -97,26 +112,32 @@ class ModalFit(Poles):
         return np.asarray(H - self.local[mode] @ columns.T)
 
 
-def receptance(f: FloatArray, frequency: float, ratio: float, slope: float = 0.0) -> ComplexArray:
-    """G (n,) of a mode whose damping ratio at amplitude rho of its peak is ratio (1 + slope (rho - 1))."""
+def receptance(
+    f: FloatArray, frequency: float, ratio: float, slope: float = 0.0, friction: float = 0.0
+) -> ComplexArray:
+    """G (n,) of a mode whose damping ratio at amplitude rho of its peak is z = ratio (1 + slope (rho - 1) + friction
+    (1/rho - 1)).
+    """
     w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
     elastic = w_k**2 - w**2
     peak = 1.0 / (2.0 * ratio * w_k**2)
     z = np.full_like(f, ratio)
-    if slope != 0.0:
+    if slope != 0.0 or friction != 0.0:
+        # loss rho z = ratio (friction + linear rho + slope rho^2)
+        linear, per_ratio = 1.0 - slope - friction, 2.0 * ratio * w_k * w
         low, high = np.zeros_like(f), np.full_like(f, 1.5)
         for _ in range(_HALVINGS):
             rho = 0.5 * (low + high)
-            z = np.maximum(ratio * (1.0 + slope * (rho - 1.0)), 0.0)
-            above = rho * peak * np.hypot(elastic, 2.0 * z * w_k * w) > 1.0
+            loss = per_ratio * np.maximum(friction + (linear + slope * rho) * rho, 0.0)
+            above = peak * np.hypot(elastic * rho, loss) > 1.0
             low, high = np.where(above, low, rho), np.where(above, rho, high)
         for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = 1/peak^2, from a bracket that is close
-            z = ratio * (1.0 + slope * (rho - 1.0))
-            inertia = (2.0 * w_k * w) ** 2
-            excess = rho**2 * (elastic**2 + inertia * z**2) - 1.0 / peak**2
-            rate = 2.0 * rho * (elastic**2 + inertia * z**2) + 2.0 * rho**2 * inertia * z * ratio * slope
+            loss = per_ratio * (friction + (linear + slope * rho) * rho)
+            excess = (elastic * rho) ** 2 + loss**2 - 1.0 / peak**2
+            rate = 2.0 * rho * elastic**2 + 2.0 * loss * per_ratio * (linear + 2.0 * slope * rho)
             rho = np.clip(rho - excess / rate, low, high)
-        z = np.maximum(ratio * (1.0 + slope * (rho - 1.0)), 0.0)
+        rho = np.maximum(rho, _STILL)
+        z = np.maximum(ratio * (friction / rho + linear + slope * rho), 0.0)
     return np.asarray(1.0 / (elastic + 2j * z * w_k * w))
 
 
@@ -145,7 +166,7 @@ def fit_level(
     """
     frequency = np.array(sorted(starts), dtype=float)
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
-    poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), sign)
+    poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), np.zeros(len(frequency)), sign)
     noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
     # as the starts have them: a gap of about CLUSTER may open or close as frequencies move
     bands = [(cluster, poles.rows_about(f, cluster)) for cluster in poles.clusters]
@@ -153,7 +174,19 @@ def fit_level(
         for cluster, rows in bands:
             poles = _fit_cluster(f[rows], H[:, rows], cluster, poles, noise)
         noise = _estimate_noise(f, H, poles, noise)
+    for cluster, rows in bands:
+        rubbed = _fit_cluster(f[rows], H[:, rows], cluster, poles, noise, friction=True)
+        plain, with_it = (_measure_misfit(f[rows], H[:, rows], trial, noise) for trial in (poles, rubbed))
+        poles = rubbed if plain - with_it > _FRICTION_PAYS else poles
+    if poles.friction.any():
+        noise = _estimate_noise(f, H, poles, noise)
     return _complete_fit(f, H, poles, noise)
+
+
+def _measure_misfit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> float:
+    """Sum of squares of what the poles leave, over the noise."""
+    left = _solve_residues(poles.columns(f), H, _evaluate_sd(H, noise))[1]
+    return float(np.sum(np.abs(left) ** 2))
 
 
 def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
@@ -165,21 +198,22 @@ def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
     return float(np.clip((f[high] - f[low]) / (2.0 * at), 1e-4, 0.1))
 
 
-def _fit_cluster(f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray) -> Poles:
-    """The poles with those of a cluster improved, the others held."""
-    sd = _evaluate_sd(H, noise)
+def _fit_cluster(
+    f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray, *, friction: bool = False
+) -> Poles:
+    """The poles with those of a cluster improved, the others held; ``friction``: with a share of it, else without."""
+    sd, count, parts = _evaluate_sd(H, noise), len(cluster), 3 + friction
 
     def misfit(x: FloatArray) -> FloatArray:
-        rest = _solve_residues(poles.moved(cluster, *np.split(x, 3)).columns(f), H, sd)[1].ravel()
+        rest = _solve_residues(poles.moved(cluster, *np.split(x, parts)).columns(f), H, sd)[1].ravel()
         return np.concatenate([rest.real, rest.imag])
 
-    count = len(cluster)
-    x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster]])
-    low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9], count)
-    high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97], count)
-    start = np.clip(x0, low + 1e-9, high - 1e-9)
+    x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])
+    low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9, 0.0], count)[: parts * count]
+    high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97, _LARGEST_FRICTION], count)[: parts * count]
+    start = np.clip(x0[: parts * count], low + 1e-9, high - 1e-9)
     optimum = least_squares(misfit, start, bounds=(low, high), x_scale="jac", max_nfev=40)
-    return poles.moved(cluster, *np.split(optimum.x, 3))
+    return poles.moved(cluster, *np.split(optimum.x, parts))
 
 
 def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
@@ -238,21 +272,22 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
         columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
         coefficients, left = _solve_residues(columns, H[:, rows], sd)
         width = columns.shape[1]
-        freedom = max(2 * left.size - sensors * width - 3 * len(cluster), 1)
+        free = 3 * len(cluster) + np.count_nonzero(poles.friction[cluster])
+        freedom = max(2 * left.size - sensors * width - free, 1)
         misfit = max(float(np.sum(np.abs(left) ** 2)) / freedom, 1.0)
         variance = np.diag(misfit * _covariance(f[rows], columns, coefficients, sd, cluster, poles))
         for place, k in enumerate(cluster):
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
             residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
             ratio_sd[k] = np.sqrt(variance[sensors * width + place])
-    parameters = (poles.frequency, poles.ratio, poles.slope, poles.sign)
+    parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign)
     return ModalFit(*parameters, ratio_sd, residues, residues_sd, local, noise)
 
 
 def _covariance(
     f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
-    """Covariance of all coefficients, then of ln z, of f (relative) and of s of the cluster's modes."""
+    """Covariance of all coefficients, then of ln z, of f (relative), of s and of t of the cluster's modes."""
     sensors, width, n = *coefficients.shape, len(f)
     moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
@@ -269,9 +304,14 @@ def _covariance(
 
 
 def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, float]]:
-    """The poles with one value of one mode moved, and by how much: ratios (ln), frequencies (relative), slopes."""
-    for which, step in (("ratio", 1e-4), ("frequency", 1e-6), ("slope", 1e-3)):
+    """The poles with one value of one mode moved, and by how much: ratios (ln), frequencies (relative), slopes, and
+    friction where there is some.
+    """
+    names = ("ratio", "frequency", "slope", "friction")
+    for which, step in zip(names, (1e-4, 1e-6, 1e-3, 1e-3), strict=True):
         for k in cluster:
-            stepped = {name: getattr(poles, name).copy() for name in ("frequency", "ratio", "slope")}
-            stepped[which][k] = stepped[which][k] + step if which == "slope" else stepped[which][k] * (1.0 + step)
+            if which == "friction" and not poles.friction[k]:
+                continue
+            stepped = {name: getattr(poles, name).copy() for name in names}
+            stepped[which][k] = stepped[which][k] * (1.0 + step) if step < 1e-3 else stepped[which][k] + step
             yield Poles(**stepped, sign=poles.sign), step

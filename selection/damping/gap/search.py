@@ -258,8 +258,9 @@ class Search:
             if twin and name in leading.effects[-1:] and key not in self.hypotheses:
                 self.extend(base, name, tried)
         self._swap(self.ranked()[0])
-        near = self.ranked()[0].log_posterior - _NEAR
-        for before in [own for own in self.ranked()[:_MOST_SWAPPED] if own.log_posterior > near]:
+        leading, *others = self.ranked()[:_MOST_SWAPPED]
+        close = [own for own in others if own.log_posterior > leading.log_posterior - _NEAR]
+        for before in (leading, *close):
             for _, base, name, tried in wanted.get(before.key, [])[1:]:  # another way may lead to a better mode
                 self.extend(base, name, tried)
                 if before.log_posterior > self.hypotheses[before.key].log_posterior:
