@@ -109,8 +109,9 @@ def _export_form(
     if isinstance(form, RankForm):
         message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
         raise InputError(message, file=source, expected="a ranking of the converted record")
-    names = _names(read_mode(mode) if mode else None, given)
-    _write_table(convert_loads(table, factors(names, units, source=str(mode or source))), out)
+    named = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
+    names = _names(read_mode(mode) if mode else None, given) if mode or given else named
+    _write_table(convert_loads(table, factors(names, units, source=str(mode or source)), form.asked), out)
     show = console()
     show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}")
     if table["cautions"].any():
@@ -163,13 +164,14 @@ def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
 
 
 def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
-    """A row for each design force and law, the average over laws first (``model`` empty)."""
+    """A row for each design force or amplitude and law, the average over laws first (``model`` empty)."""
     rows: list[dict[str, Any]] = []
+    other = "force" if form.asked == "amplitude" else "amplitude"
     for prediction in form.predictions:
-        average = prediction.model_dump(exclude={"by_model", "cautions"})
+        average = prediction.model_dump(exclude={"by_model", "cautions", other})
         rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
         rows += [
-            {"model": law.name, "force": prediction.force, **law.model_dump(exclude={"name"})}
+            {"model": law.name, form.asked: getattr(prediction, form.asked), **law.model_dump(exclude={"name"})}
             for law in prediction.by_model
         ]
     return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)

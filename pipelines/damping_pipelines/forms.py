@@ -1,9 +1,10 @@
 """Forms that commands wrote, read back and checked: of a ranking, loads, a curve, a campaign and a study."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
 
 from damping.errors import InputError
 from damping.records.text import unguarded
@@ -101,9 +102,10 @@ class MemberForm(IntervalForm):
 
 
 class PredictionForm(FormPart):
-    """A prediction at a design force."""
+    """A prediction at a design force, whose median and band are amplitudes; of an amplitude they are forces."""
 
-    force: float
+    force: float | None = None
+    amplitude: float | None = None
     median: float | None
     low: float | None
     high: float | None
@@ -113,13 +115,25 @@ class PredictionForm(FormPart):
     cautions: list[str] = []
     by_model: list[MemberForm] = []
 
+    @model_validator(mode="after")
+    def _asks_one(self) -> Self:
+        if (self.force is None) == (self.amplitude is None):
+            raise PydanticCustomError("asked", "force or amplitude is required, and not both")
+        return self
+
 
 class LoadsForm(FormPart):
-    """Predictions at design forces."""
+    """Predictions at design forces, or at design amplitudes."""
 
     format: Literal["loads/1"]
     level: float
     predictions: Annotated[list[PredictionForm], Field(min_length=1)]
+    units: dict[str, str] = {}
+
+    @property
+    def asked(self) -> str:
+        """What was asked: ``force`` or ``amplitude``."""
+        return "amplitude" if all(row.force is None for row in self.predictions) else "force"
 
 
 class AnswerForm(RootModel[Annotated[RankForm | LoadsForm, Field(discriminator="format")]]):

@@ -293,6 +293,24 @@ def test_loads_in_other_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         export(source, tmp_path / "x.csv", units="us", mode=mode, mode_out=tmp_path / "x.toml")
 
 
+def test_loads_know_their_units_and_what_was_asked(tmp_path: Path) -> None:
+    """Forces for amplitudes: the band is one of forces, in the units that the form names."""
+    source, out = tmp_path / "loads.json", tmp_path / "loads.parquet"
+    one = {"amplitude": 1.0, "median": 2.0, "low": 1.0, "high": 3.0, "linear": 2.5, "by_model": []}
+    content = {"format": "loads/1", "level": 0.9, "predictions": [one], "units": {"force": "lbf", "length": "in"}}
+    source.write_text(json.dumps(content))
+    export(source, out, units="si")
+    found = pd.read_parquet(out)
+    np.testing.assert_allclose(
+        found[["median", "low", "high", "linear"]], [[2 * LBF, LBF, 3 * LBF, 2.5 * LBF]], rtol=1e-15
+    )
+    np.testing.assert_allclose(found["amplitude"], INCH, rtol=1e-15)
+    assert "force" not in found
+    source.write_text(json.dumps(content | {"predictions": [one | {"force": 1.0}]}))
+    with pytest.raises(InputError, match=r"predictions.0: force or amplitude is required, and not both"):
+        export(source, out)
+
+
 def test_a_ranking_is_not_converted(ranking: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"--units is for records and loads.*expected a ranking of"):
         export(ranking, tmp_path / "x.csv", units="us", given="si")

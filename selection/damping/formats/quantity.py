@@ -175,10 +175,14 @@ def convert_record(record: Record, by: Factors) -> tuple[Record, list[str]]:
     return Record(table, record.source), notes
 
 
-def convert_loads(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
-    """Predictions (a row for each design force and law) in the new system: force, and amplitudes."""
-    changed = {name: table[name] * by.of(0, 1) for name in ("median", "low", "high", "linear")}
-    return table.assign(force=table["force"] * by.of(1, 0), **changed)
+def convert_loads(table: pd.DataFrame, by: Factors, asked: str = "force") -> pd.DataFrame:
+    """Predictions (a row for each design value and law) in the new system: forces and amplitudes, one of which was
+    ``asked``, ``force`` or ``amplitude``; the other is predicted.
+    """
+    force, amplitude = by.of(1, 0), by.of(0, 1)
+    given, predicted = (force, amplitude) if asked == "force" else (amplitude, force)
+    changed = {name: table[name] * predicted for name in ("median", "low", "high", "linear")}
+    return table.assign(**{asked: table[asked] * given}, **changed)
 
 
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
