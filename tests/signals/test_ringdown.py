@@ -211,6 +211,15 @@ def test_two_modes_that_beat_are_named() -> None:
     assert len(decay(t, x).force) > 4  # one alone is none
 
 
+def test_a_level_above_the_one_before_it_is_of_two_modes() -> None:
+    """4 % apart, the second with .3 of the amplitude: a level after five seconds is larger than the one before it."""
+    t = np.arange(0.0, 25.0, 1e-3)
+    (w, z), (w2, z2) = (2 * np.pi * 12.0, 0.016), (2 * np.pi * 12.5, 0.004)
+    x = np.exp(-z * w * t) * np.cos(w * t) + 0.3 * np.exp(-z2 * w2 * t) * np.cos(w2 * t)
+    with pytest.raises(AnalysisError, match="grows again from .* two modes that beat"):
+        ring_down(t, x, order=0, mass=5.0, frequency=12.0)
+
+
 def test_the_centre_need_not_be_exact() -> None:
     t, x = exponential(0.01, 60)
     for off in (0.95, 1.05):

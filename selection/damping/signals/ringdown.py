@@ -154,10 +154,14 @@ def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
     grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[0]))
     if not len(grown):
         return
-    low = float(t[int(np.argmin(size[: grown[0]]))])
-    why = f"the decay grows again from {low:.4g} s on: two modes that beat, or another blow"
-    raise AnalysisError(
-        f"{why}; choose a part without (--start, --end), or a sensor or a blow that moves one mode alone"
+    raise _growth(float(t[int(np.argmin(size[: grown[0]]))]))
+
+
+def _growth(since: float) -> AnalysisError:
+    """What is said of a decay that grows from the time ``since`` on."""
+    return AnalysisError(
+        f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; choose a part without "
+        "(--start, --end), or a sensor or a blow that moves one mode alone"
     )
 
 
@@ -200,7 +204,11 @@ def _levels(
             break
         levels //= 2
     if kept.empty:
-        raise AnalysisError("; ".join(["no level of the decay can be used", *notes]))
+        advice = "choose a part without what comes before the release (--start), or a sensor that shows one mode alone"
+        raise AnalysisError("; ".join(["no level of the decay can be used", *notes, advice]))
+    grown = np.flatnonzero(np.diff(kept["A"]) > 0.0)  # levels are steps down, of more than noise
+    if len(grown):
+        raise _growth(float(kept["t"].iloc[grown[0]]))
     if len(edges) > levels:
         notes.append(f"the decay after {t[edges[-1]]:.4g} s is not used: it is cut into {levels} levels")
     return kept, notes
