@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from damping.effects import CATALOGUE
@@ -258,3 +259,30 @@ def test_a_foreign_cause_that_is_not_excluded_is_said(odds, how):
     said = describe_foreign(leading, SimpleNamespace(log_posterior=odds, effects=("any-power",)))
     assert bool(said) is (how is not None)
     assert all(f"another power of velocity explains the record {how} (log odds {odds:.1f}" in line for line in said)
+
+
+def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab):
+    """A tenth more mass, stiffness and damping: a gain at one mass, and none once a quarter of it is added."""
+    mass, tables = 1.1 * lab.mass, []
+    rows = lab.bench(points=24).rows
+    for label, added in (("a", 0.0), ("b", 0.25 * lab.mass)):
+        omega = rows.omega * np.sqrt(mass / (mass + added))
+        Y = mass * lab.omega**2 - (mass + added) * omega**2 + 1j * 1.1 * lab.viscous * omega
+        rng, n = np.random.default_rng(len(label) + int(added)), omega.size
+        tables.append(
+            pd.DataFrame(
+                {
+                    "sweep": [f"{label}{number}" for number in rows.sweep],
+                    "force": rows.force,
+                    "frequency": omega / (2 * np.pi),
+                    "amplitude": rows.force / np.abs(Y) * (1 + 0.004 * rng.normal(size=n)),
+                    "phase": np.angle(Y) + 0.004 * rng.normal(size=n),
+                    "added_mass": added,
+                }
+            )
+        )
+    found = explain(Record(pd.concat(tables, ignore_index=True)), lab.mode(None, None))
+    assert found.in_library < 0.1
+    assert any("a generalized mass that is off by more than its tolerance" in caution for caution in found.cautions)
+    alone = explain(Record(tables[0]), lab.mode(None, None))
+    assert alone.leading.effects == ("amplitude-scale",)

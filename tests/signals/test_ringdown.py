@@ -216,7 +216,7 @@ def test_a_level_above_the_one_before_it_is_of_two_modes() -> None:
     t = np.arange(0.0, 25.0, 1e-3)
     (w, z), (w2, z2) = (2 * np.pi * 12.0, 0.016), (2 * np.pi * 12.5, 0.004)
     x = np.exp(-z * w * t) * np.cos(w * t) + 0.3 * np.exp(-z2 * w2 * t) * np.cos(w2 * t)
-    with pytest.raises(AnalysisError, match="grows again from .* two modes that beat"):
+    with pytest.raises(AnalysisError, match=r"grows again from .* two modes that beat"):
         ring_down(t, x, order=0, mass=5.0, frequency=12.0)
 
 

@@ -38,7 +38,7 @@ _STANDS_FOR = 3.0
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-} | {effect.name: effect for effect in (foreign.SLOW_SPRING, foreign.RUB, foreign.FALLING_FRICTION, foreign.MEMORY)}
+} | {effect.name: effect for effect in foreign.SINGLE}
 
 
 def find_effect(name: str) -> Effect:

@@ -223,8 +223,8 @@ class Form:
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]
-#: What an effect cannot be told without: measured phases; rows beside resonance; measured third harmonics.
-Need = Literal["", "phase", "sweep", "third"]
+#: What an effect cannot be told without: measured phases; rows beside resonance; measured third harmonics; two masses.
+Need = Literal["", "phase", "sweep", "third", "masses"]
 
 
 @dataclass(frozen=True)

@@ -248,3 +248,25 @@ MEMORY = Effect(
     forms=lag_forms,
     simulate=simulate_memory,
 )
+
+
+def mass_forms(_: Scales) -> tuple[Form, ...]:
+    """Strength: ln of the mass over the simulated one, of either sign."""
+
+    def report(log_ratio: Floats) -> dict[str, Floats]:
+        return {"relative": np.expm1(log_ratio)}
+
+    return OTHER_MASS.either_sign(report, natural=0.05, largest=1.5)
+
+
+OTHER_MASS = Effect(
+    name="other-mass",
+    kind="parameter",
+    sentence="a generalized mass that is off by more than its tolerance",
+    forms=mass_forms,
+    simulate=lambda terms, table: terms._replace(M=terms.M * (1.0 + table["relative"])),
+    need="masses",  # at one mass it is a gain
+)
+
+#: Causes that stand for themselves alone.
+SINGLE = (SLOW_SPRING, RUB, FALLING_FRICTION, MEMORY, OTHER_MASS)

@@ -114,6 +114,7 @@ class Search:
     def __post_init__(self) -> None:
         rows = self.problem.rows
         lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
+        lacking["masses"] = not np.ptp(rows.added)
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
         forms = {name: effect.forms(self.problem.scales) for name, effect in asked.items()}
         self.forms = {name: own for name, own in forms.items() if own}

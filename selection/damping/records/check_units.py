@@ -186,7 +186,8 @@ def check_beyond_model(view: View) -> Finding | None:
         return None
     differences = []
     table = view.implied.sort_values("force", kind="stable")
-    frequency = float(table["frequency"].iloc[0])
+    added = view.record.added_masses[(view.record.table["sweep"].astype(str) == table["sweep"].iloc[0]).argmax()]
+    frequency = float(table["frequency"].iloc[0]) * float(np.sqrt(1.0 + added / view.mode.mass))
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
     far_mass = FAR_MASS if all(leg.lag is not None for leg in view.legs) else FAR_MASS_WITHOUT_PHASE
