@@ -234,7 +234,7 @@ def test_two_levels_allow_half_as_much_again_and_no_more():
     assert np.isnan([loads.average.median[1], loads.average.low[1], loads.linear[1], loads.overprediction[1]]).all()
     assert all(np.isnan(band.high[1]) for band in loads.by_model)
     assert all(np.isnan(part[1]) for part in loads.parts.values())
-    assert loads.cautions[1][0].startswith("no prediction beyond 3: fewer than 3 levels")
+    assert loads.cautions[1][0].startswith("no prediction beyond the force 3: fewer than 3 levels")
     assert loads.limit == plan.limit
 
 

@@ -54,7 +54,7 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
         )
     if not plan.allows(np.asarray(force)):
         few = f"fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
-        said.append(f"no prediction beyond {plan.limit:.4g}: {few}")
+        said.append(f"no prediction beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or p.rising:
         way = "falling" if p.falling else "rising"
         allowed = ": damping may stop growing, and the band allows for it" if p.falling else ""
