@@ -62,7 +62,9 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
 #: Forces of one coefficient.
 OF_ONE_COEFFICIENT = (
     _coefficient_effect("displacement", Displacement, "damping in proportion to displacement (case II) is missing"),
-    _coefficient_effect("velocity-squared", VelocitySquared, "damping with the square of velocity (case III) is missing"),
+    _coefficient_effect(
+        "velocity-squared", VelocitySquared, "damping with the square of velocity (case III) is missing"
+    ),
     _coefficient_effect("displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"),
     _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
     _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),

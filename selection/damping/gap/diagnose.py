@@ -15,6 +15,7 @@ from damping.gap import size, weighing
 from damping.gap.corrected import corrected_mode, describe_gain, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.driven import as_given, drive_by_forces
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
     NOISE_ERROR,
@@ -28,7 +29,7 @@ from damping.gap.problem import (
     setting,
 )
 from damping.gap.rows import read_rows
-from damping.gap.search import Hypothesis, Search
+from damping.gap.search import Search
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group

@@ -5,7 +5,6 @@ The evidence pays for every shape and strength that a hypothesis leaves free (Ma
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
@@ -17,31 +16,34 @@ from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
+from damping.gap.hypotheses import (
+    MOST_DOUBTING,
+    MOST_SWAPPED,
+    NEAR,
+    Hypothesis,
+    Way,
+    leaves_noise,
+    list_swaps,
+    order_ways,
+)
 from damping.gap.model import Model, Problem
 from damping.gap.starts import SURE, Start, at_gap, choose_forms, list_starts
-from damping.gap.unknowns import Unknowns, marginalise_scatter, spread
+from damping.gap.unknowns import Unknowns, marginalise_scatter
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
 PRIOR_NULL = 25.0
 #: A further effect is fitted where its linear gain in ln p is at least the first and, times the second (gains of fits
-#: are larger than lines say), brings the hypothesis within the third of the most probable.
+#: are larger than lines say), brings the hypothesis within ``NEAR`` of the most probable.
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
-_NEAR = 4.0
-#: The gain beside an explanation that leaves no more than noise: the spread of its m residuals is at most
-#: 1 + ``_FITTING``/sqrt(m), two standard errors above 1.
+#: The gain beside an explanation that leaves no more than noise.
 _GAIN_BEYOND_NOISE = 4.5
-_FITTING = 1.6
-#: Most effects of an explanation, and rows that each of them takes; most fits of each number of effects beyond one.
+#: Most effects of an explanation, and rows that each of them takes.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
+#: Most fits of each number of effects beyond one, and explanations that effects are added to.
 _MOST_FITS = 10
-_MOST_OF_A_BASE = 4  #: Fits beside one explanation that come before those beside others.
-_MOST_DOUBTING = 4  #: Fits beside one that is doubted, or leaves noise.
-#: An effect that alone gains as much as one of the leading explanation, within this share, is fitted in its place; most
-#: such fits, and leading explanations that are fitted from their other parts too.
-_AS_MUCH = 0.05
-_MOST_SWAPPED = 3
+_MOST_SINGLE = 6
 _CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
 _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
@@ -59,38 +61,6 @@ _MOST_BASES = 2  #: Modes of a hypothesis that are gone on from.
 _ROUGH = 1.5
 _APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
 _HOPELESS = 0.01  #: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Effects with their best fit.
-
-    Attributes:
-        effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
-        plain: the best mode before scatter and noise were chosen, in which scatter cannot hide what an effect would
-            explain. others: the best plain modes of other forms that are about as good.
-        log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
-        log_posterior: with the prior of the number of effects, not normalised.
-        forms: number of forms of the last effect, over which the evidence is averaged.
-    """
-
-    effects: tuple[str, ...]
-    best: ModelFit
-    plain: ModelFit
-    others: tuple[ModelFit, ...]
-    log_evidence: float
-    log_posterior: float
-    forms: int
-
-    @property
-    def near(self) -> tuple[ModelFit, ...]:
-        """The best plain fit and those about as good."""
-        return (self.plain, *self.others)
-
-    @property
-    def key(self) -> frozenset[str]:
-        """The effects as a set."""
-        return frozenset(self.effects)
 
 
 @dataclass
@@ -131,7 +101,7 @@ class Search:
         # parameters of the simulation first: where several are wrong together, none leads to the others alone
         base = self.hypotheses[frozenset()]
         for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
-            if base.key | {name} not in self.hypotheses and not _leaves_noise(self.hypotheses[frozenset()]):
+            if base.key | {name} not in self.hypotheses and not leaves_noise(self.hypotheses[frozenset()]):
                 self.extend(base, name)
             base = self.hypotheses.get(base.key | {name}, base)
         for size in range(1, self._most_effects()):
@@ -217,12 +187,38 @@ class Search:
         Beside a ``doubted`` explanation, which fits but for a little, a few are tried that lines say cannot reach it:
         it may imitate what two do together.
         """
-        best = -np.inf if doubted else self.ranked()[0].log_posterior - _NEAR
+        ways = self._list_ways(size, doubted)
+        ordered = order_ways(ways)
+        for key in ordered[: MOST_DOUBTING if doubted else _MOST_FITS]:
+            for way in ways[key]:
+                near = way.hope > self.ranked()[0].log_posterior - NEAR or not leaves_noise(way.base)
+                if near and key not in self.hypotheses:  # the next way where a fit has lost the motion
+                    self.extend(way.base, way.name, way.starts)
+        leading = self.ranked()[0]
+        shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
+        for key in ordered:  # what made it lead is added to bases about as good
+            base, name = ways[key][0].base, ways[key][0].name
+            twin = base is not shorter and base.log_posterior > shorter.log_posterior - NEAR
+            if twin and name in leading.effects[-1:] and key not in self.hypotheses:
+                self.extend(base, name, ways[key][0].starts)
+        for key, name in list_swaps(self.ranked()[0], self.hypotheses):
+            if not self.effects[name].denies & key:
+                self.extend(self.hypotheses[key - {name}], name)
+        leading, *others = self.ranked()[:MOST_SWAPPED]
+        for before in (leading, *(own for own in others if own.log_posterior > leading.log_posterior - NEAR)):
+            for way in ways.get(before.key, [])[1:]:  # another way may lead to a better mode
+                self.extend(way.base, way.name, way.starts)
+                if before.log_posterior > self.hypotheses[before.key].log_posterior:
+                    self.hypotheses[before.key] = before
+
+    def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
+        """The ways to each combination that is worth a fit, those that promise most first."""
+        best = -np.inf if doubted else self.ranked()[0].log_posterior - NEAR
         price = np.log(self.choices + 1.0)
-        wanted: dict[frozenset[str], list[tuple[float, Hypothesis, str, list[list[Start]]]]] = {}
-        quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and _leaves_noise(own)}
-        for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:6]:
-            least = _GAIN_BEYOND_NOISE if _leaves_noise(base) else _GAIN
+        ways: dict[frozenset[str], list[Way]] = {}
+        quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and leaves_noise(own)}
+        for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_SINGLE]:
+            least = _GAIN_BEYOND_NOISE if leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.hypotheses or self.effects[name].denies & key:
@@ -231,59 +227,12 @@ class Search:
                     continue
                 if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained
-                tried = list_starts(base.plain, self.forms[name], self.units)
-                gain = max(start.gain for start in chain.from_iterable(tried))
+                starts = list_starts(base.plain, self.forms[name], self.units)
+                gain = max(start.gain for start in chain.from_iterable(starts))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best:
-                    wanted.setdefault(key, []).append((hope, base, name, tried))
-        for ways in wanted.values():
-            ways.sort(key=lambda item: -item[0])
-        ordered = sorted(wanted.items(), key=lambda item: -item[1][0][0])
-        # lines promise most to what fits worst: a few of each come first, and what is added to one that leaves noise
-        of_base = Counter[frozenset[str]]()
-        late = list[frozenset[str]]()
-        for key, ((_, base, *_), *_) in ordered:
-            of_base[base.key] += 1
-            late += [key] * (of_base[base.key] > _MOST_OF_A_BASE)
-        first = [key for key, ways in ordered if any(_leaves_noise(base) for _, base, *_ in ways)][:_MOST_DOUBTING]
-        ordered.sort(key=lambda item: (item[0] not in first, item[0] in late))
-        for key, ways in ordered[: _MOST_DOUBTING if doubted else _MOST_FITS]:
-            for hope, base, name, tried in ways:
-                near = hope > self.ranked()[0].log_posterior - _NEAR or not _leaves_noise(base)
-                if near and key not in self.hypotheses:  # the next way where a fit has lost the motion
-                    self.extend(base, name, tried)
-        leading = self.ranked()[0]
-        shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
-        for key, ((_, base, name, tried), *_) in ordered:  # what made it lead is added to bases about as good
-            twin = base is not shorter and base.log_posterior > shorter.log_posterior - _NEAR
-            if twin and name in leading.effects[-1:] and key not in self.hypotheses:
-                self.extend(base, name, tried)
-        self._swap(self.ranked()[0])
-        leading, *others = self.ranked()[:_MOST_SWAPPED]
-        close = [own for own in others if own.log_posterior > leading.log_posterior - _NEAR]
-        for before in (leading, *close):
-            for _, base, name, tried in wanted.get(before.key, [])[1:]:  # another way may lead to a better mode
-                self.extend(base, name, tried)
-                if before.log_posterior > self.hypotheses[before.key].log_posterior:
-                    self.hypotheses[before.key] = before
-
-    def _swap(self, leading: Hypothesis) -> None:
-        """Fit explanations with another effect in the place of one that alone explains about as much as it does.
-
-        Gains of lines are far apart beside another effect, where fits are not: a displacement's and a viscous one's.
-        """
-        alone = {own.effects[0]: own.log_posterior for own in self.hypotheses.values() if len(own.effects) == 1}
-        none = self.hypotheses[frozenset()].log_posterior
-        swaps = []
-        for own, other in product(leading.effects, alone.keys() - leading.key):
-            key = leading.key - {own} | {other}
-            if own in alone and key not in self.hypotheses and not self.effects[other].denies & key:
-                apart = abs(alone[other] - alone[own])
-                if apart < _NEAR + _AS_MUCH * (alone[own] - none):
-                    swaps.append((apart, own, other))
-        for _, own, other in sorted(swaps)[:_MOST_SWAPPED]:
-            if (base := self.hypotheses.get(leading.key - {own})) is not None:
-                self.extend(base, other)
+                    ways.setdefault(key, []).append(Way(hope, base, name, starts))
+        return {key: sorted(own, key=lambda way: -way.hope) for key, own in ways.items()}
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
@@ -339,9 +288,3 @@ class Search:
         hypothesis = Hypothesis(effects, near[first], best, others, evidence, evidence + float(prior), forms)
         self.hypotheses[hypothesis.key] = hypothesis
         return hypothesis
-
-
-def _leaves_noise(hypothesis: Hypothesis) -> bool:
-    """Whether the best fit leaves no more than noise."""
-    r = hypothesis.plain.measured
-    return not hypothesis.plain.many_wild and spread(r) < 1.0 + _FITTING / np.sqrt(r.size)

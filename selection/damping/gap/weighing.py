@@ -19,9 +19,9 @@ from damping.effects.contract import Effect
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit, log_likelihood
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import residuals
 from damping.gap.rows import Rows
-from damping.gap.search import Hypothesis
 from damping.gap.size import Gap, HeldOut
 
 #: Probability that the list of explanations reaches.
