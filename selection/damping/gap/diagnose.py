@@ -49,6 +49,8 @@ from damping.records.record import Record
 #: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
+#: Causes without a name that are fitted in the place of each of several effects.
+MOST_FOREIGN = 4
 #: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
 FEW_ROWS = 40
 #: Rows that are diagnosed at most: it takes minutes, not hours.
@@ -265,7 +267,7 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
 def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
 
-    It is fitted alone and in the place of each of several effects, with the same prior.
+    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior.
     """
     if not leading.effects:
         return None
@@ -274,10 +276,7 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
     beside.singles()
     for replaced in leading.effects if len(own) > 1 else ():
-        rest = beside.drop(leading, replaced)
-        for name in FOREIGN:
-            if name in beside.forms:
-                beside.extend(rest, name)
+        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
     return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
 
 

@@ -5,7 +5,7 @@ The evidence pays for every shape and strength that a hypothesis leaves free (Ma
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
 
@@ -233,6 +233,13 @@ class Search:
                 if gain > least and hope > best:
                     ways.setdefault(key, []).append(Way(hope, base, name, starts))
         return {key: sorted(own, key=lambda way: -way.hope) for key, own in ways.items()}
+
+    def extend_by_gain(self, base: Hypothesis, names: Collection[str], most: int) -> None:
+        """Fit a hypothesis with each of those effects of ``names`` that promise most."""
+        tried = {name: list_starts(base.plain, own, self.units) for name, own in self.forms.items() if name in names}
+        gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
+        for name in sorted(gains, key=lambda name: -gains[name])[:most]:
+            self.extend(base, name, tried[name])
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
