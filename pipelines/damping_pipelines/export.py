@@ -9,7 +9,7 @@ import pandas as pd
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_values import write_uff
-from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
+from damping.records.mode import Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
@@ -63,7 +63,7 @@ def export(
         return
     record = read_record(source, max_size=max_size)
     described = read_mode(mode) if mode else None
-    names = _names(described, given)
+    names = _names(described.units if described else Units(), given, str(mode or source))
     report_findings(record, described, despite)
     notes: list[str] = []
     if units is not None:
@@ -79,21 +79,19 @@ def export(
     _write_record(record, names, out, notes, text=text)
 
 
-def _names(mode: Mode | None, given: str | None) -> Units:
-    """Units of the record: as stated, else of its mode. InputError where the mode names others than ``--from`` says."""
+def _names(own: Units, given: str | None, source: str) -> Units:
+    """Units as ``--from`` states them, else the ``own`` of a mode or a form. InputError where ``own`` names others."""
     if given is None:
-        return mode.units if mode else Units()
+        return own
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
     stated = Units(*SYSTEMS[given], "s")
-    if mode is None:
-        return stated
-    for what, text in vars(mode.units).items():
+    for what, text in vars(own).items():
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
         if (named.powers, named.factor) != (meant.powers, meant.factor):
-            message = f"the mode has {what} in {text} and --from {given} says {meant.text}"
-            raise InputError(message, file=mode.source, expected="one of them, or both alike")
+            message = f"{what} is in {text} and --from {given} says {meant.text}"
+            raise InputError(message, file=source, expected="one of them, or both alike")
     return stated
 
 
@@ -109,8 +107,9 @@ def _export_form(
     if isinstance(form, RankForm):
         message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
         raise InputError(message, file=source, expected="a ranking of the converted record")
-    named = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
-    names = _names(read_mode(mode) if mode else None, given) if mode or given else named
+    own = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
+    own = own if own.force or own.length or mode is None else read_mode(mode).units
+    names = _names(own, given, str(mode or source))
     _write_table(convert_loads(table, factors(names, units, source=str(mode or source)), form.asked), out)
     show = console()
     show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}")

@@ -133,7 +133,13 @@ class LoadsForm(FormPart):
     @property
     def asked(self) -> str:
         """What was asked: ``force`` or ``amplitude``."""
-        return "amplitude" if all(row.force is None for row in self.predictions) else "force"
+        return "force" if self.predictions[0].amplitude is None else "amplitude"
+
+    @model_validator(mode="after")
+    def _asks_alike(self) -> Self:
+        if len({row.amplitude is None for row in self.predictions}) > 1:
+            raise PydanticCustomError("alike", "predictions at forces and at amplitudes in one form")
+        return self
 
 
 class AnswerForm(RootModel[Annotated[RankForm | LoadsForm, Field(discriminator="format")]]):

@@ -267,4 +267,5 @@ def test_peaks_of_a_mode_with_friction_lie_within_their_bands(tmp_path):
         low, high = at.response[0].band[1:]
         assert low < peak < high
         assert at.ratio[1] < ratio < at.ratio[2]
-        assert high / low < (1.05 if at.tested else 1.1)  # 26.2 to 27.5 for 15.3 were printed, damping as a line
+        # 1 % of least spread of damping is a band of 3.3 %; twice the tested force has a tenth at most
+        assert high / low < (1.05 if at.tested else 1.1)  # with damping as a line 26.2 to 27.5 was printed for 15.3

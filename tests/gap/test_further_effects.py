@@ -472,10 +472,13 @@ def test_a_rub_has_the_averages_of_its_force():
 
     C, slope, S, _ = force.averages(A, np.ones(4))
     assert not np.any(S)
-    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4 in C, and as much over 2e-2
+    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4
     np.testing.assert_allclose(C, sampled(A), atol=0.02)
-    numeric = (sampled(A * np.exp(0.02)) - sampled(A * np.exp(-0.02))) / 0.04
-    np.testing.assert_allclose(slope[[0, 2, 3]], numeric[[0, 2, 3]], rtol=0.05, atol=0.3)
+    above, below = (force.quadrature(A * np.exp(step), 1.0) for step in (1e-4, -1e-4))
+    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step, rounding over it
+    cosine = np.cos(theta)
+    third = 2j * np.mean(force.g(A * np.sin(theta), 1.0, np.sign(cosine)) * np.exp(-3j * theta), axis=0)
+    np.testing.assert_allclose(force.third(A, np.ones(4)), third, atol=0.02)  # as C
 
 
 def test_friction_that_falls_with_speed_has_the_averages_of_its_force():

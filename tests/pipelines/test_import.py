@@ -320,11 +320,11 @@ def test_units_said_twice_agree(tmp_path: Path) -> None:
     record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
     record.write_text("sweep,force,frequency,amplitude\na,10,10,0.5\n")  # near the frequency of the mode
     mode.write_text(MODE)
-    message = r"m\.toml: the mode has force in N and --from us says lbf; expected one of them"
+    message = r"m\.toml: force is in N and --from us says lbf; expected one of them"
     with pytest.raises(InputError, match=message):
         export(record, tmp_path / "x.csv", units="si", mode=mode, given="us")
     mode.write_text(MODE.replace('"N"', '"lb"').replace('"m"', '"mm"'))
-    with pytest.raises(InputError, match="the mode has length in mm and --from us says in"):
+    with pytest.raises(InputError, match="length is in mm and --from us says in"):
         export(record, tmp_path / "x.csv", units="si", mode=mode, given="us")
     assert not (tmp_path / "x.csv").exists()
     mode.write_text(MODE.replace('"N"', '"lb"').replace('"m"', '"in"'))  # another name of the same unit

@@ -220,6 +220,18 @@ def test_friction_is_read_beside_resonance_at_the_amplitude_that_was_reached():
     assert found.force == pytest.approx(C * OMEGA_N * reached[-1] + 4 * 0.3 / pi, rel=1e-12)  # 1.18
 
 
+def test_a_bent_resonance_beside_the_rows_is_that_of_the_amplitude_that_was_reached():
+    """M omega^2 = K + (3/4) cubic A^2 at the last amplitude; the frequency moves by 40 half-widths on the way there."""
+    cubic = 4e7
+    reached = 1.5 / (C * OMEGA_N) * np.linspace(0.1, 0.7, 40)
+    frequency, A, phase = (values[: len(reached)] for values in friction(1.5, 0.0, reached, cubic))
+    found = resonance(record(1.5, frequency, A, phase), "A")
+    bent = np.sqrt(OMEGA_N**2 + 0.75 * cubic * reached[-1] ** 2 / M) / (2 * pi)
+    assert (found.method, found.amplitude) == ("beside", A.max())
+    assert found.frequency == pytest.approx(bent, rel=1e-9)  # three columns that hold Re Z exactly
+    assert abs(bent - frequency[-1]) > 0.5 * HALF_WIDTH
+
+
 def test_without_phases_the_largest_amplitude_is_taken_for_the_resonance():
     frequency = grid(41)
     A, phase = linear(frequency)

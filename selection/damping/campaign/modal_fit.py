@@ -36,6 +36,7 @@ _NEWTON_STEPS = 3
 _STILL = 1e-9  #: amplitude, over that at the peak, of a row that friction holds
 _FEWEST_ROWS = 6
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
+_LEAST_FRICTION = 1e-3  #: share of friction below which there is none
 _FRICTION_PAYS = 20.0  #: fall of the squared misfit at which friction is believed: e^10 in likelihood
 
 
@@ -66,7 +67,12 @@ class Poles:
         slope: FloatArray,
         friction: FloatArray | float = 0.0,
     ) -> Poles:
-        """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms."""
+        """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms.
+
+        ``friction`` is the share of the most that leaves one amplitude to a row, t = 1 + s or 1.
+        """
+        friction = np.minimum(1.0, 1.0 + slope) * friction
+        friction = np.where(friction < _LEAST_FRICTION, 0.0, friction)
         parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy(), self.friction.copy()
         parameters[0][cluster] = self.frequency[cluster] * (1.0 + shift)
         parameters[1][cluster], parameters[2][cluster], parameters[3][cluster] = np.exp(log_ratio), slope, friction

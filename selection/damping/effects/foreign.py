@@ -73,6 +73,15 @@ class Rub(Force):
         """C: see `grow`."""
         return self.grow(A, omega)[0]
 
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A: see `grow`."""
+        return self.grow(A, omega)[1]
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: zero below it, friction's own far above."""
+        x = np.minimum(self.clearance / A, 1.0)
+        return np.asarray(-4j / (3.0 * np.pi) * self.coefficient * ones(omega) * (1.0 + 3.0 * x - 4.0 * x**3))
+
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q' where abs(q) > clearance."""
         return np.where(np.abs(q) > self.clearance, sign * self.coefficient, 0.0)
@@ -162,6 +171,10 @@ class FallingFriction(Force):
         """C: see `grow`."""
         return self.grow(A, omega)[0]
 
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A: see `grow`."""
+        return self.grow(A, omega)[1]
+
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'/(1 + (q'/v)^2)."""
         return sign * self.coefficient / (1.0 + (speed / self.speed) ** 2)
@@ -247,6 +260,7 @@ MEMORY = Effect(
     sentence="a force that follows the motion late, as of rubber or a fluid, stiffening and damping at once",
     forms=lag_forms,
     simulate=simulate_memory,
+    need="sweep",  # at resonance alone it is a damper
 )
 
 

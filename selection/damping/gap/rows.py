@@ -169,7 +169,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         row=order,
         sweep=sweep[order],
         sweeps=sweeps,
-        level=number_levels(tabulate_resonances(record)["force"].to_numpy()),
+        level=number_levels(record.column("force")[tabulate_resonances(record)["row"]]),
         F=record.column("force")[order],
         omega=omega[order],
         u=np.log(record.column("amplitude")[order]),

@@ -205,11 +205,14 @@ class Search:
             if not self.effects[name].denies & key:
                 self.extend(self.hypotheses[key - {name}], name)
         leading, *others = self.ranked()[:MOST_SWAPPED]
-        for before in (leading, *(own for own in others if own.log_posterior > leading.log_posterior - NEAR)):
-            for way in ways.get(before.key, [])[1:]:  # another way may lead to a better mode
-                self.extend(way.base, way.name, way.starts)
-                if before.log_posterior > self.hypotheses[before.key].log_posterior:
-                    self.hypotheses[before.key] = before
+        for own in (leading, *(other for other in others if other.log_posterior > leading.log_posterior - NEAR)):
+            for way in ways.get(own.key, []):  # another way may lead to a better mode
+                kept = self.hypotheses[own.key]
+                if (*way.base.effects, way.name) != kept.effects:
+                    self.extend(way.base, way.name, way.starts)
+                    self.hypotheses[own.key] = max(
+                        kept, self.hypotheses[own.key], key=lambda fitted: fitted.log_posterior
+                    )
 
     def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
         """The ways to each combination that is worth a fit, those that promise most first."""

@@ -36,7 +36,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_exchange, _EVERYTHING),
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
-    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls", "edge-of-sweep")),
+    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
     (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
     (check_units.check_phase_sign, ("phase-offset", "energy")),
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),

@@ -62,7 +62,7 @@ NO_RERUN = 0.05
 def check_edge(view: View) -> Finding | None:
     """Sweeps that hold no resonance: without a phase their last row would be taken for it."""
     seen = {leg.run.sweep for leg in view.legs if leg.resonant}
-    beside = [leg for leg in view.legs if leg.run.sweep not in seen]
+    beside = [leg for leg in view.legs if leg.run.sweep not in seen and not _find_levels(view, leg.run.sweep)]
     if not beside:
         return None
     below = all(np.argmax(leg.run.compliance) > len(leg.run) // 2 for leg in beside)
@@ -171,6 +171,7 @@ def check_mixed_levels(view: View) -> Finding | None:
     """
     levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
     mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
+    resonant = {leg.run.sweep for leg in view.legs if leg.resonant}
     if not mixed or view.record.is_decay:
         return None
     levels = next(iter(mixed.values()))
@@ -179,8 +180,8 @@ def check_mixed_levels(view: View) -> Finding | None:
     advice = "give every level a label of its own"
     every = view.record.has_phase or "energy" in view.record.table
     advice += "" if every else ": of one label only the largest amplitude is used"
-    edge = check_edge(view)
-    return Finding("mixed-levels", edge.verdict if edge else "caution", what, advice, tuple(mixed))
+    blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
+    return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
 
 
 def _find_levels(view: View, sweep: str) -> list[float]:

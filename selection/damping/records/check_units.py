@@ -120,7 +120,8 @@ ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this f
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a unit is the likelier cause
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
-FAR_BELOW = 0.01  #: share of the simulated damping ratio that no structure falls short of
+SIMULATED_WITHIN = 1.0  #: ln of the factor within which a simulated damping ratio is right
+FAR_BELOW = 0.01  #: share of the simulated damping ratio below which a unit is the likelier cause
 OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
 NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
 #: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
@@ -146,7 +147,8 @@ def check_units(view: View) -> Finding | None:
     # a factor this large on force over amplitude is of a unit, not of a structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
-    impossible |= zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio)
+    if zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio):  # and a unit would make it the simulated one
+        impossible |= bool(name_unit(zeta / view.mode.viscous_ratio, view.mode.units, within=SIMULATED_WITHIN))
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
     participation = f"a participation of {1.0 / ratio:.4g}, shape included"
@@ -166,11 +168,12 @@ def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: fl
     return name if abs(size - log(factors[name])) < within else ""
 
 
-def name_unit(ratio: float, units: Units) -> str:
-    """The unit factor nearest to a ratio that ends in a unit of the mode file; of all where it names none."""
-    named = {unit for unit in (units.force, units.length) if unit}
-    own = {name: by for name, by in UNIT_FACTORS.items() if named & set(re.findall(r"for ([^\s,/]+)", name))}
-    return name_factor(ratio, own or UNIT_FACTORS, within=inf)
+def name_unit(ratio: float, units: Units, within: float = inf) -> str:
+    """The unit factor nearest to a ratio: of those to a unit of the mode file or to any, of all where it names none."""
+    named = {{"lbf": "lb"}.get(unit, unit) for unit in (units.force, units.length) if unit}
+    own = [name for name in UNIT_FACTORS if named & set(re.findall(r"for ([^\s,/]+)", name))]
+    kept = {name: by for name, by in UNIT_FACTORS.items() if not own or name in own or "another factor" in name}
+    return name_factor(ratio, kept, within=within)
 
 
 FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far

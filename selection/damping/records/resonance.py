@@ -33,6 +33,7 @@ ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
+ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
 _FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
 SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
@@ -218,16 +219,18 @@ def _beside_resonance(
 ) -> tuple[float, float, float] | None:
     """The force that the damping takes at the row of largest amplitude, the frequency of resonance, and that amplitude.
 
-    With Re Z = K - M omega^2 + S/A, whose slope over all rows gives M, the frequency^2 is omega^2 + Re Z/M. It is the
-    row's own where the slope is none of a mass, or leads far away. None where the phase is none of a driven mode.
+    Re Z = K - M omega^2 + (3/4) k A^2, fitted to all rows, gives M (the cubic term where there are ``ROWS_BENT`` rows),
+    and with it the frequency^2 of resonance at that amplitude, omega^2 + Re Z/M. It is the row's own where the fit has
+    no mass, or leads far away. None where the phase is none of a driven mode.
     """
     peak = int(np.argmax(amplitude))
     damping = float(force[peak] * np.sin(phase[peak]))
     if damping <= 0.0:
         return None
     spring, square = force * np.cos(phase) / amplitude, frequency**2
-    apart = square - square.mean()
-    mass = -float(apart @ spring) / max(float(apart @ apart), np.finfo(float).tiny)
+    columns = [np.ones_like(square), square / square[peak], (amplitude / amplitude[peak]) ** 2]
+    columns = columns[: 3 if len(square) >= ROWS_BENT else 2]
+    mass = -float(np.linalg.lstsq(np.column_stack(columns), spring)[0][1]) / square[peak]
     ahead = float(spring[peak]) / mass if mass > 0.0 else 0.0
     ahead = ahead if abs(ahead) < _FAR * square[peak] else 0.0
     return damping, float(np.sqrt(square[peak] + ahead)), float(amplitude[peak])
