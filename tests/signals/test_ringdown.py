@@ -211,6 +211,15 @@ def test_two_modes_that_beat_are_named() -> None:
     assert len(decay(t, x).force) > 4  # one alone is none
 
 
+def test_a_blow_before_the_one_that_is_used_is_said() -> None:
+    t, x = exponential(0.01, 120)
+    step = t[1] - t[0]
+    twice = np.concatenate([0.3 * x, x])
+    found = ring_down(step * np.arange(len(twice)), twice, order=0, mass=2.0, frequency=omega_n / (2 * np.pi))
+    assert any("motion before" in note and "is not used" in note for note in found.notes)
+    assert not any("motion before" in note for note in decay(t, x).notes)
+
+
 def test_a_level_above_the_one_before_it_is_of_two_modes() -> None:
     """4 % apart, the second with .3 of the amplitude: a level after five seconds is larger than the one before it."""
     t = np.arange(0.0, 25.0, 1e-3)

@@ -130,6 +130,9 @@ def ring_down(
             f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
             f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
         )
+    before = np.abs(z[: max(first - len(window.offsets), 0)])
+    if np.max(before, initial=0.0) > max(ABOVE_NOISE * noise, GROWN * size):
+        jitter.append(f"motion before {since:.4g} s is not used: an earlier blow is chosen by --start and --end")
     return _decay(kept, mass, noise, [*jitter, *notes])
 
 
