@@ -43,7 +43,7 @@ MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 #: Most fits of each number of effects beyond one, and explanations that effects are added to.
 _MOST_FITS = 10
-_MOST_SINGLE = 6
+_MOST_EXTENDED = 6
 _CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
 _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
@@ -220,7 +220,7 @@ class Search:
         price = np.log(self.choices + 1.0)
         ways: dict[frozenset[str], list[Way]] = {}
         quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and leaves_noise(own)}
-        for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_SINGLE]:
+        for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_EXTENDED]:
             least = _GAIN_BEYOND_NOISE if leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
