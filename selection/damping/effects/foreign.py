@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -51,8 +52,24 @@ class Contact(Spring):
         return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
 
 
+class _GrowingForce(Force):
+    """A force whose C and dC/d ln A come together, from `grow`."""
+
+    @abstractmethod
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A."""
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `grow`."""
+        return self.grow(A, omega)[0]
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A: see `grow`."""
+        return self.grow(A, omega)[1]
+
+
 @dataclass(frozen=True)
-class Rub(Force):
+class Rub(_GrowingForce):
     """Friction that acts beyond a ``clearance`` only: energy per cycle 4 R (A - clearance)."""
 
     coefficient: Floats
@@ -68,14 +85,6 @@ class Rub(Force):
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
         whole, x = (4.0 / np.pi) * self.coefficient * ones(omega), self.clearance / A
         return whole * (1.0 - np.minimum(x, 1.0)), whole * x * (x < 1.0)
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `grow`."""
-        return self.grow(A, omega)[0]
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A: see `grow`."""
-        return self.grow(A, omega)[1]
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: zero below it, friction's own far above."""
@@ -147,7 +156,7 @@ ANY_POWER = Effect(
 
 
 @dataclass(frozen=True)
-class FallingFriction(Force):
+class FallingFriction(_GrowingForce):
     """Friction that falls with speed, R sgn q'/(1 + (q'/v)^2), as of a film that begins to carry (Stribeck 1902)."""
 
     coefficient: Floats
@@ -166,14 +175,6 @@ class FallingFriction(Force):
         h = np.arcsinh(x) / (x * np.sqrt(1.0 + square))
         whole = (4.0 / np.pi) * self.coefficient
         return whole * h, whole * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `grow`."""
-        return self.grow(A, omega)[0]
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A: see `grow`."""
-        return self.grow(A, omega)[1]
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'/(1 + (q'/v)^2)."""
