@@ -33,7 +33,7 @@ from damping.campaign.answer import (
     compare_predictions,
 )
 from damping.campaign.decays import answer_decays
-from damping.campaign.modal_fit import receptance
+from damping.campaign.poles import receptance
 from damping.campaign.predicted import predict_mode
 from damping.campaign.records import DrivenMode, Level, find_misread, fit_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections

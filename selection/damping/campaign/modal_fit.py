@@ -15,85 +15,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import pi
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import find_peaks
 
-from damping.arrays import ComplexArray, FloatArray, IntArray
+from damping.arrays import ComplexArray, FloatArray
+from damping.campaign.poles import Poles
 
-CLUSTER = 0.15  #: modes closer than this share of their frequency are fitted together
-BAND = 0.12  #: rows this far away from a cluster belong to its band
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
 SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
 LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
-_HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
-_NEWTON_STEPS = 3
-_STILL = 1e-9  #: amplitude, over that at the peak, of a row that friction holds
-_FEWEST_ROWS = 6
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
-_LEAST_FRICTION = 1e-3  #: share of friction below which there is none
 _FRICTION_PAYS = 20.0  #: fall of the squared misfit at which friction is believed: e^10 in likelihood
-
-
-@dataclass(frozen=True)
-class Poles:
-    """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, ``friction`` t.
-
-    Each (modes,).
-    """
-
-    frequency: FloatArray
-    ratio: FloatArray
-    slope: FloatArray
-    friction: FloatArray
-    sign: float
-
-    def columns(self, f: FloatArray) -> ComplexArray:
-        """Columns (n, 2 + modes) at frequencies f whose real coefficients give H of a sensor."""
-        w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, self.friction, strict=True)
-        terms = [self.sign * w**2 * receptance(f, *mode) for mode in modes]
-        return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
-
-    def moved(
-        self,
-        cluster: Sequence[int],
-        shift: FloatArray,
-        log_ratio: FloatArray,
-        slope: FloatArray,
-        friction: FloatArray | float = 0.0,
-    ) -> Poles:
-        """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms.
-
-        ``friction`` is the share of the most that leaves one amplitude to a row, t = 1 + s or 1.
-        """
-        friction = np.minimum(1.0, 1.0 + slope) * friction
-        friction = np.where(friction < _LEAST_FRICTION, 0.0, friction)
-        parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy(), self.friction.copy()
-        parameters[0][cluster] = self.frequency[cluster] * (1.0 + shift)
-        parameters[1][cluster], parameters[2][cluster], parameters[3][cluster] = np.exp(log_ratio), slope, friction
-        return Poles(*parameters, self.sign)
-
-    @property
-    def clusters(self) -> list[list[int]]:
-        """Modes that are fitted together."""
-        gaps = np.flatnonzero(self.frequency[1:] / self.frequency[:-1] - 1.0 >= CLUSTER)
-        return [part.tolist() for part in np.split(np.arange(len(self.frequency)), gaps + 1)]
-
-    def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
-        """Rows about a cluster, and no more than half the way to its neighbours."""
-        frequency, first, last = self.frequency, cluster[0], cluster[-1]
-        low, high = frequency[first] * (1.0 - BAND), frequency[last] * (1.0 + BAND)
-        if first > 0:
-            low = max(low, 0.5 * (frequency[first] + frequency[first - 1]))
-        if last + 1 < len(frequency):
-            high = min(high, 0.5 * (frequency[last] + frequency[last + 1]))
-        rows = np.flatnonzero((f >= low) & (f <= high))
-        return rows if len(rows) >= _FEWEST_ROWS else np.sort(np.argsort(np.abs(f - frequency[first]))[:_FEWEST_ROWS])
 
 
 @dataclass(frozen=True)
@@ -116,35 +53,6 @@ class ModalFit(Poles):
         columns = self.columns(f)
         columns[:, 2 + mode] = 0.0
         return np.asarray(H - self.local[mode] @ columns.T)
-
-
-def receptance(
-    f: FloatArray, frequency: float, ratio: float, slope: float = 0.0, friction: float = 0.0
-) -> ComplexArray:
-    """G (n,) of a mode whose damping ratio at amplitude rho of its peak is z = ratio (1 + slope (rho - 1) + friction
-    (1/rho - 1)).
-    """
-    w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
-    elastic = w_k**2 - w**2
-    peak = 1.0 / (2.0 * ratio * w_k**2)
-    z = np.full_like(f, ratio)
-    if slope != 0.0 or friction != 0.0:
-        # loss rho z = ratio (friction + linear rho + slope rho^2)
-        linear, per_ratio = 1.0 - slope - friction, 2.0 * ratio * w_k * w
-        low, high = np.zeros_like(f), np.full_like(f, 1.5)
-        for _ in range(_HALVINGS):
-            rho = 0.5 * (low + high)
-            loss = per_ratio * np.maximum(friction + (linear + slope * rho) * rho, 0.0)
-            above = peak * np.hypot(elastic * rho, loss) > 1.0
-            low, high = np.where(above, low, rho), np.where(above, rho, high)
-        for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = 1/peak^2, from a bracket that is close
-            loss = per_ratio * (friction + (linear + slope * rho) * rho)
-            excess = (elastic * rho) ** 2 + loss**2 - 1.0 / peak**2
-            rate = 2.0 * rho * elastic**2 + 2.0 * loss * per_ratio * (linear + 2.0 * slope * rho)
-            rho = np.clip(rho - excess / rate, low, high)
-        rho = np.maximum(rho, _STILL)
-        z = np.maximum(ratio * (friction / rho + linear + slope * rho), 0.0)
-    return np.asarray(1.0 / (elastic + 2j * z * w_k * w))
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray) -> list[float]:
