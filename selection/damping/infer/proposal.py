@@ -32,6 +32,8 @@ FAR = 9.0
 PARTS = 8
 #: Draws whose densities are computed at once: as many as stay in a processor's cache with what is made of them.
 BLOCK = 1024
+#: What first means and roots are rounded to, in standard deviations beside the variables before.
+ROUNDED = 2.0**-12
 #: Draws that a proposal is fitted to.
 MOST_FITTED = 1024
 #: Share of the whole covariance added to each part's, so that few different draws still reach around themselves: this
@@ -54,9 +56,15 @@ class Proposal:
 
     @classmethod
     def around(cls, means: FloatArray, covariances: FloatArray) -> Proposal:
-        """A part with each mean (k, d) and covariance (k, d, d), one that reaches farther, and the wide one."""
+        """A part with each mean (k, d) and covariance (k, d, d), one that reaches farther, and the wide one.
+
+        Both are rounded: their last digits differ from processor to processor, and rounds of adaptation amplify that.
+        """
         k, d = means.shape
-        covariances = covariances.reshape(k, d, d)
+        roots = np.linalg.cholesky(covariances.reshape(k, d, d))
+        step = ROUNDED * np.exp2(np.round(np.log2(np.diagonal(roots, axis1=1, axis2=2))))
+        roots = np.round(roots / step[..., None]) * step[..., None]
+        covariances, means = roots @ roots.transpose(0, 2, 1), np.round(means / step) * step
         shares = np.repeat([(1.0 - FAR_SHARE) / k, FAR_SHARE / k], k)
         return cls._with_wide(shares, np.tile(means, (2, 1)), np.concatenate([covariances, FAR * covariances]))
 
@@ -68,7 +76,9 @@ class Proposal:
         while len(parts) < PARTS:  # each cut in halves across its longest axis
             part = parts.pop(0)
             centred = part - part.mean(axis=0)
-            order = np.argsort(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1], kind="stable")
+            axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+            axis *= np.copysign(1.0, axis[np.argmax(np.abs(axis))])  # rounding has no say in the sign
+            order = np.argsort(centred @ axis, kind="stable")
             parts += [part[order[: len(part) // 2]], part[order[len(part) // 2 :]]]
         whole = _covary(draws)
         least = max(BLUR / worth, LEAST_BLUR) * whole + np.diag(1e-6 * np.diag(whole) + 1e-16)
