@@ -5,7 +5,6 @@ simulation, which has a resonant amplitude of its own. Where that lies outside t
 as they do where one of them finds the rows explained and the other does not.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,15 +18,15 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
-from damping.gap.weighing import Explanation
 from damping.predict.steady import phase_resonance
 from damping.ranking.candidates import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Probability from which an explanation counts as alive.
+#: Probability from which an explanation counts as alive, and chance that the library holds the cause from which any does.
 ALIVE = 0.1
+KNOWN = 0.5
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0
 
@@ -75,29 +74,33 @@ def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
     if loads.amplitude is not None:
         known = loads.force[np.isfinite(loads.force)]
         loads = predicted.predict_at(known) if known.size else loads
-    amplitudes = describe_disagreement(loads, explained.hypotheses, explained.mode)
+    amplitudes = describe_disagreement(loads, explained)
     return amplitudes or describe_misfit(predicted.plan.fit, explained)
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
     """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none."""
-    effects, p = explained.leading.effects, f"(p = {fit.p_value:.2g})"
+    effects, p = " and ".join(explained.leading.effects), f"(p = {fit.p_value:.2g})"
+    beside = f" beside {effects}" if effects else ""
+    if fit.verdict == "none fits" and explained.unexplained:
+        does = f"more than noise is left{beside}" if effects else "no effect does"
+        return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and {does}",)
     if fit.verdict == "none fits" and not effects:
-        if explained.unexplained:
-            return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and no effect does",)
         said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
     elif fit.verdict == "fits" and explained.unexplained:
-        beside = f" beside {' and '.join(effects)}" if effects else ""
         said = f"a law fits them {p}, while the diagnosis finds more than noise left{beside}"
     else:
         return ()
     return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)
 
 
-def describe_disagreement(loads: Loads, hypotheses: Sequence[Explanation], mode: Mode) -> tuple[str, ...]:
-    """The most probable living explanation whose corrected simulation leaves the band, with both numbers; or none."""
-    units, band = mode.units, loads.average
-    for explanation in hypotheses:
+def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]:
+    """The most probable living explanation whose corrected simulation leaves the band, with both numbers; or none.
+
+    None where the diagnosis doubts that it knows the cause: what merely imitates the test has no say beyond it.
+    """
+    units, band = explained.mode.units, loads.average
+    for explanation in explained.hypotheses if explained.in_library >= KNOWN else ():
         if explanation.probability < ALIVE:
             break
         rows = explanation.hypothesis.best.model.problem.rows

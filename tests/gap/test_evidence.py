@@ -50,7 +50,7 @@ class Linear:
 
     @property
     def problem(self):
-        return SimpleNamespace(rows=SimpleNamespace(seen=np.ones(len(self.r0), dtype=bool)))
+        return SimpleNamespace(rows=SimpleNamespace(seen=np.ones(len(self.r0), dtype=bool), of_peaks=False))
 
     def residuals(self, y):
         return SimpleNamespace(r=self.jacobian(y)[0])

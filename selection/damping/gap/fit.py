@@ -101,6 +101,7 @@ def fit_roughly(
 ) -> list[ModelFit]:
     """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
+    weights = _regular(model) if weights is None else weights
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
     return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
 
@@ -110,8 +111,9 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
     fits = []
     for fit in rough:
         model = fit.model.at_motion(fit.y)
-        y, r, J = _climb(model, fit.y[np.newaxis].copy(), weights, share=_FINELY)
-        fits.append(_fit(model, y[0], r[0], J[0], weights))
+        own = _regular(model) if weights is None else weights
+        y, r, J = _climb(model, fit.y[np.newaxis].copy(), own, share=_FINELY)
+        fits.append(_fit(model, y[0], r[0], J[0], own))
     return _list_distinct(fits)
 
 
@@ -122,6 +124,12 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
     x = np.hstack([y[:, : len(model.problem.simulation.names)], *own])
     parts = tuple(part for part in model.parts if part.form.effect != name)
     return replace(model, parts=parts, at=None), x, y[:, model.size :]
+
+
+def _regular(model: Model) -> FloatArray | None:
+    """Weights of 1 for peaks alone, of which two wild ones of five would leave any simulation to fit; None for others."""
+    rows = model.problem.rows
+    return np.ones(rows.seen.size) if rows.of_peaks else None
 
 
 def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:

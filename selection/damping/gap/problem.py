@@ -20,7 +20,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
 from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
-from damping.gap.unknowns import Unknowns, is_stated, list_unknowns, roughness, stated_noise
+from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
 from damping.records.record import Record
 
@@ -202,7 +202,9 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
         cautions.append("repeatability is not stated and cannot be seen in so few sweeps")
     if "amplitude_sd" not in record.table.columns:
-        cautions.append("noise is not stated: it was estimated from the roughness along each sweep")
+        of_rows = "estimated from the roughness along each sweep"
+        taken = f"taken to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
+        cautions.append(f"noise is not stated: it was {taken}")
     if not mode.damping:
         cautions.append("the simulation has no damping")
     if mode.tolerance.from_record:

@@ -106,6 +106,11 @@ class Rows:
         return bool(self.resonant.all())
 
     @property
+    def of_peaks(self) -> bool:
+        """Whether every sweep is one row at phase resonance, so that an error of a row is one of its sweep."""
+        return self.at_resonance and len(self) == len(self.sweeps)
+
+    @property
     def seen(self) -> BoolArray:
         """Which residuals (values,) are measured at all."""
         parts = [self.sd_amplitude]

@@ -199,6 +199,7 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     """
     k, sweeps = fit.model.size, fit.model.sweeps
     own = _scales(fit.model.scatter, k, sweeps)
+    wild = wild and not fit.model.problem.rows.of_peaks
     weights = fit.weights if wild else np.ones(len(fit.r))
     root = np.sqrt(weights)
     J = fit.J / own * root[:, np.newaxis]
