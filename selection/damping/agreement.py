@@ -24,8 +24,9 @@ from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Probability from which an explanation counts as alive, and chance that the library holds the cause from which any does.
+#: Probability from which an explanation counts as alive, ...
 ALIVE = 0.1
+#: ... where the chance that the library holds the cause is at least this.
 KNOWN = 0.5
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0

@@ -54,7 +54,7 @@ def made_once():
 
 
 def test_values_from_the_same_rows_are_hardly_a_conflict(flagship):
-    """``from_record``: the mean of the rows does not hold the damping. Slip alone, one in eight, leaves the band at 90 lb.
+    """``from_record``: the mean of the rows does not hold the damping. Slip, one in eight, leaves the band at 90 lb.
 
     At twice the tested force, where a diagnosis is compared, no living explanation does.
     """

@@ -127,7 +127,7 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
 
 
 def _regular(model: Model) -> FloatArray | None:
-    """Weights of 1 for peaks alone, of which two wild ones of five would leave any simulation to fit; None for others."""
+    """Weights of 1 for peaks alone, two wild ones of which would leave three to any simulation; None for others."""
     rows = model.problem.rows
     return np.ones(rows.seen.size) if rows.of_peaks else None
 
