@@ -18,7 +18,7 @@ from damping.extrapolation import extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
-from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
+from damping.extrapolation.near import Plan, judge_rows, near_resonance, observe_ranked, plan_loads
 from damping.infer.best_fit import BestFit
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
@@ -175,7 +175,8 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
         for record, data, candidates in zip(inputs, near, laws, strict=True):
             try:
                 advance = _prefixed(done, record.settings.name)
-                plans.append(plan_loads(data, candidates, seed, advance, record.mode, estimate))
+                plan = plan_loads(data, candidates, seed, advance, record.mode, estimate)
+                plans.append(judge_rows(plan, record.data))
             except AnalysisError:
                 if record.settings.design_forces:
                     raise

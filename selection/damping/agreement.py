@@ -19,7 +19,7 @@ from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
 from damping.predict.steady import phase_resonance
-from damping.ranking.candidates import FitVerdict
+from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record

@@ -12,7 +12,7 @@ from damping import agreement, extrapolation
 from damping.agreement import describe_misfit, simulate_resonance
 from damping.gap import diagnose
 from damping.infer.observations import observe
-from damping.ranking.candidates import FitVerdict
+from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
 from damping_reed1970 import data_folder
 

@@ -21,7 +21,8 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
-from damping.ranking.candidates import UNLIKELY, FitVerdict, candidate_laws, fit_probability, judge_fit
+from damping.ranking.candidates import candidate_laws
+from damping.ranking.verdict import UNLIKELY, FitVerdict, exceed_probability, fit_probability, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -236,7 +237,12 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
     if on_rows.verdict == "none fits":
         return replace(plan, fit=on_rows)
     plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
-    missing = [own for own in plan.laws if own.law in fits and fit_probability(fits[own.law], every) < UNLIKELY]
+    best = min(fits.values(), key=lambda fit: fit.squares)
+
+    def is_excluded(fit: BestFit) -> bool:
+        return min(fit_probability(fit, every), exceed_probability(fit, best, every)) < UNLIKELY
+
+    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law])]
     kept = [own for own in plan.laws if own not in missing]
     if not kept:
         return plan

@@ -21,14 +21,13 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
-    FitVerdict,
     candidate_laws,
     group_equivalents,
     held_out_errors,
-    judge_fit,
     learn_noise,
     percent_errors,
 )
+from damping.ranking.verdict import FitVerdict, judge_fit
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
 #: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
