@@ -28,7 +28,7 @@ from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
 from damping.ranking import prior_masses
-from damping.ranking.verdict import UNLIKELY, exceed_probability, fit_probability
+from damping.ranking.verdict import UNLIKELY, exceed_probability, fit_probability, is_excluded
 from damping.records.mode import Mode, Tolerance
 from damping.records.record import Record
 from damping_validation.truths import draw_truth, peaks
@@ -334,5 +334,32 @@ def test_rows_that_one_law_fits_exclude_another_that_a_larger_scatter_would_allo
     joint, other = (fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit))
     assert fit_probability(other, every) > UNLIKELY
     assert exceed_probability(other, joint, every) < UNLIKELY
+    assert is_excluded(other, joint, every)
     assert exceed_probability(joint, joint, every) == pytest.approx(0.5, abs=0.02)  # the median of F(n, n) is 1
     assert [own.law for own in judge_rows(plan, every).laws] == laws[:1]
+
+
+def brake(A):
+    """F of an eddy-current damper, 3 v/(1 + (v/2)^2) to first harmonic, beside viscous damping of 1."""
+    x = A / 2.0
+    return A * (1.0 + 6.0 / x**2 * (1.0 - 1.0 / np.sqrt(1.0 + x**2)))
+
+
+def test_damping_that_fails_while_the_resonance_stays_widens_the_band_upwards():
+    """A damper tested to 0.77 of its critical speed: from level to level p is .94 and .78, and .45 beyond.
+
+    No joint slips, as the frequency says, so that nothing but the exponents tells that amplitudes will jump.
+    """
+    A, grid = np.array([0.3, 0.74, 1.54]), np.geomspace(1.0, 60.0, 4000)
+    read = 10.0 * (1.0 + 1e-4 * np.array([1.0, -1.0, 0.5]))
+    data = replace(peaks(brake(A), A * np.array([1.005, 0.995, 1.0])), tested_omega=read, omega=read)
+    mode = Mode(name="", frequency=10.0 / (2.0 * np.pi), mass=4.0)  # loss factor of 1 per cent
+    force = brake(A[-1]) * np.array([1.5, 2.0, 4.0])
+    predicted = extrapolate_loads(data, force, mode=mode, estimate=brief_evidence, fresh=False)
+    assert predicted.plan.joint.failing == 1.0
+    true = np.interp(force, brake(grid), grid)
+    band = predicted.loads.average
+    assert np.all((band.low < true) & (true < band.high))
+    steady = replace(predicted.plan, joint=predicted.plan.joint._replace(failing=0.0))
+    narrow = extrapolate_loads(data, force, mode=mode, plan=steady, fresh=False).loads.average
+    assert np.all(narrow.high < true)  # the straying that a steady resonance leaves

@@ -142,7 +142,7 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
 
     joint = quad(density, 0.0, 9.0, points=[fall])[0]
     expected = JOINTS * joint / (JOINTS * joint + (1.0 - JOINTS) * other)
-    np.testing.assert_allclose(find_joint(A, F, omega, mass, tolerance), (expected, fall, True), rtol=1e-7)
+    np.testing.assert_allclose(find_joint(A, F, omega, mass, tolerance), (expected, fall, True, 0.0), rtol=1e-7)
     assert find_joint(A, F, omega, mass, 0.0).probability > 0.8
     assert find_joint(A, F, omega[::-1], mass, 0.0).probability < JOINTS
     # in other units the same; nothing known: as before

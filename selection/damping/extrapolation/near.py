@@ -1,8 +1,7 @@
 """What of a record bears on resonant amplitudes: rows near resonance, free of a constant phase offset.
 
-Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level.
-
-Before any prediction: which laws take part, with what weight, and how far to go.
+Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level. Before any
+prediction: which laws take part, with what weight, and how far to go.
 
 Weights are posterior probabilities on the rows near resonance, the same evidence that ranks: straying exponents are in
 it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
@@ -15,14 +14,14 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.doubt import ANY_JOINT, JointEvidence, find_joint
+from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence, find_joint
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
 from damping.ranking.candidates import candidate_laws
-from damping.ranking.verdict import UNLIKELY, FitVerdict, exceed_probability, fit_probability, judge_fit
+from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -102,8 +101,8 @@ class Trend:
 
     Attributes:
         force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
-            scatter of resonances, (levels - 1,). z: change between the last two over its standard deviation; NaN with
-            fewer than three levels.
+            scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, of a parabola
+            ln A(ln F) through the levels; NaN with fewer than three.
     """
 
     force: FloatArray
@@ -120,6 +119,11 @@ class Trend:
     def falling(self) -> bool:
         """Whether p falls at the top of the test: amplitudes grow faster than below."""
         return bool(self.z < -CHANGES)
+
+    @property
+    def failing(self) -> float:
+        """How sure it is, 0 to 1, that p falls: 0 up to where it is said, 1 from twice that change."""
+        return float(np.clip(np.nan_to_num(-self.z) / CHANGES - 1.0, 0.0, 1.0))
 
 
 def trend(data: Observations, scatter: float) -> Trend:
@@ -138,10 +142,12 @@ def trend(data: Observations, scatter: float) -> Trend:
     variance = scatter**2 / count
     sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
-    if len(p) < 2:
+    if len(p) < 2 or np.isnan(p).any():
         return Trend(force, p, sd, np.nan)
-    gradient = np.array([slope[-2], slope[-2] + slope[-1], slope[-1]])  # the middle level errs both, in opposite ways
-    return Trend(force, p, sd, float((p[-1] - p[-2]) / np.sqrt(np.sum(gradient**2 * variance[-3:]))))
+    weighed = np.vander(log_F - log_F.mean(), 3) / np.sqrt(variance)[:, np.newaxis]
+    covariance = np.linalg.inv(weighed.T @ weighed)  # of a parabola ln A(ln F): p falls where it bends upwards
+    bend = (covariance @ weighed.T @ (log_A / np.sqrt(variance)))[0]
+    return Trend(force, p, sd, float(-bend / np.sqrt(covariance[0, 0])))
 
 
 def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:
@@ -238,11 +244,7 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
         return replace(plan, fit=on_rows)
     plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
     best = min(fits.values(), key=lambda fit: fit.squares)
-
-    def is_excluded(fit: BestFit) -> bool:
-        return min(fit_probability(fit, every), exceed_probability(fit, best, every)) < UNLIKELY
-
-    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law])]
+    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law], best, every)]
     kept = [own for own in plan.laws if own not in missing]
     if not kept:
         return plan
@@ -286,10 +288,13 @@ def plan_loads(
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
+    exponents = trend(data, float(np.median(scatter)))
+    if joint.told and joint.probability < JOINTS:
+        joint = joint._replace(failing=exponents.failing)
     return Plan(
         data=data,
         laws=tuple(planned),
-        trend=trend(data, float(np.median(scatter))),
+        trend=exponents,
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         fit=ranked.fit,
         bistable=bistable,

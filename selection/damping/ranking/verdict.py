@@ -142,6 +142,11 @@ def exceed_probability(fit: BestFit, best: BestFit, data: Observations) -> float
     return float(fdtrc(free / ROWS_TOGETHER, free_best / ROWS_TOGETHER, worse / least))
 
 
+def is_excluded(fit: BestFit, best: BestFit, data: Observations) -> bool:
+    """Whether the rows exclude a law, by itself or beside the ``best`` one."""
+    return min(fit_probability(fit, data), exceed_probability(fit, best, data)) < UNLIKELY
+
+
 def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     """What to say of levels that lie apart: by how much, and which is farthest; empty where none do.
 
