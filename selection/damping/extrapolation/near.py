@@ -1,7 +1,7 @@
 """What of a record bears on resonant amplitudes: rows near resonance, free of a constant phase offset.
 
-Is the law changing at the top of the test? The local exponent p = d ln F/d ln A from level to level. Before any
-prediction: which laws take part, with what weight, and how far to go.
+Before any prediction: is the law changing at the top of the test (the local exponent p = d ln F/d ln A from level to
+level), which laws take part, with what weight, and how far to go.
 
 Weights are posterior probabilities on the rows near resonance, the same evidence that ranks: straying exponents are in
 it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
@@ -81,8 +81,8 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
 CHANGES = 1.64
-#: Shift of the resonance, in half-power bandwidths, from which on a mode is called bistable: a cubic spring makes the
-#: response curve vertical at 4/(3 sqrt(3)) = 0.77; the rest is for the error of the mass.
+#: Shift of the resonance, in half-power bandwidths, of a bistable mode: at 0.77 a cubic spring makes the response curve
+#: vertical (4/(3 sqrt(3))); the rest is for the error of the mass.
 BISTABLE = 1.0
 #: What is said then, with the shift in bandwidths: of measured resonances, and of a predicted one.
 OF_LEVELS = (
