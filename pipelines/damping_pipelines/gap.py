@@ -15,7 +15,7 @@ from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.manifest import digest_file, versions
+from damping_pipelines.manifest import digest_inputs, versions
 from damping_pipelines.processes import end_with_parent
 from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
 from damping_pipelines.terminal import console, progress, report_findings
@@ -78,8 +78,8 @@ def gap(
         from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
         from damping.report.page import Footer  # noqa: PLC0415 - as above
 
-        digests = {path.name: digest_file(path) for path in inputs}
-        write_text(report, render_gap_page(result.diagnosis, result.posterior, Footer(seed, versions(), digests)))
+        footer = Footer(seed, versions(), digest_inputs(inputs))
+        write_text(report, render_gap_page(result.diagnosis, result.posterior, footer))
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
