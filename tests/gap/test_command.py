@@ -164,12 +164,21 @@ def test_a_folder_with_a_broken_case(damping, case, tmp_path):
         assert says in answers[name]["error"]
 
 
+def test_no_case_of_a_folder_is_larger_than_may_be(damping, case, tmp_path):
+    done = damping("gap", case.parent, "--json", tmp_path, "--jobs", 1, "--max-size", 10)
+    assert done.code == 1
+    answer = json.loads((tmp_path / f"{case.name}.json").read_text())
+    assert "larger than 10 bytes" in answer["error"]
+
+
 def test_bad_usage(damping, case, tmp_path):
     model, data = case / "model.toml", case / "data.csv"
     (tmp_path / "empty").mkdir()
     for words, says in (
         ((tmp_path / "none.toml", data), "none.toml"),
         ((case, "--report", tmp_path / "page.html", "--json", tmp_path), "one record"),
+        ((case, "--posterior", "--json", tmp_path), "--posterior is for one record"),
+        ((model, data, "--jobs", 2), "--jobs is for a folder"),
         ((case.parent,), "--json"),
         ((tmp_path / "empty", "--json", tmp_path / "out"), "holds no case"),
         ((model, "--json", tmp_path / "out"), "folder"),
