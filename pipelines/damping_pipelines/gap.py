@@ -15,6 +15,7 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.text import DEFAULT_MAX_SIZE
+from damping.result import DiagnosisResult
 from damping_pipelines.manifest import digest_inputs, versions
 from damping_pipelines.processes import start_pool
 from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
@@ -47,24 +48,25 @@ def gap(
     if len(records) != len(states) + bool(records):
         expected = "MODEL.toml RECORD.csv, also after --with"
         raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
+    files = {"--report": report, "--model-out": model_out, "--plot": plot}
     if not records:
-        one = {"--simulator": simulator, "--plot": plot, "--report": report, "--model-out": model_out}
-        answers = _check_folder(model, json_out, {**one, "--posterior": posterior or None})
+        answers = _check_folder(model, json_out, {**files, "--simulator": simulator, "--posterior": posterior or None})
         if diagnose_folder(model, answers, jobs, max_size, despite):
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
     if jobs is not None:
         raise InputError("--jobs is for a folder of cases", expected="one record without it")
-    record, *further = records
-    pairs = list(zip(states, further, strict=True))
-    inputs = (model, record, *chain.from_iterable(pairs))
-    check_outputs({"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}, *inputs)
-    measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
-    report_findings(measured, mode, despite)
+    pairs = list(zip((model, *states), records, strict=True))
+    inputs = list(chain.from_iterable(pairs))
+    check_outputs({"--json": json_out, **files}, *inputs)
+    (record, mode), *further = (
+        (read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs
+    )
+    report_findings(record, mode, despite)
     result = damping.diagnose(
-        measured,
+        record,
         mode,
-        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs],
+        states=further,
         simulate=None if simulator is None else import_simulator(simulator),
         posterior=posterior is not False,
         seed=seed,
@@ -78,14 +80,18 @@ def gap(
     if plot is not None:
         write_picture(plot, result.plot(), result.title)
     if report is not None:
-        from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
-        from damping.report.page import Footer  # noqa: PLC0415 - as above
-
-        footer = Footer(seed, versions(), digest_inputs(inputs))
-        write_text(report, render_gap_page(result.diagnosis, result.posterior, footer))
+        _write_page(report, result, seed, inputs)
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
+
+
+def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:
+    from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+    from damping.report.page import Footer  # noqa: PLC0415 - as above
+
+    footer = Footer(seed, versions(), digest_inputs(inputs))
+    write_text(report, render_gap_page(result.diagnosis, result.posterior, footer))
 
 
 def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str, object]) -> Path:
