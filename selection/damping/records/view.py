@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
 from damping.records.implied import (
     AS_LAG,
     Implied,
@@ -152,8 +152,7 @@ class View:
             kind, lag = self.wrong_sign.get(run.sweep, ""), None
             if run.phase is not None and run.sweep not in self.incoherent:
                 near = turn and turn.both_sides and not kind and abs(turn.offset) < MOST_OFFSET
-                shifted = AS_LAG[kind](run.phase - (turn.offset if turn and near else 0.0))
-                lag = np.angle(np.exp(1j * (shifted - 0.5 * pi))) + 0.5 * pi
+                lag = wrap_lag(AS_LAG[kind](run.phase - (turn.offset if turn and near else 0.0)))
             legs.append(Leg(run, turn, lag))
         return legs
 
