@@ -23,7 +23,7 @@ from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws, load_candidates

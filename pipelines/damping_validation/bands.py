@@ -18,7 +18,7 @@ from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import Plan, near_resonance
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv

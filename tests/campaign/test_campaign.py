@@ -36,7 +36,7 @@ from damping.campaign.records import Level, fit_levels, tie_modes
 from damping.campaign.runs import CampaignRun, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.record import Record
 from damping_pipelines.manifest import digest, verify

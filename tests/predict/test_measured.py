@@ -10,7 +10,7 @@ import pytest
 
 import damping as dp
 from damping.extrapolation.near import near_resonance
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records import audit
 from damping.records.mode import Mode, Rig, Units, describe_mode_to_toml
 from damping.records.reading import read_record
