@@ -60,7 +60,7 @@ class Rate:
 def envelope(
     frequency: FloatArray, rate: float, force: float, mass: float, natural: float, ratio: float, growth: float = 0.0
 ) -> ComplexArray:
-    """ComplexArray amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
+    """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
 
     Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
     frequency.

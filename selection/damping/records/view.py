@@ -37,6 +37,7 @@ from damping.records.runs import (
 SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
 #: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
 MOST_OFFSET = 0.25 * pi
+MOST_NAMED = 5  #: labels of sweeps in a message
 
 
 @dataclass(frozen=True)
@@ -243,8 +244,8 @@ def label_sweeps(runs: Iterable[Run]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(run.sweep for run in runs))
 
 
-def name_sweeps(sweeps: Iterable[str], most: int = 5) -> str:
+def name_sweeps(sweeps: Iterable[str]) -> str:
     """Labels for a message: all of a few, else the first with the number of the rest."""
     labels = list(sweeps)
-    more = f" and {len(labels) - most} more" if len(labels) > most else ""
-    return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:most])}{more}"
+    more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
+    return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:MOST_NAMED])}{more}"
