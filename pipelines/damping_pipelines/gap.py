@@ -48,7 +48,7 @@ def gap(
     if len(records) != len(states) + bool(records):
         expected = "MODEL.toml RECORD.csv, also after --with"
         raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
-    files = {"--report": report, "--model-out": model_out, "--plot": plot}
+    files = {"--model-out": model_out, "--report": report, "--plot": plot}
     if not records:
         answers = _check_folder(model, json_out, {**files, "--simulator": simulator, "--posterior": posterior or None})
         if diagnose_folder(model, answers, jobs, max_size, despite):
