@@ -559,17 +559,10 @@ def no_layout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
 
 
-class OneProcess(ThreadPoolExecutor):
-    """Stands for the processes of a study, whose start takes longer than what short studies do in them."""
-
-    def __init__(self, **_: object) -> None:
-        super().__init__(1)
-
-
 @pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study samples in this process."""
-    monkeypatch.setattr("damping_pipelines.study.ProcessPoolExecutor", OneProcess)
+    """A study samples in this process: to start others takes longer than what short studies do in them."""
+    monkeypatch.setattr("damping_pipelines.study.start_pool", lambda: ThreadPoolExecutor(1))
 
 
 #: What stands for all candidates of a ranking, and of a prediction.

@@ -19,7 +19,7 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
-from damping_pipelines.manifest import digest_file, publish, versions
+from damping_pipelines.manifest import digest_inputs, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import PlainTable, console, number, parse_number, report_findings
 
@@ -51,7 +51,8 @@ def campaign(
     answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
     for mode in answer.modes:
         report_findings(mode.record, mode.mode, despite)
-    inputs = {file.name: digest_file(file) for file in (*sources, *([previous] if previous else []))}
+    tables = (Path(word) for word in design if math.isnan(parse_number(word)))
+    inputs = digest_inputs([*sources, *(path for path in (correct, previous) if path), *tables])
     title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}

@@ -1,11 +1,10 @@
 """``damping gap``: the gap between a simulation and a test, of one record or of a folder of cases (form ``gap/1``)."""
 
 import importlib
-import os
 import sys
 import time
-from collections.abc import Collection, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import as_completed
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,10 @@ from damping.errors import AnalysisError, DampingError, InputError
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping_pipelines.manifest import digest_file, versions
-from damping_pipelines.processes import end_with_parent
+from damping.records.text import DEFAULT_MAX_SIZE
+from damping.result import DiagnosisResult
+from damping_pipelines.manifest import digest_inputs, versions
+from damping_pipelines.processes import start_pool
 from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
 from damping_pipelines.terminal import console, progress, report_findings
 
@@ -47,21 +48,25 @@ def gap(
     if len(records) != len(states) + bool(records):
         expected = "MODEL.toml RECORD.csv, also after --with"
         raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
+    files = {"--model-out": model_out, "--report": report, "--plot": plot}
     if not records:
-        answers = _check_folder(model, json_out, (simulator, plot, report, model_out))
-        if diagnose_folder(model, answers, jobs=jobs, seed=seed, despite=despite):
+        answers = _check_folder(model, json_out, {**files, "--simulator": simulator, "--posterior": posterior or None})
+        if diagnose_folder(model, answers, jobs, max_size, despite):
             raise AnalysisError("some cases could not be diagnosed; their answers say why")
         return
-    record, *further = records
-    pairs = list(zip(states, further, strict=True))
-    inputs = (model, record, *chain.from_iterable(pairs))
-    check_outputs({"--json": json_out, "--model-out": model_out, "--report": report, "--plot": plot}, *inputs)
-    measured, mode = read_record(record, max_size=max_size), read_mode(model, max_size=max_size)
-    report_findings(measured, mode, despite)
+    if jobs is not None:
+        raise InputError("--jobs is for a folder of cases", expected="one record without it")
+    pairs = list(zip((model, *states), records, strict=True))
+    inputs = list(chain.from_iterable(pairs))
+    check_outputs({"--json": json_out, **files}, *inputs)
+    (record, mode), *further = (
+        (read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs
+    )
+    report_findings(record, mode, despite)
     result = damping.diagnose(
-        measured,
+        record,
         mode,
-        states=[(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs],
+        states=further,
         simulate=None if simulator is None else import_simulator(simulator),
         posterior=posterior is not False,
         seed=seed,
@@ -75,23 +80,26 @@ def gap(
     if plot is not None:
         write_picture(plot, result.plot(), result.title)
     if report is not None:
-        from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
-        from damping.report.page import Footer  # noqa: PLC0415 - as above
-
-        digests = {path.name: digest_file(path) for path in inputs}
-        write_text(report, render_gap_page(result.diagnosis, result.posterior, Footer(seed, versions(), digests)))
+        _write_page(report, result, seed, inputs)
     if json_out != "-":
         for sentence in result.sentences:
             console().print(sentence)
 
 
-def _check_folder(model: Path, json_out: str | None, of_one_record: Sequence[object]) -> Path:
+def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:
+    from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+    from damping.report.page import Footer  # noqa: PLC0415 - as above
+
+    footer = Footer(seed, versions(), digest_inputs(inputs))
+    write_text(report, render_gap_page(result.diagnosis, result.posterior, footer))
+
+
+def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str, object]) -> Path:
     """The folder for answers to a folder of cases. InputError: no folder, or options that are for one record."""
     if not model.is_dir():
         raise InputError("no record beside it", file=model, expected="MODEL.toml RECORD.csv, or a folder of cases")
-    if any(option is not None for option in of_one_record):
-        options = "--simulator, --plot, --report and --model-out"
-        raise InputError(f"{options} are for one record", expected="MODEL.toml RECORD.csv")
+    if given := [option for option, value in of_one_record.items() if value is not None]:
+        raise InputError(f"{given[0]} is for one record", expected="MODEL.toml RECORD.csv, or the folder without it")
     if json_out is None or json_out == "-":
         raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
     return Path(json_out)
@@ -118,7 +126,13 @@ def import_simulator(name: str) -> Simulate:
     return simulate
 
 
-def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, despite: Collection[str] = ()) -> int:
+def diagnose_folder(
+    cases: Path,
+    out: Path,
+    jobs: int | None = None,
+    max_size: int = DEFAULT_MAX_SIZE,
+    despite: Collection[str] = (),
+) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 
     A case that fails gets ``{"format", "error"}`` and the others go on. Returns how many failed.
@@ -127,14 +141,9 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     names = sorted({path.parent.name for name in ("model.toml", "data.csv") for path in cases.glob(f"*/{name}")})
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    processes = max(1, min(jobs or available, len(names)))  # which end with this one
     failed = 0
-    with (
-        progress("diagnosing", len(names)) as advance,
-        ProcessPoolExecutor(processes, initializer=end_with_parent) as pool,
-    ):
-        futures = {pool.submit(diagnose_case, cases / name, despite): name for name in names}
+    with progress("diagnosing", len(names)) as advance, start_pool(jobs) as pool:
+        futures = {pool.submit(diagnose_case, cases / name, max_size, despite): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()
             failure = {"format": FORMAT, "error": f"{type(error).__name__}: {error}"}
@@ -145,13 +154,13 @@ def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int, desp
     return failed
 
 
-def diagnose_case(folder: Path, despite: Collection[str] = ()) -> dict[str, Any]:
+def diagnose_case(folder: Path, max_size: int = DEFAULT_MAX_SIZE, despite: Collection[str] = ()) -> dict[str, Any]:
     """The answer of one case, or ``{"format", "error"}``; a record that the audit refuses is an error."""
     started = time.process_time()
     try:
-        result = damping.diagnose(
-            read_record(folder / "data.csv"), read_mode(folder / "model.toml"), compare=False, despite=despite
-        )
+        record = read_record(folder / "data.csv", max_size=max_size)
+        mode = read_mode(folder / "model.toml", max_size=max_size)
+        result = damping.diagnose(record, mode, compare=False, despite=despite)
         spent = time.process_time() - started  # without the next test, which is found on demand
         return {**result.to_json(), "cpu_seconds": spent}
     except DampingError as error:

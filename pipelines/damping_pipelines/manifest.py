@@ -23,7 +23,7 @@ from pydantic import BaseModel, Field
 
 from damping import __version__
 from damping.errors import InputError
-from damping.records.text import read_bytes
+from damping.records.text import name_apart, read_bytes
 from damping_pipelines.forms import read_form
 from damping_pipelines.store import make_folder, to_json, write_bytes
 
@@ -75,6 +75,12 @@ def digest_file(path: Path) -> str:
     """The same of a file of any size, read in blocks."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def digest_inputs(paths: Iterable[Path]) -> dict[str, str]:
+    """The same of every file by its name; of files of one name in different folders the later ones are numbered."""
+    files = list(dict.fromkeys(paths))
+    return {name: digest_file(file) for name, file in zip(name_apart(f.name for f in files), files, strict=True)}
 
 
 def publish(

@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 
 
@@ -17,9 +18,16 @@ def leave_pyarrow_out() -> None:
     sys.modules.setdefault("pyarrow", None)  # type: ignore[arg-type]  # the documented way to make an import fail
 
 
-def has_left_pyarrow_out() -> bool:
-    """Whether tables of this process are made without it, so that those of its pools are, too."""
-    return sys.modules.get("pyarrow", True) is None
+def count_jobs(jobs: int | None = None) -> int:
+    """Processes for a piece of work: as many as asked for, else as there are cores that this process may use."""
+    return jobs or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+def start_pool(jobs: int | None = None) -> ProcessPoolExecutor:
+    """Processes, as many as :func:`count_jobs`, that end with this one and load pyarrow only where it does."""
+    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
+    spawn, without_pyarrow = multiprocessing.get_context("spawn"), sys.modules.get("pyarrow", True) is None
+    return ProcessPoolExecutor(count_jobs(jobs), spawn, end_with_parent, (without_pyarrow,))
 
 
 def end_with_parent(without_pyarrow: bool = False) -> None:

@@ -3,10 +3,8 @@
 import gc
 import sys
 from collections.abc import Collection, Iterable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from os import cpu_count
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,7 @@ from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws, load_candidates
@@ -37,7 +35,7 @@ from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, sole_writer, versions
-from damping_pipelines.processes import end_with_parent, give_back_memory, has_left_pyarrow_out
+from damping_pipelines.processes import give_back_memory, start_pool
 from damping_pipelines.terminal import progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
@@ -120,13 +118,7 @@ def hashes(path: Path, settings: files.StudySettings) -> dict[str, str]:
 
 def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:
     """The whole computation: rankings, posteriors, predictions, and the source report if asked for."""
-    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
-    with ProcessPoolExecutor(
-        max_workers=cpu_count(),
-        mp_context=get_context("spawn"),
-        initializer=end_with_parent,
-        initargs=(has_left_pyarrow_out(),),
-    ) as pool:
+    with start_pool() as pool:
         rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))

@@ -18,6 +18,7 @@ from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.near import Plan, near_resonance
 from damping.extrapolation.prediction import PARTS, Loads
+from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -42,7 +43,7 @@ _DPI = 130
 
 @dataclass(frozen=True)
 class BandResult:
-    """One structure: what was predicted, on a grid and at ``RATIOS``, and the check with levels left out."""
+    """One structure: what was predicted, on a grid and at ``RATIOS``, the check with levels left out, what was done."""
 
     name: str
     mode: Mode
@@ -50,6 +51,7 @@ class BandResult:
     grid: Loads
     at: Loads
     left_out: pd.DataFrame
+    said: tuple[str, ...] = ()
 
 
 def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = ()) -> None:
@@ -80,7 +82,8 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     report_findings(record, mode, despite)
-    data = near_resonance(record)
+    measured = prepare(record, mode)
+    mode, data = measured.mode or mode, near_resonance(measured.record)
     largest = data.tested_force.max()
     predicted = extrapolate_loads(data, largest * np.array(RATIOS), LEVEL, seed, mode=mode, progress=progress)
     forces = np.geomspace(data.tested_force.min(), 1.1 * RATIOS[-1] * largest, _GRID)
@@ -91,19 +94,23 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
         grid=predicted.predict_at(forces),
         at=predicted.loads,
         left_out=leave_higher_levels_out(data, LEVEL, seed, mode),
+        said=measured.said,
     )
 
 
-#: Columns of a table of loads.
-COLUMNS = (
-    *("force", "ratio", "median", "low", "high", "credible_low", "credible_high", "linear"),
-    *("linear_over_percent", "linear_over_percent_low", "linear_over_percent_high", *PARTS, "cautions"),
-)
+#: Columns of the form of loads under the names that the tables of the page keep.
+NAMES = {
+    "extrapolation_ratio": "ratio",
+    "linear_overprediction_percent": "linear_over_percent",
+    "linear_overprediction_low": "linear_over_percent_low",
+    "linear_overprediction_high": "linear_over_percent_high",
+    **{f"sd_percent_{part}": part for part in PARTS},
+}
 
 
 def tabulate_loads(loads: Loads) -> pd.DataFrame:
     """One row per force: band, linear prediction, parts in per cent, cautions."""
-    return forms.tabulate_loads(loads).set_axis(COLUMNS, axis=1)
+    return forms.tabulate_loads(loads).rename(columns=NAMES)
 
 
 def render_page(results: list[BandResult], seed: int) -> str:
@@ -117,7 +124,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
         "given": given,
         "errors": (100.0 * (given["median"] / given["measured"] - 1.0)).groupby(given["levels"]),
         "bands": [
-            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain.from_iterable(band.at.cautions)))
+            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain(band.said, *band.at.cautions)))
             for band in results
         ],
         "citations": CITATIONS,

@@ -12,7 +12,6 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -20,14 +19,12 @@ import numpy as np
 
 from damping.errors import InputError
 from damping_pipelines.manifest import publish, sole_writer, versions
+from damping_pipelines.processes import count_jobs, start_pool
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
 from damping_validation.scorer import Verdict, judge, score
 from damping_validation.scorer_output import SCORES, describe_verdict, render_scores
-
-#: Seed of whatever the diagnosis samples: it has nothing to do with the seed of the cases.
-DIAGNOSIS_SEED = 1970
 
 Work = TypeVar("Work")
 Done = TypeVar("Done")
@@ -64,14 +61,14 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
         from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
         before = sum(os.times()[:4])  # processor time of this process and of its finished children, s
-        diagnose_folder(folder, out / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+        diagnose_folder(folder, out / "answers", jobs)
         spent = sum(os.times()[:4]) - before
         verdicts = read_sealed(labels, out / "answers", sealed)
         followed = None
         if follow:
             names = set(make_proposed_tests(out, _list_tasks(cases, seed), jobs))
             if names:
-                diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs=jobs, seed=DIAGNOSIS_SEED)
+                diagnose_folder(out / "next" / "cases", out / "next" / "answers", jobs)
             again = read_verdicts(json.loads(labels.read_bytes()), out / "next" / "answers")
             followed = [verdict for verdict in again if verdict.name in names]
         figures = score(verdicts, spent, followed)
@@ -196,12 +193,11 @@ def _list_names(n: int, seed: int) -> list[str]:
 
 
 def _each(do: Callable[[Work], Done], work: list[Work], jobs: int | None) -> Iterator[Done]:
-    """What ``do`` makes of each, in order, on as many processes as there are processors unless told otherwise."""
-    workers = min(jobs or os.cpu_count() or 1, len(work))
-    if workers <= 1:
+    """What ``do`` makes of each, in order; in this process where one is enough."""
+    if min(count_jobs(jobs), len(work)) <= 1:
         yield from map(do, work)
         return
-    with ProcessPoolExecutor(workers) as pool:
+    with start_pool(jobs) as pool:
         yield from pool.map(do, work, chunksize=4)
 
 

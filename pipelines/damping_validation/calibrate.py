@@ -1,10 +1,8 @@
 """``damping calibrate``: do bands and posteriors hold what they say? Trials on known structures, tables and figures."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import partial
-from multiprocessing import get_context
-from os import cpu_count
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT
 from damping.records.record import record_to_csv
 from damping.report.page import fill_text
 from damping_pipelines.manifest import publish, sole_writer, versions
-from damping_pipelines.processes import end_with_parent
+from damping_pipelines.processes import start_pool
 from damping_pipelines.terminal import progress
 from damping_validation import calibration as trial
 from damping_validation.truths import IN_LIBRARY, TRUTHS
@@ -50,7 +48,7 @@ def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
     trials = {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
     with sole_writer(out, ("README.md",)):
-        results = run(trials, jobs or cpu_count() or 1)
+        results = run(trials, jobs)
         publish(out, render(results, seed, quick), seed=seed, versions=versions(), inputs={})
     print(f"{out / 'README.md'} written")
 
@@ -88,16 +86,12 @@ def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:
     return calls
 
 
-def run(trials: Mapping[Key, Callable[[], Any]], jobs: int) -> dict[Key, Any]:
+def run(trials: Mapping[Key, Callable[[], Any]], jobs: int | None) -> dict[Key, Any]:
     """Results of all trials by key, in the order of ``trials`` whatever finishes first."""
     every = list(trials.items())
     batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
     results: dict[Key, Any] = {}
-    # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
-    with (
-        progress("calibrating", len(trials)) as done,
-        ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool,
-    ):
+    with progress("calibrating", len(trials)) as done, start_pool(jobs) as pool:
         for future in as_completed([pool.submit(_run_batch, batch) for batch in batches]):
             results |= future.result()
             data, law, *_ = next(iter(future.result()))

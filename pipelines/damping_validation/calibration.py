@@ -224,15 +224,19 @@ def _amplitudes(coordinates: Coordinates, x: FloatArray, force: FloatArray = _FO
     return resonant_amplitude(coordinates.force(x), force[None, :], OMEGA)
 
 
+#: Simulated ECDFs that a band is widened to hold.
+_SIMULATIONS = 4000
+
+
 @lru_cache(maxsize=8)
-def ecdf_band(n: int, level: float = 0.99, simulations: int = 4000) -> tuple[FloatArray, FloatArray]:
+def ecdf_band(n: int, level: float = 0.99) -> tuple[FloatArray, FloatArray]:
     """Simultaneous band of the ECDF of ``n`` uniform ranks 0..RANKED, at k/(RANKED + 1), k = 1..RANKED.
 
     Pointwise binomial intervals, widened until a share ``level`` of simulated ECDFs lies inside throughout
     (Saeilynoja, Buerkner & Vehtari 2022).
     """
     z = np.arange(1, RANKED + 1) / (RANKED + 1)
-    ranks = np.random.default_rng(0).integers(0, RANKED + 1, (simulations, n))
+    ranks = np.random.default_rng(0).integers(0, RANKED + 1, (_SIMULATIONS, n))
     counts = np.stack([np.sum(ranks < k, axis=1) for k in range(1, RANKED + 1)], axis=1)
     tail = 2.0 * np.minimum(binom.cdf(counts, n, z), binom.sf(counts - 1, n, z)).min(axis=1)
     gamma = float(np.quantile(tail, 1.0 - level))

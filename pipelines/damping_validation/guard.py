@@ -11,7 +11,6 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from damping.effects import CATALOGUE
 from damping.gap.diagnose import explain
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
-from damping_pipelines.processes import end_with_parent
+from damping_pipelines.processes import start_pool
 from damping_validation.blind import make_cases, read_sealed
 from damping_validation.calibration import RATIOS, coverage_trial
 from damping_validation.scorer import Figure, Goal, measure_share
@@ -44,7 +43,7 @@ def guard_coverage() -> Iterator[Figure]:
     names, seeds = zip(
         *((name, SEED + 1000 * kind + i) for kind, name in enumerate(TRUTHS) for i in range(TRIALS)), strict=True
     )
-    with ProcessPoolExecutor(JOBS, initializer=end_with_parent) as pool:
+    with start_pool(JOBS) as pool:
         trials = list(pool.map(coverage_trial, names, repeat("fast"), seeds, chunksize=TRIALS))
     for at, ratio in enumerate(RATIOS):
         told = [trial for trial in trials if not trial.refused[at]]
@@ -61,7 +60,7 @@ def guard_diagnosis() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         sealed = make_cases(out / "cases", out / "labels.json", CASES, BLIND_SEED, jobs=JOBS)
-        diagnose_folder(out / "cases", out / "answers", jobs=JOBS, seed=0)
+        diagnose_folder(out / "cases", out / "answers", JOBS)
         verdicts = read_sealed(out / "labels.json", out / "answers", sealed)
     yield measure_share("blind cases with a good answer", verdicts, lambda v: v.good, Goal(low=LEAST_GOOD))
     wrong = Goal(high=MOST_WRONG)

@@ -16,7 +16,7 @@ from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import observe_ranked
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws

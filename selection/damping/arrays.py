@@ -1,4 +1,4 @@
-"""Names of array types used in signatures; results as plain Python values.
+"""Names of array types used in signatures; the range of a lag; results as plain Python values.
 
 Unit constants with their sources.
 """
@@ -35,6 +35,11 @@ RAD_S_PER_HZ = 2.0 * pi
 def differs(values: Floats, number: float) -> bool:
     """Whether any value is another; of one number without numpy, whose own way is slow in what is asked often."""
     return values != number if isinstance(values, float) else bool(np.any(values != number))
+
+
+def wrap_lag(phase: FloatArray) -> FloatArray:
+    """The same angle from -pi/2 to 3 pi/2, where the lag of a mode with noise lies; unchanged if it is there."""
+    return phase - 2.0 * pi * np.floor((phase + 0.5 * pi) / (2.0 * pi))
 
 
 def plain(value: Any) -> Any:

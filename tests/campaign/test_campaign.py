@@ -36,9 +36,10 @@ from damping.campaign.records import Level, fit_levels, tie_modes
 from damping.campaign.runs import CampaignRun, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.record import Record
+from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
 #: (Hz, damping ratio at rest, growth with amplitude in 1/m, participation).
@@ -540,3 +541,18 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     assert run.code == 1
     assert "mode-1: phase-sign (refuse)" in run.err
     assert not (tmp_path / "out").exists()
+
+
+def test_every_file_that_was_read_is_sealed(tmp_path, damping, monkeypatch):
+    """Files of one name are told apart; corrections and tables of design levels are inputs, too."""
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: Campaign((), LEVELS, (0.8,), "g"))
+    names = ("lo/run.csv", "hi/run.csv", "correct.toml", "design.csv")
+    for name, text in zip(names, ("lo", "hi", "# nothing\n", "frequency,level\n20,1\n80,2\n"), strict=True):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    low, high, correct, design = (tmp_path / name for name in names)
+    words = ("--design", design, "--design", 0.8, "--correct", correct)
+    assert damping("campaign", low, high, "--out", tmp_path / "out", *words).code == 0
+    inputs = verify(tmp_path / "out").manifest.inputs
+    assert set(inputs) == {"run.csv", "run.csv (2)", "correct.toml", "design.csv"}
+    assert (inputs["run.csv"], inputs["run.csv (2)"]) == (digest(b"lo"), digest(b"hi"))

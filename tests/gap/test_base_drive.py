@@ -15,7 +15,7 @@ from damping.gap.designs import DESIGNS
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.gap.driven import drive_by_forces
 from damping.gap.next_test import name_command, rank_tests
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records import audit
 from damping.records.base_drive import find_participation
 from damping.records.mode import Mode

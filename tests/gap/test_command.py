@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -163,12 +164,21 @@ def test_a_folder_with_a_broken_case(damping, case, tmp_path):
         assert says in answers[name]["error"]
 
 
+def test_no_case_of_a_folder_is_larger_than_may_be(damping, case, tmp_path):
+    done = damping("gap", case.parent, "--json", tmp_path, "--jobs", 1, "--max-size", 10)
+    assert done.code == 1
+    answer = json.loads((tmp_path / f"{case.name}.json").read_text())
+    assert "larger than 10 bytes" in answer["error"]
+
+
 def test_bad_usage(damping, case, tmp_path):
     model, data = case / "model.toml", case / "data.csv"
     (tmp_path / "empty").mkdir()
     for words, says in (
         ((tmp_path / "none.toml", data), "none.toml"),
         ((case, "--report", tmp_path / "page.html", "--json", tmp_path), "one record"),
+        ((case, "--posterior", "--json", tmp_path), "--posterior is for one record"),
+        ((model, data, "--jobs", 2), "--jobs is for a folder"),
         ((case.parent,), "--json"),
         ((tmp_path / "empty", "--json", tmp_path / "out"), "holds no case"),
         ((model, "--json", tmp_path / "out"), "folder"),
@@ -229,3 +239,21 @@ def test_a_state_without_its_record(damping, case):
     done = damping("gap", case / "model.toml", case / "data.csv", "--with", case / "model.toml")
     assert done.code == 2
     assert "records for 2 models" in done.err
+
+
+def test_files_of_one_name_are_told_apart_on_the_page(lab, tmp_path, monkeypatch, damping):
+    """States of one structure in folders of their own: each record stands there with its own digest."""
+    answer = SimpleNamespace(diagnosis=None, posterior=None, sentences=())
+    monkeypatch.setattr("damping.diagnose", lambda *_, **__: answer)
+    monkeypatch.setattr("damping.report.gap.render_gap_page", lambda *given: json.dumps(given[-1].inputs))
+    words = []
+    for points in (12, 14):
+        folder = tmp_path / f"{points}"
+        folder.mkdir()
+        (folder / "model.toml").write_text(describe_mode_to_toml(lab.mode()))
+        lab.measured("phase-lag", points=points).table.to_csv(folder / "data.csv", index=False)
+        words += ["--with"] * bool(words) + [folder / "model.toml", folder / "data.csv"]
+    assert damping("gap", *words, "--report", tmp_path / "page.html").code == 0
+    inputs = json.loads((tmp_path / "page.html").read_text())
+    assert {"data.csv", "data.csv (2)"} < set(inputs)
+    assert inputs["data.csv"] != inputs["data.csv (2)"]

@@ -151,7 +151,7 @@ def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch
     assert bands.title_structures(names) == titles
     assert bands.title_structures({"a": "bracket"}) == {"a": "bracket"}
     assert bands.title_structures({"a": "a", "b": "b"}) == {"a": "a", "b": "b"}
-    row = dict.fromkeys((*bands.COLUMNS, "low", "high"), 1.0)
+    row = dict.fromkeys(("force", "median", "low", "high", *bands.NAMES.values()), 1.0)
     monkeypatch.setattr(bands, "tabulate_loads", lambda at: pd.DataFrame([row | {"ratio": r} for r in bands.RATIOS]))
     columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")
     left_out = pd.DataFrame([dict.fromkeys(columns, 0)]).astype({"refused": bool})

@@ -9,12 +9,14 @@ import pandas as pd
 import pytest
 
 import damping as dp
-from damping.predict.measured import prepare
+from damping.extrapolation.near import near_resonance
+from damping.predict import prepare
 from damping.records import audit
 from damping.records.mode import Mode, Rig, Units, describe_mode_to_toml
 from damping.records.reading import read_record
 from damping.report import format_parameter_unit
 from damping_pipelines.store import write_text
+from damping_validation.bands import predict_structure
 
 F_N = 25.0
 RATIO = 0.008
@@ -137,3 +139,15 @@ def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
     slow = prepare(record, replace(forced, rig=Rig(rate=0.005)))  # .014 half-power bandwidths in the time one takes
     np.testing.assert_array_equal(slow.record.column("amplitude"), record.column("amplitude"))
     assert slow.said == ()
+
+
+def test_the_page_of_bands_rests_on_the_steady_states(record, mode, tmp_path, few_laws):
+    """A rate that the audit only cautions about, one half-power bandwidth in the time that one takes."""
+    forced = replace(mode, drive="force", mass=1.0 / PARTICIPATION, damping={})
+    swept = dp.Record(record.table.assign(sweep_rate=(2.0 * RATIO * F_N) ** 2))
+    write_text(tmp_path / "record.csv", swept.table.to_csv(index=False))
+    write_text(tmp_path / "mode.toml", describe_mode_to_toml(forced))
+    band, measured = predict_structure(tmp_path, seed=1), prepare(swept, forced)
+    np.testing.assert_allclose(band.plan.data.tested_force, near_resonance(measured.record).tested_force, rtol=1e-12)
+    assert band.said == measured.said
+    assert "sweep rate" in band.said[0]

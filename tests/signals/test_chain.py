@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
+from damping.arrays import wrap_lag
 from damping.errors import AnalysisError
 from damping.signals import PrincipalPlanes, energy_loss, plane_motion
 from damping.signals.chain import ConditioningStep, condition
@@ -252,3 +253,10 @@ def test_r2_over_i_of_the_vehicle() -> None:
     """Not printed; 1.9216e-4 in/(lb s^2) fits Table 3.III as printed, point 15 corrected moves it by .1 per cent."""
     step = by_name(saturn_steps())["rigid body"]
     assert_allclose(step.constants["r2_over_i"], 1.9216e-4, rtol=0.0015)
+
+
+def test_a_lag_is_wrapped_to_where_noise_does_not_make_it_jump():
+    inside = np.array([-0.5 * np.pi, -0.1, 0.0, 0.1, np.pi, 1.5 * np.pi - 1e-9])
+    assert_array_equal(wrap_lag(inside), inside)  # every digit
+    for turns in (-2, 1):
+        assert_allclose(wrap_lag(inside + 1e-12 + 2.0 * np.pi * turns), inside, rtol=0.0, atol=1e-11)

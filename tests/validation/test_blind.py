@@ -5,7 +5,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
+import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -13,11 +16,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks.kills import gone, kill
 from damping.errors import InputError
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import open_folder, verify
-from damping_validation.blind import DIAGNOSIS_SEED, blind, make_cases
+from damping_validation.blind import blind, make_cases
 from damping_validation.generator import DEVELOPMENT_SEED, draw, draw_case, draw_further_rows
 from damping_validation.generator.refit import DrawnCase
 
@@ -74,11 +78,11 @@ def diagnosis(monkeypatch) -> list[dict[str, object]]:
     """A diagnosis that finds nothing, and what it was given."""
     calls: list[dict[str, object]] = []
 
-    def diagnose_folder(cases: Path, out: Path, *, jobs: int | None, seed: int) -> int:
+    def diagnose_folder(cases: Path, out: Path, jobs: int | None) -> int:
         run = cases.parent if (cases.parent / "sealed.json").exists() else cases.parents[1]
         sealed = json.loads((run / "sealed.json").read_text())
         labels = run / "labels.sealed.json"
-        calls.append({"cases": cases, "seed": seed, "sealed": sealed, "files": contents(cases)})
+        calls.append({"cases": cases, "sealed": sealed, "files": contents(cases)})
         assert sealed["sha256"] == hashlib.sha256(labels.read_bytes()).hexdigest()
         out.mkdir(exist_ok=True)
         for case in cases.iterdir():
@@ -96,7 +100,6 @@ def diagnosis(monkeypatch) -> list[dict[str, object]]:
 def test_a_blind_run_seals_diagnoses_and_scores(diagnosis, tmp_path):
     blind(tmp_path / "run", 3, QUICK_SEED, 2)
     (call,) = diagnosis
-    assert call["seed"] == DIAGNOSIS_SEED
     assert {Path(name).name for name in call["files"]} == {"model.toml", "data.csv"}
     table = pd.read_csv(tmp_path / "run" / "table.csv").set_index("figure")
     # a third of the cases are null (strata), and finding nothing is right there and wrong everywhere else
@@ -174,3 +177,30 @@ def test_added_rows_are_of_the_same_truth():
 
 def draw_lag(seed: int) -> DrawnCase:
     return draw("phase-lag", False, np.random.default_rng((3, seed)))
+
+
+#: Processes of a blind run at work, which say so in a file each.
+WORKING = """
+import os, pathlib, time
+from damping_validation import blind
+
+def work(number):
+    pathlib.Path(f"{number}.begun").touch()
+    time.sleep(60)
+
+if __name__ == "__main__":
+    list(blind._each(work, list(range(8)), 2))
+"""
+
+
+def test_processes_end_with_a_killed_parent(tmp_path):
+    (tmp_path / "run.py").write_text(WORKING)
+    paths = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, "run.py"], cwd=tmp_path, env=os.environ | paths, start_new_session=True
+    ) as run:
+        while len(list(tmp_path.glob("*.begun"))) < 2:
+            assert run.poll() is None
+            time.sleep(0.05)
+        kill(run.pid)
+    gone(run.pid)

@@ -50,10 +50,7 @@ def fleet(
     became of the others, or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
-    if workers is not None and workers < 0:
-        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
-    if scheduler is not None and workers is not None:
-        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    _check_workers(workers, scheduler)
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     require_checks(despite)
@@ -85,6 +82,13 @@ def fleet(
                     book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
+
+
+def _check_workers(workers: int | None, scheduler: str | None) -> None:
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
 
 
 @dataclass

@@ -20,7 +20,7 @@ from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
 from damping.infer.observations import Observations
 from damping.plots import identifier, to_svg
 from damping.plots.curves import design_loads
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import Audit, audit

@@ -20,7 +20,7 @@ import pandas as pd
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import ndtr
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, wrap_lag
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
@@ -265,9 +265,8 @@ def fit_band(posterior: PlanarPosterior) -> PlanarBand:
     every = max(1, len(posterior.draws) // _BAND_DRAWS)
     F = np.interp(omega, data.omega, data.F)
     response = pitch_response(posterior.prior.model(posterior.draws[::every]), F, omega)
-    phase = np.mod(-np.angle(response) + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
     low, median, high = np.quantile(np.abs(response), TAILS, axis=0)
-    phase_low, phase_median, phase_high = np.quantile(phase, TAILS, axis=0)
+    phase_low, phase_median, phase_high = np.quantile(wrap_lag(-np.angle(response)), TAILS, axis=0)
     return PlanarBand(omega, (median, low, high), (phase_median, phase_low, phase_high))
 
 

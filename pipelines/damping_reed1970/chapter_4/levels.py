@@ -179,7 +179,11 @@ def _predict(case: LevelCase, coefficient: FloatArray, data: Observations, sweep
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
 
 
-def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10.0)) -> pd.DataFrame:
+#: Scatter of the amplitude from level to level, per cent.
+_SCATTERS = (1.0, 2.0, 3.0, 5.0, 10.0)
+
+
+def tabulate_chance_of_exponent() -> pd.DataFrame:
     """How likely linear damping gives the exponents of section 4.3 by scatter of the amplitude from level to level.
 
     With relative scatter s of each resonant amplitude the slope of ln F on ln A is 1 + s z/sqrt(sum (ln A - mean)^2),
@@ -189,7 +193,7 @@ def tabulate_chance_of_exponent(noise: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 10
     for mode in (1, 2):
         A, p = resonances(mode, "corrected")[1], fit_mode(mode, "velocity-power", "corrected").p
         root = float(np.std(np.log(A)) * np.sqrt(A.size))
-        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in noise}
+        chances = {f"chance_at_{s:g}_percent": float(ndtr(-(p - 1.0) * root / (0.01 * s))) for s in _SCATTERS}
         rows.append({"mode": mode, "p": p, "needed_percent": 100.0 * (p - 1.0) * root / float(ndtri(0.95)), **chances})
     return pd.DataFrame(rows)
 

@@ -9,7 +9,7 @@ import numpy as np
 from damping.extrapolation import Extrapolation, extrapolate_loads
 from damping.extrapolation.near import near_resonance, observe_ranked
 from damping.infer.observations import Observations
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record

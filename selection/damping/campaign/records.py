@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import BoolArray, ComplexArray, FloatArray
+from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.errors import AnalysisError, InputError
@@ -257,7 +257,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
                 "force": factor * drive if level.run.is_base_driven else drive,
                 "frequency": f,
                 "amplitude": amplitude,
-                "phase": (lag + 0.5 * pi) % (2.0 * pi) - 0.5 * pi,
+                "phase": wrap_lag(lag),
                 "amplitude_sd": error * amplitude,
                 "phase_sd": error,
             }

@@ -45,7 +45,7 @@ from damping.infer.importance import LEAST_DRAWS, draw_again
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
-from damping.predict.measured import prepare
+from damping.predict import prepare
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
 from damping.ranking.candidates import load_candidates

@@ -103,19 +103,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     plan's limit is refused as in predictions of amplitude.
     """
     asked, plan, data = np.asarray(amplitudes, dtype=float), predicted.plan, predicted.plan.data
-    least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
-    most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
-    free = replace(predicted, plan=replace(plan, limit=np.inf))
-    low, high = least / _MARGIN, most * _MARGIN
-    points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
-    grid = np.unique(np.concatenate([points, data.tested_force]))
-    loads = free.predict_at(grid, each=each, still=True)
-    held = grid[~(loads.average.low > 0.0) & (grid < data.tested_force.min())]
-    if held.size and asked.min() < data.tested_amplitude.min():
-        still = held[~(loads.average.high[: held.size] > 0.0)].max(initial=grid[0])
-        beyond = grid[grid > held[-1]]
-        grid = np.concatenate([np.linspace(still, beyond[0], FRICTION), beyond[1:]])
-        loads = free.predict_at(grid, each=each, still=True)
+    grid, loads = _search_forces(predicted, asked, each)
     average = _invert_band(loads.average, grid, asked, plan.limit)
     top = data.top
     predicted_there = np.isfinite(average.median)
@@ -147,6 +135,25 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         limit=plan.limit,
         amplitude=asked,
     )
+
+
+def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> tuple[FloatArray, Loads]:
+    """Forces, without a limit, that reach every amplitude asked for, and predictions there."""
+    data = predicted.plan.data
+    least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
+    most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
+    free = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
+    low, high = least / _MARGIN, most * _MARGIN
+    points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
+    grid = np.unique(np.concatenate([points, data.tested_force]))
+    loads = free.predict_at(grid, each=each, still=True)
+    held = grid[~(loads.average.low > 0.0) & (grid < data.tested_force.min())]
+    if held.size and asked.min() < data.tested_amplitude.min():
+        still = held[~(loads.average.high[: held.size] > 0.0)].max(initial=grid[0])
+        beyond = grid[grid > held[-1]]
+        grid = np.concatenate([np.linspace(still, beyond[0], FRICTION), beyond[1:]])
+        loads = free.predict_at(grid, each=each, still=True)
+    return grid, loads
 
 
 def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) -> Band:

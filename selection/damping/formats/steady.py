@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, wrap_lag
 from damping.errors import InputError, naming
 from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
@@ -113,8 +113,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
     }
     if row.has_phase:
         drive = np.ones_like(F) if to.per_force else F
-        # within -pi/2..3 pi/2, so that noise about 0 and pi does not jump
-        columns["phase"] = (np.angle(drive) - np.angle(X) + 0.5 * np.pi) % (2.0 * np.pi) - 0.5 * np.pi
+        columns["phase"] = wrap_lag(np.angle(drive) - np.angle(X))
     table = pd.DataFrame(columns)
     for name, values in row.extra.items():
         table[name] = values[keep]

@@ -40,6 +40,7 @@ _WINDOWS = (4, 8, 16)
 FREE = "stiffness and damping with amplitude"
 #: Splines that the record determines to less than this share of the best determined one are left out.
 _SEEN = 1e-4
+_DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 
 
 @dataclass(frozen=True)
@@ -208,15 +209,15 @@ class FreeForm:
     damping_sd: FloatArray
 
 
-def free_form(fit: ModelFit, points: int = 80) -> FreeForm:
-    """The curves of free form that a fit lacks, at ``points`` amplitudes of the record."""
+def free_form(fit: ModelFit) -> FreeForm:
+    """The curves of free form that a fit lacks, at amplitudes of the record."""
     M, g = information(fit, list_columns(fit)[FREE])
     values, vectors = np.linalg.eigh(M)
     seen = values > _SEEN * values.max()
     covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
     a = -covariance @ g
     u = motion(fit)
-    at = np.linspace(u.min(), u.max(), points)
+    at = np.linspace(u.min(), u.max(), _DRAWN)
     B = basis(u, SPLINES, at)
     half = len(B)
     parts = [

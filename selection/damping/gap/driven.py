@@ -18,7 +18,7 @@ from damping.errors import AnalysisError
 from damping.gap.problem import State
 from damping.gap.rows import is_same_structure
 from damping.gap.simulation import NO_KNOWLEDGE
-from damping.predict.measured import count_in, in_unit
+from damping.predict import count_in, in_unit
 from damping.records.base_drive import Participation, drive_by, find_participation, has_masses
 from damping.records.mode import Mode
 

@@ -20,14 +20,18 @@ from damping.gap.hypotheses import (
     MOST_DOUBTING,
     MOST_SWAPPED,
     NEAR,
+    SURE,
     Hypothesis,
+    Start,
     Way,
+    at_gap,
+    choose_forms,
     leaves_noise,
+    list_starts,
     list_swaps,
     order_ways,
 )
 from damping.gap.model import Model, Problem
-from damping.gap.starts import SURE, Start, at_gap, choose_forms, list_starts
 from damping.gap.unknowns import Unknowns, marginalise_scatter
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -86,8 +90,7 @@ class Search:
         lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
         lacking["masses"] = not np.ptp(rows.added)
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
-        forms = {name: effect.forms(self.problem.scales) for name, effect in asked.items()}
-        self.forms = {name: own for name, own in forms.items() if own}
+        self.forms = {name: own for name, effect in asked.items() if (own := effect.forms(self.problem.scales))}
         self.choices = self.choices or len(self.forms)
 
     def run(self) -> Search:
@@ -156,8 +159,7 @@ class Search:
         Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
         """
         other = Search(problem, self.effects, unknown, units=self.units)
-        rows = self.problem.rows
-        sweeps = np.unique(rows.sweep if kept is None else rows.sweep[kept])
+        sweeps = np.unique(self.problem.rows.sweep[slice(None) if kept is None else kept])
         ranked = self.ranked()
         probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
@@ -210,23 +212,20 @@ class Search:
                 kept = self.hypotheses[own.key]
                 if (*way.base.effects, way.name) != kept.effects:
                     self.extend(way.base, way.name, way.starts)
-                    self.hypotheses[own.key] = max(
-                        kept, self.hypotheses[own.key], key=lambda fitted: fitted.log_posterior
-                    )
+                    if kept.log_posterior >= self.hypotheses[own.key].log_posterior:
+                        self.hypotheses[own.key] = kept
 
     def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
         """The ways to each combination that is worth a fit, those that promise most first."""
         best = -np.inf if doubted else self.ranked()[0].log_posterior - NEAR
-        price = np.log(self.choices + 1.0)
+        price, passed = np.log(self.choices + 1.0), doubted.key if doubted else frozenset()
         ways: dict[frozenset[str], list[Way]] = {}
         quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and leaves_noise(own)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_EXTENDED]:
             least = _GAIN_BEYOND_NOISE if leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
-                if name in base.effects or key in self.hypotheses or self.effects[name].denies & key:
-                    continue
-                if doubted and key & doubted.key:
+                if name in base.effects or key in self.hypotheses or key & (self.effects[name].denies | passed):
                     continue
                 if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
                     continue  # that one says what more could be gained

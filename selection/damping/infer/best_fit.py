@@ -25,8 +25,8 @@ from damping.arrays import FloatArray, Floats, IntArray
 from damping.errors import AnalysisError
 from damping.forces import Component
 from damping.forces.contract import Sum
+from damping.infer import solve_nonnegative
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
-from damping.infer.least_squares import solve_nonnegative
 from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
 

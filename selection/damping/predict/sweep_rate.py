@@ -12,13 +12,13 @@ the skew of the peaks. Hok (1948), Lewis (1932): peaks are moved where (df/dt)/(
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import log, pi
+from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.errors import AnalysisError
 from damping.records.implied import sense_rate
 from damping.records.record import Record
@@ -60,7 +60,7 @@ class Rate:
 def envelope(
     frequency: FloatArray, rate: float, force: float, mass: float, natural: float, ratio: float, growth: float = 0.0
 ) -> ComplexArray:
-    """ComplexArray amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
+    """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
 
     Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
     frequency.
@@ -127,8 +127,7 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     slope = a * CubicSpline(w, logarithm)(w, 1)
     w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
     force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
-    phase = (np.angle(force) - np.angle(a) + 0.5 * pi) % (2.0 * pi) - 0.5 * pi
-    out = rows.assign(force=np.abs(force), phase=phase, sweep_rate=0.0)
+    out = rows.assign(force=np.abs(force), phase=wrap_lag(np.angle(force) - np.angle(a)), sweep_rate=0.0)
     return pd.DataFrame(out[near].reset_index(drop=True))
 
 

@@ -102,7 +102,7 @@ def read_rows(table: pd.DataFrame) -> Observations:
     )
 
 
-def share_shapes(records: Sequence[Groups], data: Sequence[Observations], seed: int = 0) -> dict[str, SharedShape]:
+def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dict[str, SharedShape]:
     """The joint fits, by law, of all laws of the records that have one shape without dimension to share."""
     laws = {name: _parse(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
     found = {}
@@ -110,7 +110,7 @@ def share_shapes(records: Sequence[Groups], data: Sequence[Observations], seed: 
         shapes = [shape for shape, of in law.free_shapes.items() if of.unit == PURE]  # the same on any record
         if len(shapes) == 1:
             with suppress(AnalysisError):  # a record that the law cannot carry shares nothing with it
-                found[name] = fit_jointly(law, shapes[0], data, seed)
+                found[name] = fit_jointly(law, shapes[0], data)
     return found
 
 

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
 from damping.records.implied import (
     AS_LAG,
     Implied,
@@ -37,6 +37,7 @@ from damping.records.runs import (
 SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
 #: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
 MOST_OFFSET = 0.25 * pi
+MOST_NAMED = 5  #: labels of sweeps in a message
 
 
 @dataclass(frozen=True)
@@ -152,8 +153,7 @@ class View:
             kind, lag = self.wrong_sign.get(run.sweep, ""), None
             if run.phase is not None and run.sweep not in self.incoherent:
                 near = turn and turn.both_sides and not kind and abs(turn.offset) < MOST_OFFSET
-                shifted = AS_LAG[kind](run.phase - (turn.offset if turn and near else 0.0))
-                lag = np.angle(np.exp(1j * (shifted - 0.5 * pi))) + 0.5 * pi
+                lag = wrap_lag(AS_LAG[kind](run.phase - (turn.offset if turn and near else 0.0)))
             legs.append(Leg(run, turn, lag))
         return legs
 
@@ -244,8 +244,8 @@ def label_sweeps(runs: Iterable[Run]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(run.sweep for run in runs))
 
 
-def name_sweeps(sweeps: Iterable[str], most: int = 5) -> str:
+def name_sweeps(sweeps: Iterable[str]) -> str:
     """Labels for a message: all of a few, else the first with the number of the rest."""
     labels = list(sweeps)
-    more = f" and {len(labels) - most} more" if len(labels) > most else ""
-    return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:most])}{more}"
+    more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
+    return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:MOST_NAMED])}{more}"

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from damping import signals
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
 from damping.errors import AnalysisError
 from damping.signals import NodeMode
 from damping.signals.description import Description
@@ -113,7 +113,7 @@ def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) ->
     if node.phase is None:
         return _step("node", "Eq. 3.1.21", table, after)
     lag = description.units.rad * node.lag
-    after["phase"] = _lag(description.units.rad * raw.loc[table.index, node.phase].to_numpy(float) - lag)
+    after["phase"] = wrap_lag(description.units.rad * raw.loc[table.index, node.phase].to_numpy(float) - lag)
     return _step("node", "Eq. 3.1.21", table, after, {"lag": np.full(len(table), lag)} if lag else None)
 
 
@@ -231,14 +231,14 @@ def _in_phase(name: str, equation: str, table: pd.DataFrame, parts: Mapping[str,
     C_t = np.sum(list(parts.values()), axis=0)
     after_phi = signals.modal_phase(A, phi, C_t, 1.0)
     amplitude = signals.modal_amplitude(A, phi, C_t, 1.0, after_phi)
-    after = table.assign(amplitude=amplitude, phase=_lag(np.asarray(after_phi)))
+    after = table.assign(amplitude=amplitude, phase=wrap_lag(np.asarray(after_phi)))
     return _step(name, equation, table, after, {part: -C for part, C in parts.items()})
 
 
 def _turn(table: pd.DataFrame, phi: float) -> pd.DataFrame:
     """The table with its phase, where it has one, turned by pi if ``phi`` is negative."""
     turned = phi < 0.0 and "phase" in table
-    return table.assign(phase=_lag(_column(table, "phase") + np.pi)) if turned else table
+    return table.assign(phase=wrap_lag(_column(table, "phase") + np.pi)) if turned else table
 
 
 def _step(
@@ -249,9 +249,3 @@ def _step(
 
 def _column(table: pd.DataFrame, name: str) -> FloatArray:
     return table[name].to_numpy(dtype=np.float64)
-
-
-def _lag(phase: FloatArray) -> FloatArray:
-    """The same angle between -pi/2 and 3 pi/2, where the lag of a mode with noise lies; unchanged if it is there."""
-    wrapped = np.mod(phase + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
-    return np.where((phase < -0.5 * np.pi) | (phase > 1.5 * np.pi), wrapped, phase)

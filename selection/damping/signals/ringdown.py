@@ -123,17 +123,22 @@ def ring_down(
     last = first + int(low[0]) if len(low) else len(z)
     _refuse_growth(times[first:last], np.abs(z[first:last]))
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
-    since, size, peak = float(times[first]), float(np.abs(z[first])), int(np.argmax(np.abs(x)))
-    largest, derived = float(np.abs(x[peak])), window.omega_0**order  # to displacement
-    if t[peak] < since and largest > LARGEST_LOSS * size:  # larger before the window first fits
-        jitter.append(
-            f"the start is lost to half the window: {since - t[peak]:.3g} s, in which the amplitude falls from at most "
-            f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
-        )
+    size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
+    lost = _describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
     before = np.abs(z[: max(first - len(window.offsets), 0)])
     if np.max(before, initial=0.0) > max(ABOVE_NOISE * noise, GROWN * size):
-        jitter.append(f"motion before {since:.4g} s is not used: an earlier blow is chosen by --start and --end")
-    return _decay(kept, mass, noise, [*jitter, *notes])
+        lost.append(f"motion before {times[first]:.4g} s is not used: an earlier blow is chosen by --start and --end")
+    return _decay(kept, mass, noise, [*jitter, *lost, *notes])
+
+
+def _describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
+    """What is lost between the largest reading, at ``peak``, and where the window first fits, over ``derived``."""
+    if peak >= since or largest <= LARGEST_LOSS * size:
+        return []
+    return [
+        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
+        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
+    ]
 
 
 def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
