@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
-from damping.extrapolation.near import Plan, near_resonance
+from damping.extrapolation.near import Plan, near_resonance, observe_ranked
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
@@ -81,19 +81,20 @@ def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = (
 def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) -> BandResult:
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
-    report_findings(record, mode, despite)
+    findings = report_findings(record, mode, despite)
     measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
-    largest = data.tested_force.max()
-    predicted = extrapolate_loads(data, largest * np.array(RATIOS), LEVEL, seed, mode=mode, progress=progress)
-    forces = np.geomspace(data.tested_force.min(), 1.1 * RATIOS[-1] * largest, _GRID)
+    every, _ = observe_ranked(measured.record, findings)
+    tried = data.tested_force.max() * np.array(RATIOS)
+    predicted = extrapolate_loads(data, tried, LEVEL, seed, mode=mode, every=every, progress=progress)
+    forces = np.geomspace(data.tested_force.min(), 1.1 * tried[-1], _GRID)
     return BandResult(
         name=folder.name,
         mode=mode,
         plan=predicted.plan,
         grid=predicted.predict_at(forces),
         at=predicted.loads,
-        left_out=leave_higher_levels_out(data, LEVEL, seed, mode),
+        left_out=leave_higher_levels_out(data, LEVEL, seed, mode, every),
         said=measured.said,
     )
 

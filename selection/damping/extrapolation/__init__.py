@@ -242,10 +242,13 @@ def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.nd
     return sample(coordinates, data, begun, amplitudes, seed)
 
 
-def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mode: Mode | None = None) -> pd.DataFrame:
+def leave_higher_levels_out(
+    data: Observations, level: float, seed: int = 0, mode: Mode | None = None, every: Observations | None = None
+) -> pd.DataFrame:
     """Predict every sweep of the higher levels from the k lowest ones, for every k >= ``FEWEST_BELOW``.
 
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
+    ``every``: all rows of the sweeps of ``data``, where the laws are judged on them too.
 
     Returns:
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
@@ -254,10 +257,10 @@ def leave_higher_levels_out(data: Observations, level: float, seed: int = 0, mod
     levels = number_levels(data.tested_force)
     tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
-        lower = data.keep_sweeps(levels < below)
+        lower, rows = data.keep_sweeps(levels < below), every and every.keep_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
-        predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode)
+        predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode, every=rows)
         loads, plan, measured = predicted.loads, predicted.plan, data.tested_amplitude[higher]
         linear = plan.data.tested_amplitude[plan.data.top] * loads.ratio
         columns = {
