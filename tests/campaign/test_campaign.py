@@ -535,12 +535,44 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     np.testing.assert_allclose(notch[0].level, allowed, rtol=1e-3)  # straight lines between 40 levels
     np.testing.assert_allclose(notch[0].depth_db, 20 * np.log10(2.0 / allowed), atol=0.01)
     np.testing.assert_allclose(notch[0].more_db, 20 * np.log10(allowed / 0.5), atol=0.01)
-    for end in (notch[0].low, notch[0].high):  # 20 level/sqrt(x^2 + (2 z)^2), x = 2 (f/50 - 1), near resonance
+    for end in (notch[0].low, notch[0].high):
         assert end is not None
-        np.testing.assert_allclose(20.0 * 2.0 / np.hypot(2.0 * (end / 50.0 - 1.0), 2.0 * z), limit, rtol=2e-3)
+        r = end / 50.0
+        np.testing.assert_allclose(20.0 * 2.0 / abs(1.0 - r**2 + 2j * z * r), limit, rtol=2e-3)
     none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
     assert (none.low, none.depth_db) == (None, 0.0)
     assert "no notch; at most +2.9 dB" in str(none)
+
+
+@pytest.mark.parametrize(("design", "ends"), [(30.0, (True, True)), (240.0, (False, True)), (1200.0, (False, False))])
+def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
+    """One resonance of 5 % at 50 Hz, 20 level/|1 - r^2 + 2 i z r|, of any width: its ends, or those of the sweep."""
+    z, swept, limit = 0.05, (20.0, 120.0), 20.0 * 20.0 / 0.1  # the limit at a level of 20
+    places = []
+    for level in np.geomspace(1.0, 1300.0, 40):
+        response = Response("tip", "acceleration", "g", (1.0, 0.5, 20.0 * level / (2.0 * z)))
+        places.append(At(float(level), False, 50.0, (z, z, z), (response,), ()))
+    (notch,) = find_notches("mode-1", places, 10.0, design, {"tip": limit}, swept)
+    for end, of_sweep, inner in zip((notch.low, notch.high), swept, ends, strict=True):
+        r = end / 50.0
+        if inner:
+            np.testing.assert_allclose(20.0 * design / abs(1.0 - r**2 + 2j * z * r), limit, rtol=1e-9)
+        else:
+            assert end == of_sweep
+            assert 20.0 * design / abs(1.0 - r**2 + 2j * z * r) > limit
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"limits": {"ridge": 1.0}}, "--limit of no sensor 'ridge'; expected one of roof, mid, low"),
+        ({"limits": {"roof": 1.0}}, "--limit of free decays; expected no --limit"),
+        ({"before": [SensorPrediction(0.7, 1.0, True, "roof", "m/s^2", (1.0, 1.0, 1.0))]}, "--previous of free decays"),
+    ],
+)
+def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
+    with pytest.raises(InputError, match=message):
+        analyse([decayed(tmp_path / "d.csv", 0.01)], **options)
 
 
 def predicted(level: float, tested: bool) -> SensorPrediction:
