@@ -98,7 +98,7 @@ def _names(own: Units, given: str | None, source: str) -> Units:
     for what, text in vars(own).items():
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
-        if (named.powers, named.factor) != (meant.powers, meant.factor):
+        if not named.agrees_with(meant):
             message = f"{what} is in {text} and --from {given} says {meant.text}"
             raise InputError(message, file=source, expected="one of them, or both alike")
     return stated

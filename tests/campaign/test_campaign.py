@@ -40,6 +40,7 @@ from damping.errors import AnalysisError, InputError
 from damping.predict.measured import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.record import Record
+from damping_pipelines.campaign import _tabulate_modes
 
 G = 9.80665
 #: (Hz, damping ratio at rest, growth with amplitude in 1/m, participation).
@@ -628,6 +629,34 @@ def test_a_form_that_is_no_campaign(tmp_path, damping):
     run = damping("campaign", wrong, "--out", tmp_path / "out", "--previous", wrong)
     assert run.code == 2
     assert "campaign.json" in run.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["tip=1", "tip=2"], "--limit tip is given twice; expected each once"),
+        (["tip"], "--limit 'tip' is not understood; expected --limit SENSOR=VALUE"),
+        (["tip=0"], "--limit tip=0 is no limit; expected SENSOR=VALUE"),
+    ],
+)
+def test_limits_that_are_not_understood(tmp_path, damping, words, message):
+    source = written(tmp_path / "c.h5", "hdf5")
+    run = damping(
+        "campaign", source, "--out", tmp_path / "out", *(part for word in words for part in ("--limit", word))
+    )
+    assert run.code == 2
+    assert message in run.err
+
+
+def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
+    """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
+    modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
+    table = _tabulate_modes(Campaign(modes, (), (), "g"))
+    assert not table.isna().any(axis=None)
+    assert list(table["damping ratio at the last design level, %"]) == [
+        "1 (0.9 to 1.1) at 10 g",
+        "1 (0.9 to 1.1) at 20 g",
+    ]
 
 
 def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):

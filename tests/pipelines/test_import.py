@@ -25,8 +25,9 @@ from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, read_answer
-from damping_pipelines.import_ import import_file, pairs, read_band, scales
+from damping_pipelines.import_ import import_file, read_band, scales
 from damping_pipelines.store import write_json
+from damping_pipelines.terminal import parse_pairs
 from damping_reed1970 import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
@@ -95,6 +96,9 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), mode)
+    mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
+    with pytest.raises(InputError, match="mode is in kg and the record in N"):
+        import_file(lab, out, Stated(), mode)
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:
@@ -121,8 +125,8 @@ def test_labels_of_files_do_no_harm(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: pairs("--unit", ["force"]), "--unit 'force' is not understood; expected --unit NAME=VALUE"),
-        (lambda: pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
+        (lambda: parse_pairs("--unit", ["force"]), "--unit 'force' is not understood; expected --unit NAME=VALUE"),
+        (lambda: parse_pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
         (lambda: scales(["force=x"]), "--scale force=x is no factor"),
         (lambda: scales(["force=0"]), "no factor"),
         (lambda: read_band("1-2"), "LO:HI in Hz"),
@@ -135,7 +139,9 @@ def test_options_that_are_not_understood(call, message: str) -> None:
 
 
 def test_options_that_are_understood() -> None:
-    assert pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
+    assert parse_pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
+    limits = parse_pairs("--limit", ["a=b [g] = 2", "c=3"], last=True)
+    assert limits == {"a=b [g]": "2", "c": "3"}
     assert scales(["response=9.81"]) == {"response": 9.81}
     assert read_band("1.5:2") == (1.5, 2.0)
     assert read_band(None) is None

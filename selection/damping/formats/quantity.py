@@ -61,6 +61,10 @@ class Unit:
         force, length, time = (a - b for a, b in zip(self.powers, other.powers, strict=True))
         return Unit(f"({self.text})/{other.text}", (force, length, time), self.factor / other.factor)
 
+    def agrees_with(self, other: Unit) -> bool:
+        """Whether both are of one kind and size, whatever their names."""
+        return (self.powers, self.factor) == (other.powers, other.factor)
+
 
 #: The two consistent systems records are written in: names of force and length; time is s, mass force s^2/length.
 SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
