@@ -67,7 +67,8 @@ def analyse(
         corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit. before:
             what was predicted of these runs.
 
-    InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
+    InputError: files that are not understood, or limits or predictions of free decays, which nothing drives.
+    AnalysisError: no mode that can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]

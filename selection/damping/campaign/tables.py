@@ -95,7 +95,7 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", UserWarning)  # a block of blank lines or comments has no rows
                     table = np.loadtxt(
-                        io.StringIO(text),
+                        io.BytesIO(text.encode()),
                         delimiter=None if delimiter == " " else delimiter,
                         usecols=columns,
                         ndmin=2,
