@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from damping.campaign import analyse
-from damping.campaign.answer import Campaign, DesignLevel, ModeAnswer, SensorPrediction
+from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
 from damping.campaign.runs import read_corrections
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
@@ -21,7 +21,7 @@ from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import PlainTable, console, number, parse_number, report_findings
+from damping_pipelines.terminal import PlainTable, console, number, parse_number, parse_pairs, report_findings
 
 
 def campaign(
@@ -94,13 +94,13 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
 
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:
-    """SENSOR=VALUE words. InputError for what is no limit."""
-    limits = {}
-    for word in words:
-        name, _, text = word.rpartition("=")
-        limits[name] = parse_number(text)
-        if not (name and 0.0 < limits[name] < math.inf):
-            raise InputError(f"--limit {word!r} is not understood", expected="SENSOR=VALUE, in the sensor's unit")
+    """SENSOR=VALUE words, of which a sensor's name may hold ``=``. InputError for what is no limit."""
+    meaning = "SENSOR=VALUE, in the sensor's unit"
+    texts = parse_pairs("--limit", words, meaning, last=True)
+    limits = {name: parse_number(text) for name, text in texts.items()}
+    wrong = next((name for name, limit in limits.items() if not 0.0 < limit < math.inf), None)
+    if wrong is not None:
+        raise InputError(f"--limit {wrong}={texts[wrong]} is no limit", expected=meaning)
     return limits
 
 
@@ -135,8 +135,8 @@ def _tabulate_modes(answer: Campaign) -> pd.DataFrame:
         {
             "mode": mode.name,
             "frequency, Hz": mode.frequency,
-            "damping ratio at the lowest level, %": _describe_percent(mode.places[0].ratio),
-            f"at {mode.places[-1].level:.4g} {answer.unit}, %": _describe_percent(mode.places[-1].ratio),
+            "damping ratio at the lowest level, %": _describe_ratio(mode.places[0], answer.unit),
+            "damping ratio at the last design level, %": _describe_ratio(mode.places[-1], answer.unit),
             "law": mode.law,
             "sensors left out": ", ".join(mode.left_out) or "none",
         }
@@ -161,8 +161,10 @@ def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
     )
 
 
-def _describe_percent(band: tuple[float, float, float] | None) -> str:
-    return f"{100 * band[0]:.3g} ({100 * band[1]:.3g} to {100 * band[2]:.3g})" if band else "no answer"
+def _describe_ratio(at: At, unit: str) -> str:
+    """A damping ratio in per cent with its level: those of two modes may differ."""
+    band = "{:.3g} ({:.3g} to {:.3g})".format(*(100.0 * part for part in at.ratio)) if at.ratio else "no answer"
+    return f"{band} at {at.level:.4g} {unit}"
 
 
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:

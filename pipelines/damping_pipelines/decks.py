@@ -68,24 +68,13 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     check_outputs({"--out": out}, source)
     content = read_bytes(source, MAX_FORM_SIZE)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
-    levels, modes = defaultdict[float, list[Point]](list), defaultdict[str, list[Point]](list)
-    rows = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
-    rows = rows or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
-    missing = list[str]()
-    for mode, level, row in rows:
-        point = _as_point(mode, row)
-        if level is not None and point is not None:
-            levels[level].append(point)
-            continue
-        at = f"amplitude {row.amplitude}" if level is None else f"{drive} {level:g} {unit}".rstrip()
-        why = next((caution for caution in row.cautions if caution.startswith("no prediction")), "no damping predicted")
-        missing.append(f"left out: {mode} at {at}: {why}")
+    levels, missing = _list_levels(form, drive, unit)
     if not levels:
         why = "; ".join(missing) or "write it with damping curve or extrapolate"
         raise AnalysisError(f"{source}: no level holds a damping ratio: {why}")
+    modes = defaultdict[str, list[Point]](list)
     for points in levels.values():
-        points.sort(key=lambda point: point.frequency)
         for point in points:
             modes[point.mode].append(point)
     by_frequency = sorted(modes, key=lambda mode: modes[mode][0].frequency)
@@ -116,6 +105,25 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     for mode, which, _, found in fitted:
         if abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")
+
+
+def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:
+    """The points of each level by frequency, one a mode, and what is said of rows that have none.
+
+    Of several rows of a mode at one level it is one that was tested, where one was.
+    """
+    of_modes = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
+    levels, missing = defaultdict[float, dict[str, Point]](dict), list[str]()
+    for mode, level, row in of_modes or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]:
+        point = _as_point(mode, row)
+        if level is not None and point is not None:
+            if row.tested or mode not in levels[level]:
+                levels[level][mode] = point
+            continue
+        at = f"amplitude {row.amplitude}" if level is None else f"{drive} {level:g} {unit}".rstrip()
+        why = next((caution for caution in row.cautions if caution.startswith("no prediction")), "no damping predicted")
+        missing.append(f"left out: {mode} at {at}: {why}")
+    return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 
 
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:

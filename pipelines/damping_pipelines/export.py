@@ -1,6 +1,7 @@
 """``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pandas as pd
 from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_values import write_uff
+from damping.records.base_drive import has_masses
 from damping.records.mode import Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
@@ -66,17 +68,23 @@ def export(
     names = _names(described.units if described else Units(), given, str(mode or source))
     report_findings(record, described, despite)
     notes: list[str] = []
+    drive = described.drive if described else "force"
     if units is not None:
         by = factors(names, units, source=str(mode or source))
-        record, notes = convert_record(record, by)
+        # the mass that a base-driven mode has where none is stated is a number
+        plain = described is not None and drive == "base" and described.mass == 1.0 and not has_masses(record)
+        record, notes = convert_record(record, by, drive)
         names = Units(*SYSTEMS[units], "s")
-        described = None if described is None else convert_mode(described, by, units)
+        if described is None:
+            notes.append("the column force is taken for a force: whether it is a base's acceleration --mode says")
+        else:
+            described = convert_mode(described, by.per_mass if plain else by, units)
     if mode_out is not None:
         if described is None or units is None:
             expected = "--mode MODE.toml and --units"
             raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
-    _write_record(record, names, out, notes, text=text)
+    _write_record(record, names.of_base_drive if drive == "base" else names, out, notes, text=text)
 
 
 def _names(own: Units, given: str | None, source: str) -> Units:
@@ -86,10 +94,11 @@ def _names(own: Units, given: str | None, source: str) -> Units:
     if given not in SYSTEMS:
         raise InputError(f"--from {given!r} is unknown", expected=" or ".join(SYSTEMS))
     stated = Units(*SYSTEMS[given], "s")
+    stated = stated.of_base_drive if own.drive == "base acceleration" else stated
     for what, text in vars(own).items():
         meant = unit(getattr(stated, what))
         named = unit(text, what=f"unit of {what}") if text else meant
-        if (named.powers, named.factor) != (meant.powers, meant.factor):
+        if not named.agrees_with(meant):
             message = f"{what} is in {text} and --from {given} says {meant.text}"
             raise InputError(message, file=source, expected="one of them, or both alike")
     return stated
@@ -108,11 +117,14 @@ def _export_form(
         message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
         raise InputError(message, file=source, expected="a ranking of the converted record")
     own = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
-    own = own if own.force or own.length or mode is None else read_mode(mode).units
-    names = _names(own, given, str(mode or source))
+    described = read_mode(mode) if mode is not None and not (own.force or own.length) else None
+    names = _names(described.units if described else own, given, str(mode or source))
+    if described and described.drive == "base":
+        names = replace(names, time="s").of_base_drive
     _write_table(convert_loads(table, factors(names, units, source=str(mode or source)), form.asked), out)
+    new = Units(*SYSTEMS[units], "s")
     show = console()
-    show.print(f"{len(table)} rows written to {out}, {Units(*SYSTEMS[units], 's')}")
+    show.print(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}")
     if table["cautions"].any():
         show.print("- numbers within cautions are text and kept as they are")
 

@@ -19,7 +19,7 @@ from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.signals.ringdown import Decay, ring_down
 from damping_pipelines.store import check_outputs, write_json, write_text
-from damping_pipelines.terminal import PlainTable, console, parse_number, report_findings
+from damping_pipelines.terminal import PlainTable, console, parse_number, parse_pairs, report_findings
 
 
 def import_(
@@ -40,8 +40,8 @@ def import_(
     window = {name: value for name, value in parts.items() if value is not None}
     options["scaling"], options["force_scaling"] = scalings(options["scaling"])
     options |= {
-        "columns": pairs("--column", options["columns"]),
-        "units": pairs("--unit", options["units"]),
+        "columns": parse_pairs("--column", options["columns"]),
+        "units": parse_pairs("--unit", options["units"]),
         "scale": scales(options["scale"]),
         "band": read_band(options["band"]),
         **{name: tuple(options[name]) for name in ("forces", "labels", "datasets")},
@@ -102,23 +102,10 @@ def import_file(
         _print(record, summary, out, console())
 
 
-def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
-    """``KEY=VALUE`` words of a repeated option. InputError for one without ``=`` or a key given twice."""
-    values: dict[str, str] = {}
-    for word in words:
-        key, mark, value = word.partition("=")
-        if not (mark and key.strip() and value.strip()):
-            raise InputError(f"{option} {word!r} is not understood", expected=f"{option} NAME=VALUE")
-        if key.strip() in values:
-            raise InputError(f"{option} {key.strip()} is given twice", expected="each once")
-        values[key.strip()] = value.strip()
-    return values
-
-
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
     """Scaling of the response and of the force of ``--scaling``. InputError for one that is given twice."""
     plain = [word for word in words if "=" not in word]
-    named = pairs("--scaling", [word for word in words if "=" in word])
+    named = parse_pairs("--scaling", [word for word in words if "=" in word])
     wrong = next((key for key in named if key not in ("response", "force")), None)
     if wrong or len(plain) + ("response" in named) > 1:
         raise InputError("--scaling is not understood", expected="--scaling X and --scaling force=X, each once")
@@ -128,7 +115,7 @@ def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
 def scales(words: Sequence[str]) -> dict[str, float]:
     """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
     factors: dict[str, float] = {}
-    for key, text in pairs("--scale", words).items():
+    for key, text in parse_pairs("--scale", words).items():
         factors[key] = parse_number(text)
         if not math.isfinite(factors[key]) or factors[key] == 0.0:
             raise InputError(f"--scale {key}={text} is no factor", expected="a number other than 0")
@@ -185,7 +172,7 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
         summary.note(f"the mode names no units: its mass is taken in {names[0]} s^2/{names[1]}, or {of_a_rotation}")
         return
     for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
-        if text and unit(text) != unit(name) and unit(text).factor != unit(name).factor:
+        if text and not unit(text).agrees_with(unit(name)):
             other = next(key for key in SYSTEMS if key != stated.system)
             expected = f"--to {other}, or a mode in {name}"
             raise InputError(f"the mode is in {text} and the record in {name}", file=mode.source, expected=expected)

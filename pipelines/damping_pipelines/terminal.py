@@ -11,6 +11,7 @@ from textwrap import wrap
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
+from damping.errors import InputError
 from damping.progress import Advance
 from damping.records import Audit, audit
 from damping.records.mode import Mode
@@ -180,6 +181,24 @@ def parse_number(text: str) -> float:
         return float(text)
     except ValueError:
         return math.nan
+
+
+def parse_pairs(
+    option: str, words: Sequence[str], meaning: str = "NAME=VALUE", *, last: bool = False
+) -> dict[str, str]:
+    """``KEY=VALUE`` words of a repeated option, cut at the first ``=``, or at the ``last`` where keys are free names.
+
+    InputError for one that is not of its ``meaning``, or a key given twice.
+    """
+    values: dict[str, str] = {}
+    for word in words:
+        key, mark, value = (part.strip() for part in (word.rpartition("=") if last else word.partition("=")))
+        if not (mark and key and value):
+            raise InputError(f"{option} {word!r} is not understood", expected=f"{option} {meaning}")
+        if key in values:
+            raise InputError(f"{option} {key} is given twice", expected="each once")
+        values[key] = value
+    return values
 
 
 def console() -> Console:

@@ -16,6 +16,7 @@ from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.near import observe_ranked
+from damping.infer import SEED
 from damping.predict import prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
     from damping.gap.simulation import Simulate
     from damping.gap.sweeping import Direction, Method
     from damping.signals.description import Description
-
-#: Seed of everything sampled, that of the command line.
-SEED = 1970
 
 
 def check(record: Record, mode: Mode | None = None) -> AuditResult:

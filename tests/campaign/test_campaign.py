@@ -7,6 +7,7 @@ code under test.
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import replace
 from functools import cache
@@ -39,6 +40,7 @@ from damping.errors import AnalysisError, InputError
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.record import Record
+from damping_pipelines.campaign import _tabulate_modes
 from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
@@ -244,6 +246,74 @@ def test_what_was_found_can_be_corrected(tmp_path):
     np.testing.assert_array_equal(turned, -plain[0].channels[REVERSED].samples)
 
 
+TACHO = '[channels."tacho"]\n'
+
+
+@pytest.mark.parametrize("drive", ["force [N],", ""])
+def test_a_channel_in_an_unknown_unit_can_be_corrected(tmp_path, drive):
+    """Volts are refused with the remedy; left out, the others stay; 1 V is 10 m/s^2 where that is stated."""
+    t = np.arange(0.0, 60.0, 1e-3) if drive else np.arange(0.0, 10.0, 1e-3)
+    phase = 2 * np.pi * (20.0 * t + 0.05 * t**2)
+    rows = [t, *([np.sin(phase)] if drive else []), 3.0 * np.sin(phase), 0.2 * np.sin(phase)]
+    path = tmp_path / "s_1N.csv"
+    header = f"time [s],{drive}tip [m/s^2],tacho [V]"
+    np.savetxt(path, np.column_stack(rows), delimiter=",", header=header, comments="")
+    with pytest.raises(InputError, match=r"'tacho' is in V; expected .*--correct states its unit, or role = 'out'"):
+        read_runs([path], 100 * SIZE)
+    out = read_corrections(corrected(tmp_path / "out.toml", f'{TACHO}role = "out"\n'))
+    (run,) = read_runs([path], 100 * SIZE, out)[0]
+    assert run.names == ["tip"]
+    right = read_corrections(corrected(tmp_path / "right.toml", f'{TACHO}unit = "m/s^2"\nscale = 10\n'))
+    (other,) = read_runs([path], 100 * SIZE, right)[0]
+    tip, tacho = other.channels
+    assert (tacho.unit, tacho.quantity) == ("m/s^2", "acceleration")
+    np.testing.assert_array_equal(tip.samples, run.channels[0].samples)
+    np.testing.assert_allclose(tacho.samples, tip.samples * 2.0 / 3.0, rtol=1e-9)  # one signal of two sizes
+
+
+@pytest.mark.parametrize("kind", ["spectra", "hdf5"])
+def test_a_drive_and_a_spectrum_in_volts_can_be_corrected(tmp_path, kind):
+    """A drive that is told by its name has a scale; a spectrum in V is left out or has its unit."""
+    path = written(tmp_path / ("c.h5" if kind == "hdf5" else "c.uff"), kind)
+    plain = read_runs([path], 10 * SIZE)[0][0]
+    scaled = read_corrections(corrected(tmp_path / "c.toml", "[channels.control]\nscale = 1.02\n"))
+    run = read_runs([path], 10 * SIZE, scaled)[0][0]
+    np.testing.assert_allclose(run.drive, 1.02 * plain.drive, rtol=1e-12)
+    if kind == "hdf5":
+        with h5py.File(path, "a") as file:
+            for group in file.values():
+                group["tacho"] = np.ones(len(FREQUENCY), complex)
+                group["tacho"].attrs["units"] = "V"
+        with pytest.raises(InputError, match="'tacho' is in V"):
+            read_runs([path], 10 * SIZE)
+        out = read_corrections(corrected(tmp_path / "out.toml", f'{TACHO}role = "out"\n'))
+        assert read_runs([path], 10 * SIZE, out)[0][0].names == plain.names
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252"])
+def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
+    """The run of a table is that of the same table in UTF-8, whatever its blocks cut."""
+    monkeypatch.setattr("damping.campaign.tables.BLOCK", 100_003)
+    t = np.arange(0.0, 20.0, 1e-3)
+    phase = 2 * np.pi * (20.0 * t + 0.05 * t**2)
+    rows = "".join(f"{time:.3f};{math.sin(at):.6f};{3 * math.sin(at):.6f}\n" for time, at in zip(t, phase, strict=True))
+    runs = []
+    for name in ("utf-8", encoding):
+        path = tmp_path / name / "s_1N.csv"
+        path.parent.mkdir()
+        path.write_text(f"time [s];force [N];größe [m/s²]\n{rows}".replace(".", ","), encoding=name)
+        runs.append(read_runs([path], SIZE)[0][0])
+    assert runs[0].names == runs[1].names == ["größe"]
+    np.testing.assert_array_equal(runs[0].channels[0].samples, runs[1].channels[0].samples)
+    np.testing.assert_allclose(np.abs(runs[1].channels[0].samples), 3.0, rtol=1e-4)  # six digits are written
+
+
+def test_times_of_a_decay_may_be_in_ms(tmp_path):
+    path = tmp_path / "d.csv"
+    path.write_text("time [ms],tip [m/s^2]\n" + "".join(f"{k},{math.sin(k)}\n" for k in range(50)))
+    np.testing.assert_allclose(read_runs([path], SIZE)[0][0].x, 1e-3 * np.arange(50), rtol=1e-12)
+
+
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
     path = tmp_path / "c.h5"
     with h5py.File(path, "w") as file:
@@ -260,6 +330,7 @@ def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ('[channels."acc 9"]\nrole = "drive"\n', r"no channel 'acc 9'"),
         ('[channels."acc 9"]\nrole = "out"\n', r"no channel 'acc 9'; expected such as 'accelerations\[\d\]'"),
         ("[runs.run_0]\nlevel = 1.0\n", "no run 'run_0'; expected such as 'run_0.*g'"),
         ('[channels.control]\nrole = "boss"\n', "line 2, column role: is 'boss'; expected sensor or drive or out"),
@@ -348,7 +419,7 @@ def shaken(path: Path, level: float) -> Path:
 @pytest.mark.parametrize("ending", ["csv", "h5", "tdms", "uff", "nc4"])
 def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     """In blocks smaller than the file; the record has the rate, and steady states of it are those of the mode."""
-    monkeypatch.setattr("damping.campaign.sources.BLOCK", 400_000)
+    monkeypatch.setattr("damping.campaign.tables.BLOCK", 400_000)
     monkeypatch.setattr("damping.campaign.sources.SAMPLES", 120_000)
     most = 100 * SIZE if ending == "uff" else 1  # what is read in blocks may be of any size
     run = read_runs([shaken(tmp_path / f"s_2N.{ending}", 2.0)], most)[0][0]
@@ -397,7 +468,7 @@ def test_samples_and_times_that_are_no_numbers(tmp_path):
 
 
 def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
     times = np.arange(400) / 100
     drive = np.sin(2.0 * np.pi * 5.0 * times)
     rows = [len(f"{t},{x},0.5\n") for t, x in zip(times, drive, strict=True)]
@@ -408,7 +479,7 @@ def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
 
 
 def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
     monkeypatch.setattr("damping.signals.histories.MOST_KEPT", 300)
     path = table_of_time(tmp_path / "a.csv", np.arange(1000) / 100, np.ones(1000))
     with pytest.raises(AnalysisError, match="does not rise through zero"):
@@ -416,10 +487,10 @@ def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch
 
 
 def test_lines_without_end_and_lines_without_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.sources.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
     path = table_of_time(tmp_path / "a.csv", np.arange(10) / 100, np.ones(10))
     path.write_text(path.read_text() + "9" * 5000)
-    with pytest.raises(InputError, match="a line of more than 1000 bytes"):
+    with pytest.raises(InputError, match="a line of more than 1000 characters"):
         read_runs([path], SIZE)
     t = np.arange(2000) / 200
     path = table_of_time(tmp_path / "b_0N.csv", t, np.sin(2.0 * np.pi * 20.0 * t))
@@ -466,12 +537,44 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     np.testing.assert_allclose(notch[0].level, allowed, rtol=1e-3)  # straight lines between 40 levels
     np.testing.assert_allclose(notch[0].depth_db, 20 * np.log10(2.0 / allowed), atol=0.01)
     np.testing.assert_allclose(notch[0].more_db, 20 * np.log10(allowed / 0.5), atol=0.01)
-    for end in (notch[0].low, notch[0].high):  # 20 level/sqrt(x^2 + (2 z)^2), x = 2 (f/50 - 1), near resonance
+    for end in (notch[0].low, notch[0].high):
         assert end is not None
-        np.testing.assert_allclose(20.0 * 2.0 / np.hypot(2.0 * (end / 50.0 - 1.0), 2.0 * z), limit, rtol=2e-3)
+        r = end / 50.0
+        np.testing.assert_allclose(20.0 * 2.0 / abs(1.0 - r**2 + 2j * z * r), limit, rtol=2e-3)
     none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
     assert (none.low, none.depth_db) == (None, 0.0)
     assert "no notch; at most +2.9 dB" in str(none)
+
+
+@pytest.mark.parametrize(("design", "ends"), [(30.0, (True, True)), (240.0, (False, True)), (1200.0, (False, False))])
+def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
+    """One resonance of 5 % at 50 Hz, 20 level/|1 - r^2 + 2 i z r|, of any width: its ends, or those of the sweep."""
+    z, swept, limit = 0.05, (20.0, 120.0), 20.0 * 20.0 / 0.1  # the limit at a level of 20
+    places = []
+    for level in np.geomspace(1.0, 1300.0, 40):
+        response = Response("tip", "acceleration", "g", (1.0, 0.5, 20.0 * level / (2.0 * z)))
+        places.append(At(float(level), False, 50.0, (z, z, z), (response,), ()))
+    (notch,) = find_notches("mode-1", places, 10.0, design, {"tip": limit}, swept)
+    for end, of_sweep, inner in zip((notch.low, notch.high), swept, ends, strict=True):
+        r = end / 50.0
+        if inner:
+            np.testing.assert_allclose(20.0 * design / abs(1.0 - r**2 + 2j * z * r), limit, rtol=1e-9)
+        else:
+            assert end == of_sweep
+            assert 20.0 * design / abs(1.0 - r**2 + 2j * z * r) > limit
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"limits": {"ridge": 1.0}}, "--limit of no sensor 'ridge'; expected one of roof, mid, low"),
+        ({"limits": {"roof": 1.0}}, "--limit of free decays; expected no --limit"),
+        ({"before": [SensorPrediction(0.7, 1.0, True, "roof", "m/s^2", (1.0, 1.0, 1.0))]}, "--previous of free decays"),
+    ],
+)
+def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
+    with pytest.raises(InputError, match=message):
+        analyse([decayed(tmp_path / "d.csv", 0.01)], **options)
 
 
 def predicted(level: float, tested: bool) -> SensorPrediction:
@@ -527,6 +630,34 @@ def test_a_form_that_is_no_campaign(tmp_path, damping):
     run = damping("campaign", wrong, "--out", tmp_path / "out", "--previous", wrong)
     assert run.code == 2
     assert "campaign.json" in run.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["tip=1", "tip=2"], "--limit tip is given twice; expected each once"),
+        (["tip"], "--limit 'tip' is not understood; expected --limit SENSOR=VALUE"),
+        (["tip=0"], "--limit tip=0 is no limit; expected SENSOR=VALUE"),
+    ],
+)
+def test_limits_that_are_not_understood(tmp_path, damping, words, message):
+    source = written(tmp_path / "c.h5", "hdf5")
+    run = damping(
+        "campaign", source, "--out", tmp_path / "out", *(part for word in words for part in ("--limit", word))
+    )
+    assert run.code == 2
+    assert message in run.err
+
+
+def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
+    """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
+    modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
+    table = _tabulate_modes(Campaign(modes, (), (), "g"))
+    assert not table.isna().any(axis=None)
+    assert list(table["damping ratio at the last design level, %"]) == [
+        "1 (0.9 to 1.1) at 10 g",
+        "1 (0.9 to 1.1) at 20 g",
+    ]
 
 
 def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):

@@ -13,7 +13,7 @@ from damping.campaign.modal_fit import fit_level
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
-from damping.errors import AnalysisError
+from damping.errors import AnalysisError, InputError
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.progress import silent
@@ -62,6 +62,35 @@ def test_decays_that_change_in_frequency(tmp_path, kind):
         beyond = mode.places[-1]
         assert beyond.frequency == pytest.approx(told.frequency.median[0], rel=1e-6)
         assert beyond.ratio[0] == pytest.approx(told.damping_ratio.median[0], rel=2e-3)
+
+
+def test_decays_in_two_units_and_below_the_test(tmp_path):
+    """Of m c |v| v the ratio grows by 4 c A/(3 pi), at a fifth of the smallest amplitude too; levels have one unit."""
+    w, t, zeta, c = 2 * np.pi * HERTZ, np.arange(0.0, 3.0, 1 / 1024), 0.004, 40.0
+
+    def accelerate(x, v):
+        return -(w**2) * x - 2 * zeta * w * v - c * np.abs(v) * v
+
+    files, rng = [tmp_path / f"d{k}.csv" for k in range(3)], np.random.default_rng(2)
+    for path, start in zip(files, (1e-3, 2e-3, 3e-3), strict=True):
+        y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
+        a = accelerate(*y)
+        mid, tip = (part * a + 3e-4 * np.max(np.abs(a)) * rng.normal(size=len(t)) for part in (0.6, 1.0))
+        table = np.column_stack([t, mid / G, tip])
+        np.savetxt(path, table, delimiter=",", header="time [s],mid [g],tip [m/s^2]", comments="")
+    lowest = analyse(files).modes[0].record.table["amplitude"].min()
+    answer = analyse(files, [0.2 * lowest * w**2 / G])
+    assert answer.unit == "g"
+    for at in answer.modes[0].places:
+        # amplitudes are known to the noise, and frequencies are within 1e-3 of 25 Hz but for the third harmonic
+        A = at.level * G / (2 * np.pi * at.frequency) ** 2
+        assert at.ratio[0] == pytest.approx(zeta + 4.0 / (3.0 * np.pi) * c * A, rel=0.01)
+        peaks = {peak.sensor: (peak.band[0], peak.unit) for peak in at.response}
+        assert peaks["tip"] == (pytest.approx(at.level * G, rel=1e-9), "m/s^2")
+        assert peaks["mid"] == (pytest.approx(0.6 * at.level, rel=1e-3), "g")
+    assert not answer.modes[0].places[-1].tested
+    with pytest.raises(InputError, match=r"level 1e-06 g is too far from the tested .*; expected from "):
+        analyse(files, [1e-6])
 
 
 def test_a_level_that_is_read_wrongly_is_named(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import h5py
 import netCDF4
 import numpy as np
 import pandas as pd
@@ -497,3 +498,53 @@ def test_a_ratio_is_not_asked_for_a_scaling(truth, tmp_path, imported):
         imported(tmp_path / "a.csv", forces=(2.0,))
     assert error.value.expected == "--unit force=N"
     close(imported(tmp_path / "a.csv", forces=(2.0,), units={"force": "N"}).record, truth, (2.0,))
+
+
+@pytest.mark.parametrize(
+    ("phase", "uncertainty", "said"),
+    [
+        ("Phase [deg]", "phase_sd [deg]", ("degrees", "found in the file")),
+        ("Phase [deg]", "phase_sd", ("degrees", "that of the phase")),
+        ("lag_deg", "phase_sd", ("degrees", "that of the phase")),
+        ("lag_deg", "phase_sd [rad]", ("rad", "found in the file")),
+        ("Phase [rad]", "phase_sd [deg]", ("degrees", "found in the file")),
+        ("Phase [rad]", "phase_sd", ("rad", "that of the phase")),
+    ],
+)
+def test_the_uncertainty_of_a_phase_is_in_rad(truth, tmp_path, imported, phase, uncertainty, said):
+    """2 degrees are 2 pi/180 rad: by its own header, else by the unit of the phase."""
+    names = ("Frequency [Hz]", "Force [N]", "Displacement [m]", phase, uncertainty)
+    degrees = "rad" not in phase
+    lag = np.degrees(truth.lag) if degrees else truth.lag
+    sd = 2.0 if said[0] == "degrees" else np.pi / 90.0
+    values = (truth.f, truth.F, truth.amplitude, lag, sd)
+    path = tmp_path / "a.csv"
+    pd.DataFrame(dict(zip(names, values, strict=True))).to_csv(path, index=False)
+    found = imported(path)
+    np.testing.assert_allclose(found.record.column("phase_sd"), np.pi / 90.0, rtol=1e-12)  # roundings
+    np.testing.assert_allclose(found.record.column("phase"), truth.lag, rtol=0.0, atol=1e-12)
+    assert ("unit of phase_sd", *said) in found.summary.rows
+
+
+def test_attributes_say_degrees(truth, tmp_path, imported):
+    path = tmp_path / "a.h5"
+    columns = {"frequency": truth.f, "force": truth.F, "amplitude": truth.amplitude}
+    with h5py.File(path, "w") as file:
+        for name, values in (columns | {"phase": np.degrees(truth.lag), "phase_sd": np.full(41, 2.0)}).items():
+            file[name] = values
+        for name, text in {"force": "N", "amplitude": "m", "phase": "deg", "phase_sd": "deg"}.items():
+            file[name].attrs["units"] = text
+    found = imported(path, response="displacement").record
+    np.testing.assert_allclose(found.column("phase"), truth.lag, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.column("phase_sd"), np.pi / 90.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("header", ["Phase [deg]", "Phase [rad]", "lag_deg", "phase"])
+def test_a_phase_without_a_number_is_none(truth, tmp_path, imported, header):
+    columns = {"Frequency [Hz]": truth.f, "Force [N]": truth.F, "Displacement [m]": truth.amplitude}
+    path = tmp_path / "a.csv"
+    pd.DataFrame(columns | {header: np.nan, "phase_sd": np.nan}).to_csv(path, index=False)
+    found = imported(path)
+    assert not {"phase", "phase_sd"} & set(found.record.table)
+    np.testing.assert_allclose(found.record.column("amplitude"), truth.amplitude, rtol=1e-12)
+    assert any("holds no number" in note for note in found.summary.notes)

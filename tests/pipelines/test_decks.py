@@ -104,6 +104,18 @@ def test_nastran_deck_of_a_campaign_has_the_modes_by_frequency(deck):
     np.testing.assert_allclose([z for _, z in tables[2]], [0.0054, 0.0054, 0.0072, 0.0072], rtol=1e-9)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_mode_at_a_level_that_was_tested_and_asked_is_one_point(deck, order):
+    """A design level beside a run of the same level: what was tested stands in the deck."""
+    at = [
+        {"level": 0.6, "tested": tested, "frequency": f, "damping_ratio": {"median": z, "low": z}}
+        for tested, f, z in ((True, 32.0, 0.006), (False, 32.1, 0.007))
+    ]
+    form = {"format": "campaign/1", "modes": [{"name": "first", "at": at[::order]}]}
+    assert read_tabdmp1(deck(form, "nastran"))[1] == [(16.0, 0.006), (32.0, 0.006), (64.0, 0.006)]
+    assert re.search(r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.006\n(?!2)", deck(form, "abaqus"), re.MULTILINE)
+
+
 def test_pynastran_reads_it(deck, tmp_path, monkeypatch):
     monkeypatch.setattr(np, "in1d", np.isin, raising=False)  # its release of the day asks for a name numpy 2.4 dropped
     bdf = pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran pins numpy below 2: not among our tools")

@@ -25,8 +25,9 @@ from damping.ranking.candidates import candidate_laws
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record, read_table
 from damping_pipelines.export import export, read_answer
-from damping_pipelines.import_ import import_file, pairs, read_band, scales
+from damping_pipelines.import_ import import_file, read_band, scales
 from damping_pipelines.store import write_json
+from damping_pipelines.terminal import parse_pairs
 from damping_reed1970 import data_folder
 
 MODE = '[mode]\nname = "plate"\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
@@ -95,6 +96,9 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), mode)
+    mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
+    with pytest.raises(InputError, match="mode is in kg and the record in N"):
+        import_file(lab, out, Stated(), mode)
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:
@@ -121,8 +125,8 @@ def test_labels_of_files_do_no_harm(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: pairs("--unit", ["force"]), "--unit 'force' is not understood; expected --unit NAME=VALUE"),
-        (lambda: pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
+        (lambda: parse_pairs("--unit", ["force"]), "--unit 'force' is not understood; expected --unit NAME=VALUE"),
+        (lambda: parse_pairs("--unit", ["a=1", "a=2"]), "--unit a is given twice"),
         (lambda: scales(["force=x"]), "--scale force=x is no factor"),
         (lambda: scales(["force=0"]), "no factor"),
         (lambda: read_band("1-2"), "LO:HI in Hz"),
@@ -135,7 +139,9 @@ def test_options_that_are_not_understood(call, message: str) -> None:
 
 
 def test_options_that_are_understood() -> None:
-    assert pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
+    assert parse_pairs("--column", ["frequency=f = x", "sweep=a"]) == {"frequency": "f = x", "sweep": "a"}
+    limits = parse_pairs("--limit", ["a=b [g] = 2", "c=3"], last=True)
+    assert limits == {"a=b [g]": "2", "c": "3"}
     assert scales(["response=9.81"]) == {"response": 9.81}
     assert read_band("1.5:2") == (1.5, 2.0)
     assert read_band(None) is None
@@ -205,6 +211,69 @@ def test_records_and_modes_in_other_units(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(back, read_record(record).table, rtol=1e-14)
     with pytest.raises(InputError, match="the unit of force is not known"):
         export(record, tmp_path / "x.csv", units="si")
+
+
+BASE = """[mode]
+frequency = 10.0
+drive = "base"
+{mass}
+[units]
+force = "lbf"
+length = "in"
+[damping]
+viscous = {viscous}
+"""
+DRIVEN = "sweep,force,frequency,amplitude,energy,force_sd\na,386,10,0.5,600,4\n"
+
+
+@pytest.mark.parametrize(("mass", "viscous", "kilograms"), [("", 2.0, 1.0), ("mass = 0.5", 1.0, 0.5 * LBF / INCH)])
+def test_a_base_is_driven_by_an_acceleration_in_any_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], mass: str, viscous: float, kilograms: float
+) -> None:
+    """386 in/s^2 are 386 * .0254 m/s^2; of an energy per mass length counts twice; c/m = 2/s is no matter of units."""
+    record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
+    record.write_text(DRIVEN)
+    mode.write_text(BASE.format(mass=mass, viscous=viscous))
+    export(record, tmp_path / "si.csv", units="si", mode=mode, mode_out=tmp_path / "si.toml")
+    assert "force in m/s²" in " ".join(capsys.readouterr().out.split())
+    row = read_record(tmp_path / "si.csv").table.iloc[0]
+    found = [row[name] for name in ("force", "force_sd", "amplitude", "energy")]
+    np.testing.assert_allclose(found, [386 * INCH, 4 * INCH, 0.5 * INCH, 600 * INCH**2], rtol=1e-14)
+    other = read_mode(tmp_path / "si.toml")
+    assert (other.drive, other.units.force) == ("base", "N")
+    assert other.mass == pytest.approx(kilograms, rel=1e-14)
+    assert other.damping["viscous"]["coefficient"] / other.mass == pytest.approx(2.0, rel=1e-14)
+    export(tmp_path / "si.csv", tmp_path / "us.csv", units="us", mode=tmp_path / "si.toml")
+    pd.testing.assert_frame_equal(read_record(tmp_path / "us.csv").table, read_record(record).table, rtol=1e-14)
+
+
+def test_an_added_mass_on_a_base_is_a_mass(tmp_path: Path) -> None:
+    record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
+    record.write_text("sweep,force,frequency,amplitude,added_mass\na,386,10,0.5,0.2\n")
+    mode.write_text(BASE.format(mass="mass = 1.0", viscous=2.0))
+    export(record, tmp_path / "si.csv", units="si", mode=mode, mode_out=tmp_path / "si.toml")
+    assert read_record(tmp_path / "si.csv").table["added_mass"][0] == pytest.approx(0.2 * LBF / INCH, rel=1e-14)
+    assert read_mode(tmp_path / "si.toml").mass == pytest.approx(LBF / INCH, rel=1e-14)
+
+
+def test_without_a_mode_the_drive_is_not_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "r.csv").write_text(DRIVEN)
+    export(tmp_path / "r.csv", tmp_path / "si.csv", units="si", given="us")
+    assert "taken for a force" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_loads_under_base_accelerations_in_other_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], named: bool
+) -> None:
+    one = {"force": 386.0, "median": 2.0, "low": 1.0, "high": 3.0, "linear": 2.5, "by_model": []}
+    units = {"units": {"force": "in/s²", "length": "in", "time": "s"}} if named else {}
+    (tmp_path / "loads.json").write_text(json.dumps({"format": "loads/1", "level": 0.9, "predictions": [one]} | units))
+    (tmp_path / "m.toml").write_text(BASE.format(mass="", viscous=2.0))
+    export(tmp_path / "loads.json", tmp_path / "a.parquet", units="si", mode=None if named else tmp_path / "m.toml")
+    assert "force in m/s²" in " ".join(capsys.readouterr().out.split())
+    found = pd.read_parquet(tmp_path / "a.parquet").iloc[0]
+    np.testing.assert_allclose([found["force"], found["median"]], [386 * INCH, 2 * INCH], rtol=1e-14)
 
 
 def test_every_damping_force_keeps_its_energy_in_other_units() -> None:

@@ -7,14 +7,15 @@ amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
 
 A notch lowers the input at a mode so that a sensor keeps to its limit. The upper end of the 90 % band, below which the
 peak lies with 95 %, is interpolated over levels; the level at which it meets the limit is allowed. With the whole input
-D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance,
-at f (1 +- z sqrt((D/L)^2 - 1)), the amplitude is the same and with it z: there the notch begins and ends.
+D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance, the
+amplitude is the same and with it z: there the notch begins and ends. With r^2 = (f/f_n)^2 these are the roots of
+|1 - r^2 + 2 i z r| = 2 z D/L, r^2 = 1 - 2 z^2 +- 2 z sqrt((D/L)^2 - 1 + z^2), or the end of the sweep before.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import exp, hypot, log, log10, pi, sqrt
+from math import exp, hypot, inf, log, log10, pi, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,8 @@ from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
+from damping.infer import SEED
+from damping.records.text import DEFAULT_MAX_SIZE
 
 _SEARCHED = 1.5  #: half of the range around a resonance in which its peak is sought, in half-power half-widths
 NOTCH_LEVELS = 10  #: levels at which responses are predicted between the lowest and the design level
@@ -50,8 +53,8 @@ def analyse(
     files: Sequence[Path],
     design: Sequence[DesignLevel | float] = (),
     frequencies: Sequence[float] = (),
-    seed: int = 1970,
-    max_size: int = 200_000_000,
+    seed: int = SEED,
+    max_size: int = DEFAULT_MAX_SIZE,
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
     before: Sequence[SensorPrediction] = (),
@@ -64,19 +67,24 @@ def analyse(
         corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit. before:
             what was predicted of these runs.
 
-    InputError: files that are not understood. AnalysisError: no mode that can be followed over the levels.
+    InputError: files that are not understood, or limits or predictions of free decays, which nothing drives.
+    AnalysisError: no mode that can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
+    names = runs[0].names
+    unknown = next((name for name in limits or {} if name not in names), None)
+    if unknown is not None:
+        raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
     if runs[0].is_time:
+        if limits or before:
+            option = "--limit" if limits else "--previous"
+            raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
         return _summed_up(answer_decays(runs, inputs, frequencies, seed), summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
-    levels, names = fit_levels(runs, frequencies), runs[0].names
-    unknown = next((name for name in limits or {} if name not in names), None)
-    if unknown is not None:
-        raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
+    levels = fit_levels(runs, frequencies)
     misread = find_misread(levels)
     if misread:
         levels = fit_levels([run.without(misread) for run in runs], frequencies)
@@ -135,11 +143,13 @@ def _answer_driven(
         if reached is not None:
             cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
         places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
-    notches = [find_notches(mode.mode.name, places[len(tested) :], max(tested), level, limits) for level in wanted]
+    known = mode.mode.name, places[len(tested) :], max(tested)
+    swept = float(levels[-1].f.min()), float(levels[-1].f.max())
+    notches = [find_notches(*known, level, limits, swept) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
-    known = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), predicted.apart)
-    return ModeAnswer(predicted.law, answers, *known)
+    own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), predicted.apart)
+    return ModeAnswer(predicted.law, answers, *own)
 
 
 def _find_input(level: Level, frequency: float) -> float:
@@ -204,13 +214,18 @@ def _peaks(level: Level, k: int, residues: FloatArray, frequency: float, ratio: 
 
 
 def find_notches(
-    mode: str, places: Sequence[At], top: float, design: float, limits: Mapping[str, float]
+    mode: str,
+    places: Sequence[At],
+    top: float,
+    design: float,
+    limits: Mapping[str, float],
+    swept: tuple[float, float] = (0.0, inf),
 ) -> tuple[Notch, ...]:
     """The notch of each limited sensor at a mode, at a design level.
 
     Args:
         places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
-        limits: by sensor, in its unit.
+        limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz.
     """
     notches = []
     for sensor, limit in limits.items():
@@ -225,12 +240,18 @@ def find_notches(
         level, upper, ratio, frequency = (np.array([row[k] for row in rows], dtype=float) for k in range(4))
         allowed = _invert(level, upper, limit)
         z, f = (float(np.interp(np.log(allowed), np.log(level), values)) for values in (ratio, frequency))
-        half = z * sqrt(max((design / allowed) ** 2 - 1.0, 0.0))
-        low, high = (f * (1.0 - half), f * (1.0 + half)) if allowed < design else (None, None)
+        low, high = _find_ends(f, z, design / allowed, swept) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)
-        unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
-        notches.append(Notch(mode, sensor, unit, limit, design, allowed, depth, low, high, more))
+        in_unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
+        notches.append(Notch(mode, sensor, in_unit, limit, design, allowed, depth, low, high, more))
     return tuple(notches)
+
+
+def _find_ends(frequency: float, ratio: float, times: float, swept: tuple[float, float]) -> tuple[float, float]:
+    """Where a mode moves as much under ``times`` the input as at its resonance under one, or the end of the sweep."""
+    middle, half = 1.0 - 2.0 * ratio**2, 2.0 * ratio * sqrt(times**2 - 1.0 + ratio**2)
+    low, high = (frequency * sqrt(max(square, 0.0)) for square in (middle - half, middle + half))
+    return max(low, swept[0]), min(high, swept[1])
 
 
 def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:

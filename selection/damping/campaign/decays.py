@@ -37,7 +37,7 @@ _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of
 _SAMPLES = 8.0  # a period must have more
 _HARMONIC = 0.02  # a multiple to the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
-REACH = 30.0  #: largest amplitude that is answered, in those of the test: beyond no law is known
+REACH = 30.0  #: amplitudes are answered up to this many times those of the test, or below: beyond no law is known
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
 
@@ -202,15 +202,18 @@ def answer_decays(
 
 
 def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
-    """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most, in its unit."""
+    """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most.
+
+    They are in the unit of the first sensor, whatever that of another is: levels of all modes stand side by side.
+    """
     sensor = run.channels[mode.reference]
     table = mode.record.table.sort_values("amplitude", ignore_index=True)
     backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
     # what the sensor reads along the backbone: levels are readings
-    along = np.geomspace(float(table["amplitude"].iloc[0]), REACH * top, _ALONG)
+    along = np.geomspace(float(table["amplitude"].iloc[0]) / REACH, REACH * top, _ALONG)
     frequency = backbone.frequency_at(along, LEVEL).median
     along, frequency = along[np.isfinite(frequency)], frequency[np.isfinite(frequency)]
-    size = 1.0 / _find_factor(sensor)
+    size = 1.0 / _find_factor(run.channels[0])
     reading = along * (2.0 * pi * frequency) ** ORDERS[sensor.quantity] * size
     measured = table[table["amplitude"].isin(mode.tops)]
     places = []
@@ -222,9 +225,10 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         response = tuple(_list_shaped(run, mode, level))
         places.append(At(level, True, float(row["frequency"]), ratio, response, mode.cautions))
     beyond = [level.at(float(mode.mode.frequency)) for level in design] or [2.0 * places[-1].level]
-    if not max(beyond) <= reading[-1]:
-        why = f"level {max(beyond):.4g} {sensor.unit} is too far from the tested {places[-1].level:.4g}"
-        raise InputError(why, expected=f"at most {reading[-1]:.4g}")
+    far = [level for level in beyond if not reading[0] <= level <= reading[-1]]
+    if far:
+        why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
+        raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
     asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
     predicted = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
     places = [replace(at, cautions=(*at.cautions, *predicted.caution())) for at in places]
@@ -240,10 +244,10 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:
-    """Amplitude of every sensor kept, by the shape."""
+    """Amplitude of every sensor kept, by the shape; ``level`` in the unit of the first."""
     for s, sensor in enumerate(run.channels):
         if np.isfinite(mode.shape[s]):
-            factor = _find_factor(run.channels[mode.reference]) / _find_factor(sensor)
+            factor = _find_factor(run.channels[0]) / _find_factor(sensor)
             size = abs(mode.shape[s]) * level * factor
             spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
             band = (size, size * exp(-spread), size * exp(spread))

@@ -219,16 +219,17 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     frequency, ratio, ratio_sd = (
         np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
     )
-    relative = float(error[reference] / abs(mean[reference]))
+    relative = error / np.abs(mean)
+    mass_sd = max(0.005, float(relative[reference]))
     mode = Mode(
         name=f"mode-{number}",
         frequency=float(frequency[0]),
         mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
-        tolerance=Tolerance(frequency=0.001, mass=max(0.005, relative), viscous=0.05, from_record=True),
+        tolerance=Tolerance(frequency=0.001, mass=mass_sd, viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
-    record, error = _record(levels, k, residues, reference, mode.name), error / np.abs(mean)
-    return DrivenMode(k, reference, residues, error, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
+    record = _record(levels, k, residues, reference, mode.name)
+    return DrivenMode(k, reference, residues, relative, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:

@@ -29,6 +29,7 @@ from damping.errors import InputError, describe_nearest
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
+from damping.records.text import describe_shortened
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
@@ -69,7 +70,8 @@ class Corrections:
     def choose_drive(self, units: Mapping[str, str]) -> str | None:
         """The channel that is the drive, of all by their units: as stated, by its name, or the only force."""
         named = next((name for name in units if self.is_drive(name)), None)
-        forces = [name for name, text in units.items() if text and unit(text).powers == (1, 0, 0)]
+        free = {name: self.of(name).unit or text for name, text in units.items() if not self.of(name).role}
+        forces = [name for name, text in free.items() if _find_powers(text) == (1, 0, 0)]
         return named or (forces[0] if len(forces) == 1 else None)
 
     def join_controls(self, values: Sequence[Samples]) -> Samples:
@@ -177,25 +179,21 @@ class CampaignRun:
         return replace(self, channels=tuple(channel for channel in self.channels if channel.name not in sensors))
 
 
-def correct_run(run: CampaignRun, stated: Corrections) -> CampaignRun:
-    """A run with its level and channels as stated; a unit that is stated says the quantity too."""
-    channels = []
-    for channel in run.channels:
-        correction = stated.of(channel.name)
-        if correction.role == "out":
-            continue
-        text = correction.unit or channel.unit
-        quantity = describe_quantity(text, channel.name) if correction.unit else channel.quantity
-        channels.append(replace(channel.scaled(correction.scale), unit=text, quantity=quantity))
-    return replace(run, level=stated.levels.get(run.label, run.level), channels=tuple(channels))
-
-
 def describe_quantity(text: str, name: str) -> str:
-    """What a unit is one of. InputError where that is no motion."""
-    powers = unit(text, what=f"unit of {name!r}").powers if text else (0, 1, -2)
+    """What a unit is one of; that of no unit an acceleration. InputError where that is no motion."""
+    powers = _find_powers(text) if text else (0, 1, -2)
     if powers not in _MOTIONS:
-        raise InputError(f"{name!r} is in {text}", expected="a displacement, velocity or acceleration")
+        expected = "a displacement, velocity or acceleration (--correct states its unit, or role = 'out')"
+        raise InputError(f"{name!r} is in {describe_shortened(text)}", expected=expected)
     return _MOTIONS[powers]
+
+
+def _find_powers(text: str) -> tuple[int, int, int] | None:
+    """Powers of a unit, None of a text that is not understood as one."""
+    try:
+        return unit(text).powers
+    except InputError:
+        return None
 
 
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:

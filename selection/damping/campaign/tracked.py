@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,19 +19,39 @@ from damping.campaign.runs import (
 )
 from damping.errors import InputError
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
+from damping.formats.series import Samples, Summary
 from damping.signals.histories import track_sine
 from damping.signals.limits import Limits, find_limit
+
+UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it, ``summary`` grows."""
+    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it.
+
+    ``summary`` grows, and ``channels`` by the names of all that are read.
+    """
 
     file: Path
     most: int
     stated: Corrections
     summary: Summary
+    channels: set[str]
+
+    def make_channel(self, name: str, text: str, samples: Samples, quantity: str = "", **known: Any) -> Channel | None:
+        """A channel of the unit ``text`` as it is stated, None where it is stated to be out.
+
+        A unit that is stated says the quantity too; else it is ``quantity``, or follows from the unit. ``known``:
+        further fields. InputError: the unit is that of no motion.
+        """
+        self.channels.add(name)
+        stated = self.stated.of(name)
+        if stated.role == "out":
+            return None
+        text = (stated.unit or text).replace("m/s2", "m/s^2")
+        quantity = describe_quantity(text, name) if stated.unit or not quantity else quantity
+        return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
         """The run with its level: as the label says where the control agrees, else the median of the control.
@@ -60,18 +81,17 @@ class Source:
         self, label: str, units: Sequence[NamedUnit], drive: str, step: float, blocks: Iterable[FloatArray]
     ) -> CampaignRun:
         """The run of blocks of samples (channels, n), one of whose names is the drive."""
-        stated, place, limits = self.stated, [name for name, _ in units].index(drive), Limits()
+        stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
+        self.channels.add(drive)
         tracked = track_sine(limits.watch(blocks), place, step)
-        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
         order = np.argsort(tracked.frequency, kind="stable")
-        others = [*texts[:place], *texts[place + 1 :]]
-        channels = tuple(
-            Channel(name, describe_quantity(text, name), text, values[order], third=third[order])
+        others = [*units[:place], *units[place + 1 :]]
+        sensors = [
+            self.make_channel(name, text, values[order], third=third[order])
             for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
-            if stated.of(name).role != "out"
-        )
-        size = tracked.drive[order].astype(complex) * stated.of(drive).scale
-        text = stated.of(drive).unit or texts[place][1]
+        ]
+        size = tracked.drive[order].astype(complex) * stated.scale
+        text, channels = (stated.unit or units[place][1]).replace("m/s2", "m/s^2"), tuple(filter(None, sensors))
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         named = zip((name for name, _ in units), limits.found, strict=True)
         return self.set_level(self.leave_clipped({name: at for name, at in named if at is not None}, run), label)
@@ -80,10 +100,9 @@ class Source:
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
     ) -> CampaignRun:
         """The run of motions against time that nothing drives: a free decay."""
-        texts = [(name, text.replace("m/s2", "m/s^2")) for name, text in units]
-        channels = [Channel(n, describe_quantity(u, n), u, x) for (n, u), x in zip(texts, samples, strict=True)]
-        limits = {name: find_limit(x) for (name, _), x in zip(texts, samples, strict=True)}
-        run = CampaignRun(label, None, "", t, None, tuple(channels), is_time=True)
+        sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
+        limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
+        run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
         return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
 
     def leave_clipped(self, limits: Mapping[str, float], run: CampaignRun) -> CampaignRun:

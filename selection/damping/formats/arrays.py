@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import unit
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
@@ -153,8 +153,10 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
-    units = list_units({role: contents.units[name] for role, name in names.items() if name in contents.units}, stated)
-    return _list_each(names, arrays, FileFacts(units=units), Path(path).stem, summary)
+    texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
+    angles = {role: found for role, text in texts.items() if (found := describe_angle(text))}
+    facts = FileFacts(units=list_units(texts, stated), angles=angles)
+    return _list_each(names, arrays, facts, Path(path).stem, summary)
 
 
 def _last_name(path: str) -> str:

@@ -85,7 +85,7 @@ def conversion(known: Statements) -> Conversion:
         return Conversion(order, per_force, stated.scale.get("response", 1.0), stated.scale.get("force", 1.0))
     for what in units:
         known.add_unit(what)
-    whole = _response_unit(name, units, known)
+    whole = _response_unit(name, units)
     force, length = (unit(text) for text in SYSTEMS[stated.system])
     angular = whole.powers == (0, 0, -order)  # a rotation in rad: its force is a moment, its mass one of inertia
     if angular:
@@ -129,7 +129,7 @@ def _powers(name: str) -> tuple[int, int, int]:
     return (-1 if per_force else 0), 1, -order
 
 
-def _response_unit(name: str, units: dict[str, Unit], known: Statements) -> Unit:
+def _response_unit(name: str, units: dict[str, Unit]) -> Unit:
     """The unit of the response, put together from that of the motion and that of the force where needed."""
     if "response" not in units:
         expected = f"--unit response={_EXAMPLES[name]}, or --consistent"

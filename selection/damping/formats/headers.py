@@ -67,7 +67,12 @@ class ColumnHeader:
     @property
     def angle(self) -> str:
         """``degrees`` or ``radians`` where the unit is one of these, else ''."""
-        return _ANGLES.get(self.unit.lower(), "")
+        return describe_angle(self.unit)
+
+
+def describe_angle(unit: str) -> str:
+    """``degrees`` or ``radians`` where a unit is one of these, else ''."""
+    return _ANGLES.get(unit.lower(), "")
 
 
 def parse_header(text: str) -> ColumnHeader:

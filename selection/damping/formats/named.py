@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
+from damping.formats.angles import convert_angles
 from damping.formats.headers import ABSCISSAS, PHASES
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary
 
@@ -28,8 +29,6 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
 _MOST_SWEEPS = 1000
-#: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
-_TURN_IN_RADIANS = 1.5
 #: Another sweep begins where the frequency goes back by more than this share of the range that it has covered ...
 _RESTART = 0.5
 #: ... and the sweep has at least this many rows by then.
@@ -57,19 +56,14 @@ def to_series(
 
     InputError: roles that are missing or say the same twice, or shapes that do not belong together.
     """
-    arrays = _in_radians(arrays, facts, summary)
+    arrays = convert_angles(arrays, facts, summary)
     times = _taken_times(arrays, facts.units)
     arrays = {role: values for role, values in arrays.items() if times is None or role != "time"}
     role, x = _abscissa(arrays, facts.units)
     n = len(x)
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
-    extra = {} if times is None else {"time": times}
-    for key in (key for key in _EXTRA if key in arrays):
-        columns = _real(_matrix(arrays[key], n, key), key)
-        if columns.shape[1] != 1:
-            raise InputError(f"array of {key} has {columns.shape[1]} columns", expected="one")
-        extra[key] = columns[:, 0]
+    extra = ({} if times is None else {"time": times}) | _further(arrays, n)
     # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
     own = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
@@ -88,18 +82,33 @@ def to_series(
         series.append(Series(label, x, column, own_force, is_time, phased, extra, known))
     if many:
         return series
-    whole = series[0]
-    if labels is None and not is_time:
-        cuts = _cuts(x, whole.force)
+    return _list_sweeps(series[0], labels, summary)
+
+
+def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
+    """Further columns (n,) of a record, by name."""
+    further = {}
+    for key in (key for key in _EXTRA if key in arrays):
+        columns = _real(_matrix(arrays[key], n, key), key)
+        if columns.shape[1] != 1:
+            raise InputError(f"array of {key} has {columns.shape[1]} columns", expected="one")
+        further[key] = columns[:, 0]
+    return further
+
+
+def _list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -> list[Series]:
+    """The sweeps of a table by the label of each row, else by its cuts."""
+    if labels is None and not whole.is_time:
+        cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
         if cuts:
             summary.note(f"{len(cuts) + 1} sweeps one below the other are told apart by frequency and force")
-        labels = [f"{name} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in range(n)] if cuts else None
+            labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
     if labels is None:
         return [whole]
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
-    return [_take_rows(whole, label or name, rows) for label, rows in by_label.items()]
+    return [_take_rows(whole, label or whole.label, rows) for label, rows in by_label.items()]
 
 
 def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
@@ -127,35 +136,6 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
         if len(changes) < len(size) / _FEWEST_ROWS:  # a force that is kept, not one that is measured row by row
             starts |= {int(row) for row in changes}
     return sorted(starts)
-
-
-def _in_radians(arrays: Mapping[str, Samples], facts: FileFacts, summary: Summary) -> dict[str, Samples]:
-    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
-
-    InputError: an angle said to be in rad that is too large for it, or in degrees that turns as rad do.
-    """
-    turned = dict(arrays)
-    for role in PHASES:
-        if role not in turned or np.iscomplexobj(turned[role]):
-            continue
-        values = np.asarray(turned[role], dtype=np.float64)
-        known = values[np.isfinite(values)]
-        large = bool(np.max(np.abs(known), initial=0.0) > 2.0 * pi)
-        said = facts.angles.get(role, "")
-        degrees = said == "degrees" or role.endswith("_deg")
-        if (role in ("phase", "lead") or said == "radians") and large and not degrees:
-            other = "lead_deg" if role == "lead" else "lag_deg"
-            message = f"{role} in rad up to {np.max(np.abs(known)):.4g}"
-            raise InputError(message, expected=f"at most 2 pi, or --column {other}=NAME for degrees")
-        if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
-            message = f"{role} in degrees runs from {known.min():.3g} to {known.max():.3g}"
-            raise InputError(message, expected="degrees, or --column phase=NAME (lag) or lead=NAME for rad")
-        if not role.endswith("_deg") and (degrees or large):
-            turned[role] = values * (pi / 180.0)
-        if role == "angle":
-            whence = "found in the file" if said else "follows from its size"
-            summary.add("unit of angle", "degrees" if degrees or large else "rad", whence)
-    return turned
 
 
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:

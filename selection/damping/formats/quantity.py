@@ -61,6 +61,10 @@ class Unit:
         force, length, time = (a - b for a, b in zip(self.powers, other.powers, strict=True))
         return Unit(f"({self.text})/{other.text}", (force, length, time), self.factor / other.factor)
 
+    def agrees_with(self, other: Unit) -> bool:
+        """Whether both are of one kind and size, whatever their names."""
+        return (self.powers, self.factor) == (other.powers, other.factor)
+
 
 #: The two consistent systems records are written in: names of force and length; time is s, mass force s^2/length.
 SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
@@ -144,6 +148,11 @@ class Factors:
         """Factor of a quantity with these powers of force and length."""
         return float(self.force**force * self.length**length)
 
+    @property
+    def per_mass(self) -> Factors:
+        """The same where a base's acceleration stands in the place of the force: a mass is then a number."""
+        return Factors(self.length, self.length)
+
 
 def factors(units: Units, to: str, *, source: str) -> Factors:
     """Factors from the named units to a system of ``SYSTEMS``.
@@ -158,18 +167,24 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
     if units.time not in ("", "s", "sec"):
         raise InputError(f"time in {units.time!r}", file=source, expected="s")
     old = unit(units.force, what="unit of force"), unit(units.length, what="unit of length")
-    if old[0].powers != (1, 0, 0) or old[1].powers != (0, 1, 0):
-        raise InputError(f"{units.force} and {units.length} are no units of force and length", file=source)
     new = tuple(unit(name).factor for name in SYSTEMS[to])
-    return Factors(old[0].factor / new[0], old[1].factor / new[1])
+    by = Factors(old[0].factor / new[0], old[1].factor / new[1])
+    if old[1].powers == (0, 1, 0) and (old[0].powers, old[0].factor) == ((0, 1, -2), old[1].factor):
+        return by.per_mass  # the acceleration of a base
+    if (old[0].powers, old[1].powers) != ((1, 0, 0), (0, 1, 0)):
+        raise InputError(f"{units.force} and {units.length} are no units of force and length", file=source)
+    return by
 
 
-def convert_record(record: Record, by: Factors) -> tuple[Record, list[str]]:
-    """The record in the new system, and notes on columns whose unit is not known."""
-    table = record.table.copy()
+def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[Record, list[str]]:
+    """The record in the new system, and notes on columns whose unit is not known.
+
+    ``drive``: of its mode; that of a ``base`` is an acceleration in the column ``force``, and energies are per mass.
+    """
+    table, driven = record.table.copy(), by.per_mass if drive == "base" else by
     for name, powers in _COLUMNS.items():
         if name in table:
-            table[name] = table[name] * by.of(*powers)
+            table[name] = table[name] * (by if name in ("mass", "added_mass") else driven).of(*powers)
     kept = [name for name in table if name not in _COLUMNS and name not in _WITHOUT_UNIT]
     notes = [f"column {name} is kept as it is: its unit is not known" for name in kept]
     return Record(table, record.source), notes

@@ -12,6 +12,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 
+#: Seed of everything sampled where none is stated, that of the command line.
+SEED = 1970
 #: Terms up to which all sets of them are tried.
 FEW_TERMS = 3
 #: Relative ridge of normal equations, which keeps columns that are multiples of each other apart from an error.
