@@ -146,9 +146,9 @@ def format_force_text(force: SupportsFloat, unit: str) -> str:
     return f"{float(force):.6g} {unit}".strip()
 
 
-def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "") -> str:
+def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
     """``2.59 to 3.26 in``."""
-    return f"{number(low)} to {format_quantity(high, unit)}"
+    return f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
 
 
 def format_percent(value: SupportsFloat) -> str:
