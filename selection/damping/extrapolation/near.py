@@ -37,8 +37,6 @@ NEAR = 1.0
 def near_resonance(record: Record) -> Observations:
     """One row for each sweep, its phase resonance; all near resonance where one level says how damping changes.
 
-    Rows of one sweep share their error, so counting them one by one would single out a law falsely.
-
     A constant phase offset rotates the energy of a row by offset times cot(phase), relative: what
     :func:`damping.records.resonance.tabulate_resonances` finds of it is taken off first (not where the record
     has energies of its own). Then rows between the half-power points stay, |F cos(phase)| <= ``NEAR`` F sin(phase):

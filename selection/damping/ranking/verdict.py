@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtr
 
-from damping.arrays import FloatArray, Floats, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats, IntArray
 from damping.infer.best_fit import BestFit
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.infer.likelihood import residuals
@@ -44,6 +44,8 @@ DIFFERENCE_FREEDOM = 2.0 / 3.0
 BEYOND_ROWS = 5.0
 #: and, ln A, by this at least: repeats of one level on large structures scatter by less.
 LEVELS_APART = 0.03
+#: Amplitude per force of a row, over that at its sweep's resonance, that is no noise of a row.
+PEAKED = 1.15
 FEWEST_LEVELS = 3  #: of two, neither is the one that is off
 
 
@@ -54,7 +56,8 @@ class FitVerdict:
     Attributes:
         verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
         p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
-        apart: what is said of levels that scatter about the leading law far more than their rows do; empty if none do.
+        apart: what is said of levels that scatter about the leading law far more than their rows do, or of rows that no
+            law fits and that read far more than a resonance; empty if none do.
     """
 
     verdict: Verdict
@@ -82,7 +85,8 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
         another = any(fit_probability(fit, data, seed) >= UNLIKELY for fit in others)
         verdict = "poor" if another else "none fits"
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
-    return FitVerdict(verdict, p, misfit, _describe_levels_apart(leader, data))
+    apart = _describe_levels_apart(leader, data) or (_describe_peak(data) if verdict == "none fits" else "")
+    return FitVerdict(verdict, p, misfit, apart)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
@@ -168,6 +172,18 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
         f"levels scatter about the leading law by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
         f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} is farthest off, its amplitudes {abs(by):.2g} %"
         f" {'below' if by < 0.0 else 'above'} what the others imply; damping gap names what is wrong, if not the law"
+    )
+
+
+def _describe_peak(data: Observations) -> str:
+    """What to say of a sweep that peaks far above its resonance, as of two modes or planes; empty where none does."""
+    per_force = data.A / np.hypot(data.D, data.R) / (data.tested_amplitude / data.tested_force)[data.sweep]
+    at = int(np.argmax(per_force))
+    if per_force[at] < PEAKED:
+        return ""
+    return (
+        f"{data.sweeps[data.sweep[at]]} reads {100.0 * (per_force[at] - 1.0):.0f} % more amplitude per force at"
+        f" {data.omega[at] / RAD_S_PER_HZ:.4g} Hz than at the resonance of one mode, which is what is predicted"
     )
 
 
