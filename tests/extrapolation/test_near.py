@@ -363,3 +363,18 @@ def test_damping_that_fails_while_the_resonance_stays_widens_the_band_upwards():
     steady = replace(predicted.plan, joint=predicted.plan.joint._replace(failing=0.0))
     narrow = extrapolate_loads(data, force, mode=mode, plan=steady, fresh=False).loads.average
     assert np.all(narrow.high < true)  # the straying that a steady resonance leaves
+
+
+def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits(swept):
+    """Rows below resonance read up to twice as much, as of a second plane there: 1.6 times where cos(phase) = .5."""
+    record = swept(PAIR.force, LEVELS, noise=0.01)
+    beside = 1.0 + np.clip(2.0 * np.cos(record.column("phase")), 0.0, 1.0)
+    table = record.table.assign(amplitude=record.column("amplitude") * beside)
+    every = observe(Record(table))
+    plan = judge_rows(plan_loads(near_resonance(Record(table)), CANDIDATES, estimate=brief_evidence), every)
+    assert plan.fit.verdict == "none fits"
+    assert "more amplitude per force at" in plan.fit.sentence
+    law = [Law(("viscous", "velocity-squared"))]
+    assert not judge_rows(
+        plan_loads(near_resonance(record), law, estimate=brief_evidence), observe(record)
+    ).fit.sentence

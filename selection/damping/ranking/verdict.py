@@ -85,8 +85,8 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
         another = any(fit_probability(fit, data, seed) >= UNLIKELY for fit in others)
         verdict = "poor" if another else "none fits"
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
-    apart = _describe_levels_apart(leader, data) or (_describe_peak(data) if verdict == "none fits" else "")
-    return FitVerdict(verdict, p, misfit, apart)
+    apart = [_describe_levels_apart(leader, data), _describe_peak(data) if verdict == "none fits" else ""]
+    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)))
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
