@@ -48,10 +48,11 @@ MOST_SAMPLED = 6
 
 @dataclass(frozen=True)
 class Input:
-    """A record of the study, read and checked."""
+    """A record of the study, read and checked: steady states, and rows as ``driven`` (`damping.predict.Measured`)."""
 
     settings: files.RecordSettings
     record: Record
+    driven: Record
     mode: Mode
     data: Observations
     backbone: Backbone
@@ -106,7 +107,7 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
             print(f"damping: {record.source}: {line}", file=sys.stderr)
         record, mode = measured.record, measured.mode or mode
         backbone = find_backbone(record, mode, findings.implied)
-        inputs.append(Input(asked, record, mode, data, backbone, findings))
+        inputs.append(Input(asked, record, measured.driven, mode, data, backbone, findings))
     return inputs
 
 
@@ -232,7 +233,7 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     asked, tested = np.array(record.settings.design_forces), record.data.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan)
-    against = compare_with_diagnosis(record.record, record.mode, predicted) if len(asked) else ()
+    against = compare_with_diagnosis(record.driven, record.mode, predicted) if len(asked) else ()
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
     curve = trace_loads(reached, record.backbone, plan.data)
     result: dict[str, Any] = {"against": against, "curve": replace(curve, cautions=_warn(against, curve.cautions))}

@@ -18,6 +18,7 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
+from damping.predict import prepare
 from damping.predict.steady import phase_resonance
 from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
@@ -35,7 +36,7 @@ BEYOND = 2.0
 def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> tuple[str, ...]:
     """What the diagnosis of the simulation in the mode file says against predicted loads; empty where they agree.
 
-    ``record``, ``mode``: of steady states under a modal force.
+    ``record``, ``mode``: under a modal force, as swept.
     """
     explained = _explain(record, mode)
     return _compare(predicted, explained) if explained else ()
@@ -47,7 +48,8 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
     ``findings``: of the audit of the record.
     """
     try:
-        near, (every, _) = near_resonance(record), observe_ranked(record, findings)
+        steady = prepare(record, diagnosis.mode).record
+        near, (every, _) = near_resonance(steady), observe_ranked(steady, findings)
         force = [BEYOND * near.tested_force.max()]
         predicted = extrapolate_loads(near, force, seed=seed, mode=diagnosis.mode, every=every, fresh=False)
     except AnalysisError:  # a record without rows that laws can be ranked on

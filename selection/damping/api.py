@@ -74,7 +74,7 @@ def rank(
         return result
     from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-    return replace(result, against=doubt_misfit(measured.record, measured.mode, ranking.fit))
+    return replace(result, against=doubt_misfit(measured.driven, measured.mode, ranking.fit))
 
 
 @single_threaded

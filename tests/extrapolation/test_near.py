@@ -367,7 +367,7 @@ def test_damping_that_fails_while_the_resonance_stays_widens_the_band_upwards():
 
 
 def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
-    """Two planes at 45 degrees, 9.9 and 10.06 Hz of damping ratio .006: the force is in quadrature between the peaks."""
+    """Two planes at 45 degrees, 9.9 and 10.06 Hz, damping ratio .006: the force is in quadrature between the peaks."""
     hertz, force = np.tile(np.linspace(9.7, 10.25, 56), 3), np.repeat([1.0, 2.0, 4.0], 56)
     omega, natural = 2.0 * np.pi * hertz, 2.0 * np.pi * np.array([9.9, 10.06])[:, None]
     H = np.sum(0.5 / (natural**2 - omega**2 + 0.012j * natural * omega), axis=0)

@@ -7,6 +7,9 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
+import damping as dp
+from damping.gap.diagnose import explain
+from damping.predict import prepare
 from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
@@ -145,3 +148,21 @@ def test_rates_need_phases(frequency):
     table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": frequency, "amplitude": 1.0, "sweep_rate": 5.0})
     made = Record(table, "made")
     assert as_steady(made, MASS, F_N) == (made, ())
+
+
+def test_a_diagnosis_beside_predictions_reads_the_rows_as_swept(frequency, swept):
+    """Steady states that the rate was taken out of leave traces, which a diagnosis would take for a second plane."""
+    made = record(swept, frequency, np.random.default_rng(4))
+    viscous = 2.0 * RATIO * MASS * 2.0 * np.pi * F_N
+    mode = Mode(name="made", frequency=F_N, mass=MASS, damping={"viscous": {"coefficient": viscous}})
+    loads = dp.extrapolate(made, mode, [2.0 * max(swept)])
+    assert any("octaves a minute" in said for said in loads.cautions)
+    (alone, beside) = (explain(made, mode), prepare(made, mode).driven)
+    assert beside is made
+    assert "sweep-rate" in alone.leading.effects
+    diagnosis = dp.diagnose(made, mode)
+    for against in (loads.against, diagnosis.against):  # none, or numbers of the same prediction
+        assert not any("more than noise left" in said for said in against)
+    ranked = loads.loads.average.median[0]
+    told = [float(said.split("ranked laws say ")[1].split()[0]) for said in diagnosis.against if "ranked laws" in said]
+    assert all(value == pytest.approx(ranked, rel=0.02) for value in told)  # other draws

@@ -164,7 +164,7 @@ def extrapolate_loads(
 
 
 class Rests(NamedTuple):
-    """What predictions rest on: steady states under a force, their mode and backbone, rows near it, what was done."""
+    """What predictions rest on: rows under a force, mode and backbone, those near it when steady, what was done."""
 
     record: Record
     mode: Mode
@@ -195,7 +195,7 @@ def predict_record(
     every, _ = observe_ranked(measured.record, findings)
     first = forces if len(forces) else np.array(times) * data.tested_force.max()
     predicted = extrapolate_loads(data, first, level, seed, mode=mode, every=every, progress=progress)
-    return predicted, Rests(measured.record, mode, find_backbone(measured.record, mode, findings.implied), data, said)
+    return predicted, Rests(measured.driven, mode, find_backbone(measured.record, mode, findings.implied), data, said)
 
 
 #: What is asked, as messages name it.

@@ -23,10 +23,14 @@ from damping.records.view import View, take_median
 
 @dataclass(frozen=True)
 class Measured:
-    """Steady states under a modal force, the mode of them (None where none is given) and what was done, in words."""
+    """Steady states under a modal force, the mode of them (None where none is given) and what was done, in words.
+
+    ``driven``: the rows under that force as they were swept, which a diagnosis reads: a rate is a cause of its own.
+    """
 
     record: Record
     mode: Mode | None
+    driven: Record
     said: tuple[str, ...] = ()
 
 
@@ -44,18 +48,19 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
             participation = find_participation([(record, mode.mass, 0.0)])
             record, said = shake(record, mode, participation), [f"base drive: {participation}"]
             mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
+        driven = record
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
             record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
         mass, frequency = mode.mass, mode.frequency
     elif "sweep_rate" not in record.table.columns:
-        return Measured(record, None)
+        return Measured(record, None, record)
     else:  # what the rows imply; NaN where they imply none
-        implied, said = View(record, None).implied, []
+        implied, said, driven = View(record, None).implied, [], record
         mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
     if not mass > 0.0:
-        return Measured(record, mode, tuple(said))
+        return Measured(record, mode, driven, tuple(said))
     steady, swept = as_steady(record, mass, frequency)
-    return Measured(steady, mode, (*said, *swept))
+    return Measured(steady, mode, driven, (*said, *swept))
 
 
 def count_in(mode: Mode, participation: Participation) -> Mode:
