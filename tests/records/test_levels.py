@@ -1,4 +1,4 @@
-"""Levels against each other: gains and forces of a level that are wrong, of linear modes in closed form."""
+"""Levels against each other and the mode file: wrong gains, forces, structures, of modes in closed form."""
 
 from __future__ import annotations
 
@@ -82,3 +82,21 @@ def test_masses_that_the_record_states_of_each_level_are_no_gain():
     mode = dp.Mode(name="m", frequency=18.0, mass=1.0)
     assert audit(record_of(whole), mode).verdict == "ok"
     assert [one.check for one in audit(record_of(whole.drop(columns="mass")), mode).findings] != []
+
+
+@pytest.mark.parametrize("phase", [True, False])
+@pytest.mark.parametrize(("frequency", "mass", "named"), [
+    (18.0, 0.12, False), (18.0, 0.13, False), (17.0, 0.12, False), (17.0, 0.122, False), (17.0, 0.14, True),
+    (19.5, 0.104, True),
+])  # fmt: skip
+def test_a_mode_file_of_another_structure_is_doubted_by_frequency_and_mass(frequency, mass, named, phase):
+    """A mass alone may be of a gain, a frequency alone of a joint; both by many tolerances are of no one structure."""
+    mode = dp.Mode(name="m", frequency=frequency, mass=mass, damping=MODE.damping)
+    found = audit(record_of(sweeps(phase=phase)), mode).findings
+    named &= phase  # without phases a mass is known to a factor only
+    assert [(one.check, one.verdict) for one in found] == [("beyond-model", "caution")] * named
+    for one in found:
+        assert f"resonance at 18 Hz, {frequency:g} Hz" in one.what
+        assert f"a mass of 0.1202, {mass:g} there" in one.what  # 0.12 but for the noise of 1 %
+    loose = dp.Mode(name="m", frequency=frequency, mass=mass, tolerance={"frequency": 0.03, "mass": 0.05})
+    assert audit(record_of(sweeps(phase=phase)), loose).verdict == "ok"

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_levels, check_sweeps, check_units
+from damping.records import check_levels, check_model, check_sweeps, check_units
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -48,7 +48,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_phase_offset, ()),
     (check_sweeps.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),
-    (check_units.check_beyond_model, ()),
+    (check_model.check_beyond_model, ()),
 )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.records.check_units import FAR_MASS, FAR_MASS_WITHOUT_PHASE
+from damping.records.check_model import FAR_MASS, FAR_MASS_WITHOUT_PHASE
 from damping.records.view import Finding, View, name_sweeps
 
 FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
@@ -117,11 +117,9 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     offset = table["phase_offset"].to_numpy(dtype=np.float64)
     gain = np.abs(offset - np.median(offset[same])) < TURNED
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
-    return [
-        OddMass(str(row.sweep), float(row.force), float(row.mass), float(np.exp(by - centre)), sure)
-        for row, by, odd in zip(table.itertuples(), x, ~same & gain, strict=True)
-        if odd
-    ]
+    labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
+    places = np.flatnonzero(~same & gain).tolist()
+    return [OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure) for k in places]
 
 
 def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
