@@ -59,6 +59,17 @@ def test_forces_of_two_levels_that_are_exchanged(pair):
     assert "exchanged" in found.advice
 
 
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_small_readings_of_an_instrument_with_few_steps_are_no_gain(steps):
+    """The lowest level is read in ``steps`` steps of an instrument, the highest in 12 times as many."""
+    table = sweeps()
+    step = table["amplitude"][table["sweep"] == "L1"].max() / steps
+    whole = np.maximum(np.round(table["amplitude"] / step), 1.0)
+    rng = np.random.default_rng(6)
+    read = table.assign(amplitude=whole * step * np.exp(0.01 * rng.normal(size=len(table))))
+    assert "level-offset" not in [one.check for one in audit(record_of(read), MODE).findings]
+
+
 @pytest.mark.parametrize(("mode", "sure"), [(MODE, True), (None, False)])
 def test_of_two_levels_the_mode_file_tells_which_is_wrong(mode, sure):
     table = sweeps({"A": 1.5, "B": 3.0})

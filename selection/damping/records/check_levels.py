@@ -8,7 +8,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
 from damping.records.check_model import FAR_MASS, FAR_MASS_WITHOUT_PHASE
-from damping.records.view import Finding, View, name_sweeps
+from damping.records.view import SURE, Finding, Leg, View, name_sweeps
 
 FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
@@ -105,7 +105,7 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     The mass of the others is that which most levels share within the factor; of several such that nearest to the
     mode's, without one to the median. Masses by a parabola, without phases, are compared where no resonance is bent.
     """
-    known = {leg.run.sweep for leg in view.legs if np.isfinite(leg.mass[0]) and leg.mass[0] > 0.0 and leg.mass[1]}
+    known = {leg.run.sweep for leg in view.legs if _is_known(leg)}
     table = table[table["sweep"].isin(known) & table["mass"].notna()]
     if len(table) < 2:
         return []
@@ -120,6 +120,16 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
     places = np.flatnonzero(~same & gain).tolist()
     return [OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure) for k in places]
+
+
+def _is_known(leg: Leg) -> bool:
+    """Whether a run's mass may be compared: of a resonance that is not bent, of rows that lie on a line in Y.
+
+    Readings near the least step of an instrument lie on none, and imply too small a mass the smaller they are.
+    """
+    mass, straight = leg.mass
+    on_line = leg.turn is None or leg.lag is None or leg.turn.miss < SURE
+    return bool(np.isfinite(mass) and mass > 0.0 and straight and on_line)
 
 
 def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
