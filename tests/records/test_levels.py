@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from audit_cases import record_of
+from audit_cases import Bench, clean, measured, record_of
 
 import damping as dp
 from damping.records import audit
@@ -68,6 +68,15 @@ def test_small_readings_of_an_instrument_with_few_steps_are_no_gain(steps):
     rng = np.random.default_rng(6)
     read = table.assign(amplitude=whole * step * np.exp(0.01 * rng.normal(size=len(table))))
     assert "level-offset" not in [one.check for one in audit(record_of(read), MODE).findings]
+
+
+def test_a_parabola_through_a_bent_resonance_is_of_no_gain():
+    """Without phases a joint that falls by three half-bandwidths implies 0.4 of the mass at its highest level."""
+    bent = {"law": "slip", "zeta": 0.02, "levels": 4, "rows": 13, "span": (-8.0, 2.0), "bend": -3.0, "down": True}
+    for seed in range(6):
+        bench = Bench(**bent, phase=False, noise=0.008, seed=seed)
+        found = audit(record_of(measured(clean(bench), bench)), bench.mode)
+        assert "level-offset" not in [one.check for one in found.findings]
 
 
 @pytest.mark.parametrize(("mode", "sure"), [(MODE, True), (None, False)])

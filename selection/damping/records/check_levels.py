@@ -8,7 +8,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
 from damping.records.check_model import FAR_MASS, FAR_MASS_WITHOUT_PHASE
-from damping.records.view import SURE, Finding, Leg, View, name_sweeps
+from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
@@ -114,8 +114,10 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
     stated = view.mode is not None and view.mode.drive == "force"
     same = np.abs(x - _find_shared(x, far, 0.0 if stated else float(np.median(x)))) < far
-    offset = table["phase_offset"].to_numpy(dtype=np.float64)
-    gain = np.abs(offset - np.median(offset[same])) < TURNED
+    # what no gain changes: of phases their offset, without them the frequency, within the bandwidth's half
+    course = table["phase_offset"] if phased else np.log(table["frequency"])
+    least = TURNED if phased else take_median(table["damping_ratio"])
+    gain = np.abs(course.to_numpy() - np.median(course[same])) < least
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
     places = np.flatnonzero(~same & gain).tolist()
