@@ -4,7 +4,9 @@ Modes are numbered by frequency, the same at every level: one that has no dampin
 
 A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
 force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of
-90 %): the one a load is sized with. Codes that take coefficients get those of c1 q' + c2 q' |q'| of equal dissipation,
+90 %): the one a load is sized with, and so the block that is live, at the largest level of the test or of the loads
+that were asked for; the others are comments. Codes that take coefficients get those of c1 q' + c2 q' |q'| of equal
+dissipation,
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 
@@ -55,6 +57,7 @@ class Point:
     force: float  #: at the resonance, as the amplitude; NaN where the form does not hold them
     amplitude: float
     remark: str
+    tested: bool = True  #: not where the form says that it is beyond the test
 
 
 def export_deck(source: Path, out: Path, code: str) -> None:
@@ -88,6 +91,7 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "form": form,
         "digest": digest(content),
         "levels": list(product(levels.items(), BOUNDS)),
+        "live": choose_live(levels, number, whole=code == "opensees"),
         "drive": drive,
         "unit": unit,
         "fitted": fitted,
@@ -126,6 +130,19 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
     return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 
 
+def choose_live(
+    levels: Mapping[float, Sequence[Point]], number: Mapping[str, int], *, whole: bool
+) -> tuple[float, str] | None:
+    """The level and bound of the block that stands as no comment: the low end at the largest level within the test.
+
+    At the largest of all where none is, as of loads that were asked for. ``whole``: only levels at which no mode lacks
+    its damping can be written; None where there is none.
+    """
+    written = [level for level, points in levels.items() if not whole or len(points) == number[points[-1].mode]]
+    tested = [level for level in written if all(point.tested for point in levels[level])]
+    return (max(tested or written), BOUNDS[1]) if written else None
+
+
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
     """N and m in the units of force and length of a form; None where it names none of these."""
     try:
@@ -162,7 +179,7 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     resonant = _find_force(row)
     force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark)
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, row.tested is not False)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 (``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -168,11 +168,11 @@ def print_loads(result: LoadsResult) -> None:
         over = number(row["linear_overprediction_percent"], 3)
         table.add_row(at, number(row["extrapolation_ratio"], 3), *map(number, ends), over, notes.numbers(cautions))
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
-        ratios.add_row(at, number(row["frequency"]), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
+        ratios.add_row(at, _state_frequency(row), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
         shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
     for part in (table, ratios, shares):
         out.print(part)
-    out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight.")
+    out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight. {FARTHER}")
     out.print(_name_laws(loads.by_model))
     if len(plan.trend.p):
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
@@ -180,6 +180,17 @@ def print_loads(result: LoadsResult) -> None:
     if by_force:
         _print_what_if(result)
     _print_notes(notes, result)
+
+
+#: What the terminal has room for of a band that is wider to one side where the resonance falls or rises.
+FARTHER = "±: from the frequency to the farther end of its band."
+
+
+def _state_frequency(row: Mapping[Hashable, Any]) -> str:
+    """A frequency, and how far its band goes, where it has one."""
+    f, low, high = (float(row[f"frequency{end}"]) for end in ("", "_low", "_high"))
+    farther = max(f - low, high - f)
+    return f"{number(f)} ± {number(farther, 2)}" if farther > 0.0 else number(f)
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:
@@ -244,7 +255,8 @@ def print_curve(result: CurveResult) -> None:
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
         further = [caution for caution in cautions if not caution.startswith("beyond the test")]
         table.add_row(
-            *(number(value) for value in (factor * row["amplitude"], row["force"], row["frequency"])),
+            *(number(value) for value in (factor * row["amplitude"], row["force"])),
+            _state_frequency(row),
             *(number(z, 3) for z in zeta),
             number(row["q"], 3),
             "yes" if row["tested"] else "beyond",
@@ -253,7 +265,7 @@ def print_curve(result: CurveResult) -> None:
     out.print(table)
     out.print(
         f"low to high: {100 * result.curve.level:g} % predictive band, averaged over laws by weight. "
-        "The low end is the one a load is sized with. Loss factor = 1/Q."
+        f"{FARTHER} The low end of the damping is the one a load is sized with. Loss factor = 1/Q."
     )
     out.print(_name_laws(result.extrapolation.members))
     _print_notes(notes, result)

@@ -369,6 +369,29 @@ def test_a_parameter_of_a_simulator_without_a_tolerance_is_fixed(lab):
     assert refitted_values(best)["damping"] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda A, phase: (A, -phase), "the simulator's answer: the phase falls through -pi/2.*negate it"),
+        (lambda A, phase: (A, phase - np.pi), "the simulator's answer: the phase runs from -pi to 0"),
+        (lambda A, phase: (A, np.degrees(phase)), "the simulator's answer, column phase.*radians.*in degrees"),
+        (lambda A, phase: (A, phase / (2.0 * np.pi)), "the simulator's answer: the phases .* are they turns"),
+        (lambda A, phase: (A / 1000.0, phase), "the simulator's answer: the rows imply 1000 times the mass.*mm for m"),
+        (lambda A, phase: (A * 25.4, phase), "the simulator's answer: the rows imply 0.03937 times .*mm for in"),
+        (lambda A, phase: (A / 9.80665, phase), "the simulator's answer: the rows imply 9.8.*kgf for N"),
+        (lambda A, phase: (0.0 * A, phase), "the simulator's answer, column amplitude"),
+    ],
+)
+def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wrong, said):
+    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
+        omega = 2 * np.pi * frequency
+        Y = stiffness - MASS * omega**2 + 1j * damping * omega
+        return wrong(force / np.abs(Y), np.angle(Y))
+
+    with pytest.raises(InputError, match=said):
+        explain(lab.measured("phase-lag"), lab.mode(), {}, simulate=simulate)
+
+
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     """The mode file names a force that the user's function does not simulate, and the structure has it."""
 

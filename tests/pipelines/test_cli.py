@@ -274,11 +274,16 @@ def test_loads_form(damping, saturn_data, tmp_path):
 
 
 @pytest.mark.parametrize("command", [("extrapolate", "--force", 90), ("curve", "--force", 90)])
-def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, damping, saturn_data):
-    """The flagship, of which ranking and diagnosis disagree."""
+def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, damping, saturn_data, tmp_path):
+    """The flagship, of which ranking and diagnosis disagree. A frequency has the farther end of its band beside it."""
     name, *options = command
-    printed = " ".join(damping(name, *files(saturn_data), *options).out.split())
+    out = tmp_path / "form.json"
+    printed = " ".join(damping(name, *files(saturn_data), *options, "--json", out).out.split())
     assert printed.lower().count("ranking and diagnosis disagree") == 1
+    (row,) = json.loads(out.read_text())["predictions" if name == "extrapolate" else "rows"]
+    f = row["frequency"]
+    farther = max(f - row["frequency_low"], row["frequency_high"] - f)
+    assert f" {f:.4g} ± {farther:.2g} " in printed
 
 
 @pytest.mark.sampling

@@ -130,14 +130,42 @@ def test_pynastran_reads_it(deck, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
-        ("abaqus", r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.006\n2, 2, 0.008$"),
-        ("ansys", r"^MDAMP,1,0.006,0.008$"),
-        ("opensees", r"^eigen 2\nmodalDamping 0.006 0.008$"),
+        ("abaqus", r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.0054\n2, 2, 0.0072$"),
+        ("ansys", r"^MDAMP,1,0.0054,0.0072$"),
+        ("opensees", r"^eigen 2\nmodalDamping 0.0054 0.0072$"),
     ],
 )
 def test_one_ratio_a_mode(code, expected, deck):
     text = deck(CAMPAIGN, code)
-    assert len(re.findall(expected, text, re.MULTILINE)) == 1  # the other tables are comments
+    assert len(re.findall(expected, text, re.MULTILINE)) == 1
+    assert read_live(text, code) == [0.0054, 0.0072]  # the other tables are comments
+    assert "live: the low end at" in text
+
+
+def read_live(text: str, code: str) -> list[float]:
+    """Ratios of the lines that are no comments, in order."""
+    lines = [line for line in text.splitlines() if not line.startswith(f"{COMMENTS[code]} ")]
+    return [float(number) for line in lines for number in re.findall(r"0\.\d+", line)]
+
+
+@pytest.mark.parametrize("code", ["abaqus", "ansys", "opensees", "nastran"])
+def test_the_live_block_is_the_low_end_at_the_level_that_is_sized(code, deck):
+    """Of loads the largest that was asked for; of a curve the largest within the test, not what lies beyond it."""
+    rows = [
+        {"force": F, "amplitude": A, "frequency": 1.6, "tested": F < 50.0, "damping_ratio": {"median": z, "low": low}}
+        for F, A, z, low in ((20.0, 1.0, 0.02, 0.018), (40.0, 1.8, 0.022, 0.019), (80.0, 3.0, 0.025, 0.016))
+    ]
+    beyond = {"format": "curve/1", "level": 0.9, "rows": rows[2:]}
+    for form, at, ratio, table in (
+        (FORM, "force 90", 0.0211, 4), ({**beyond, "rows": rows}, "force 40", 0.019, 4), (beyond, "force 80", 0.016, 2)
+    ):  # fmt: skip
+        text = deck(form, code)
+        if code == "nastran":
+            assert f"SDAMPING = {table} selects the low end at {at}:" in text
+            assert read_tabdmp1(text)[table][1][1] == pytest.approx(ratio, rel=1e-9)  # nine digits
+        else:
+            assert f"live: the low end at {at};" in text
+            assert read_live(text, code) == [ratio]
 
 
 def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
@@ -148,7 +176,8 @@ def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
     assert "** 3, 3, 0.03\n** 4, 4, 0.04\n" in deck(form, "abaqus").split("level 2, median")[1]
     higher = deck(form, "ansys").split("level 2, median")[1]
     assert "! MDAMP,1,0.01\n! MDAMP,3,0.03,0.04,0.05,0.06,0.07,0.08\n" in higher
-    assert "MDAMP,1,0.01,0.02,0.03,0.04,0.05,0.06\nMDAMP,7,0.07,0.08\n" in deck(form, "ansys")
+    assert "! MDAMP,1,0.01,0.02,0.03,0.04,0.05,0.06\n! MDAMP,7,0.07,0.08\n" in deck(form, "ansys")
+    assert "\nMDAMP,1,0.01\nMDAMP,3,0.03,0.04,0.05,0.06,0.07,0.08\n" in deck(form, "ansys")
     opensees = deck(form, "opensees")
     assert re.findall(r"^eigen .*\nmodalDamping .*$", opensees, re.MULTILINE) == [
         "eigen 8\nmodalDamping 0.01 0.02 0.03 0.04 0.05 0.06 0.07 0.08"

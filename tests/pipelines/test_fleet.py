@@ -38,7 +38,7 @@ from damping_pipelines.fleet.dataset import (
     seed_of,
     tasks_of,
 )
-from damping_pipelines.fleet.page import tabulate_outliers
+from damping_pipelines.fleet.page import collect_facts, list_copies, tabulate_outliers
 from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
@@ -577,3 +577,31 @@ def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path, forking
     done = rows_of(tmp_path)
     assert done
     assert done == rows_of(alone)[: len(done)]
+
+
+def test_copies_are_told_and_laws_that_lead_alike_are_all_named(few, tmp_path, capsys):
+    """Of a record and its copy: two of three count for one; three laws that lead once each would be three."""
+    folder, out = tmp_path / "records", tmp_path / "out"
+    folder.mkdir()
+    for name, seed in (("first", 0), ("second", 0), ("third", 1)):
+        write_record(folder, name, seed)
+    fleet(folder, out, fast=True, workers=0, seed=5, max_size=SIZE)
+    said = "first and second are one record, byte for byte, that counts 2 times in every share"
+    assert f"Caution: {said}." in " ".join(capsys.readouterr().out.split())
+    assert said in " ".join(html.unescape((out / "fleet.html").read_text()).split())
+    many = pd.DataFrame({"name": [f"n{k}" for k in range(9)], "status": "done", "record_sha256": "same"})
+    assert list_copies(many)[0].startswith("n0, n1, n2, n3, n4 and 4 more are one record")
+    assert not list_copies(many.assign(status="failed"))
+
+
+@pytest.mark.parametrize(
+    ("laws", "name", "text"),
+    [
+        (["a", "a", "b"], "a", "leads in 2 of them"),
+        (["b", "b", "a", "a", "c", "c", "d"], "a, b and c", "lead in 2 each"),
+        (list("abcde"), "5 laws", "lead in 1 each"),
+    ],
+)
+def test_the_card_names_every_law_that_leads(laws, name, text):
+    table = pd.DataFrame({"law": laws})
+    assert (name, text) in collect_facts(table, table, np.array([])).items

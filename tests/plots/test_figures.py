@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from damping.plots import to_svg
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps, mode_over_level
 from damping.plots.fits import corner, predictive_check, ranking, sweeps
+from damping.plots.gap import MODELS, gap_overlay
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 from damping_validation.calibrate import draw_coverage
 
@@ -207,3 +208,17 @@ def test_coverage_of_a_structure_without_a_prediction_is_not_drawn() -> None:
     for axes, share in zip(draw_coverage(table).axes, (1.0, 0.0), strict=True):
         marks = [np.asarray(line.get_xdata()) for line in axes.lines if str(line.get_label()).endswith("times")]
         assert [mark.tolist() for mark in marks] == [[share]] * 3
+
+
+@pytest.mark.parametrize("wild", [(), (4,), (1, 4)])
+def test_crosses_of_rows_set_aside_have_their_legend(wild):
+    """Only where there are any, and from whichever sweep."""
+    columns = {"sweep": list("AAABBB"), "frequency": [1.0, 2.0, 3.0] * 2}
+    rows = pd.DataFrame(columns | {"amplitude": 1.0, "phase": 1.0})
+    measured = rows.assign(wild=rows.index.isin(wild))
+    figure = gap_overlay(measured, pd.concat([rows.assign(model=model) for model in MODELS]), "mm")
+    (legend,) = figure.legends
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == [name for *_, name in MODELS.values()] + ["measured"] + ["row set aside: wild"] * bool(wild)
+    crosses = sum(len(line.get_xdata()) for ax in figure.axes for line in ax.lines if line.get_marker() == "x")
+    assert crosses == 2 * len(wild)  # in amplitude and in phase

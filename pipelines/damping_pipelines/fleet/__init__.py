@@ -16,7 +16,7 @@ from damping.progress import Advance
 from damping.records import require_checks
 from damping.report import count
 from damping_pipelines.fleet import dataset, runners
-from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page
+from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import write_text
 from damping_pipelines.terminal import console, progress
@@ -199,7 +199,7 @@ def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
 
 def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettings) -> None:
     """The page of the fleet, the manifest, which names every file of the run, and what to say at the end."""
-    table = kept.read((*COLUMNS, "record_sha256", "model_sha256"))
+    table = kept.read((*COLUMNS, "model_sha256"))
     multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
     asked = "the largest design force" if settings.forces else multiple
     page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
@@ -222,6 +222,8 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
         highlight=False,
         markup=False,
     )
+    for said in list_copies(table):
+        console().print(f"Caution: {said}.", highlight=False, markup=False)
     lost = table.loc[table["status"] == "failed", "reason"]
     if len(lost):
         raise AnalysisError(f"{len(lost)} of {len(table)} records failed; the first: {lost.iloc[0]}")

@@ -15,6 +15,9 @@ from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
 
+#: Laws that lead in as many records are named up to this many.
+MOST_TIED = 3
+MOST_COPIES = 5  #: copies of a record, and records with copies, that are named
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
 #: Width of the line of an interval at most, points: two records have no bars as wide as the page.
@@ -65,7 +68,7 @@ def sorted_overprediction(table: pd.DataFrame) -> Figure:
 COLUMNS = (
     *("name", "key", "status", "reason", "report", "law", "weight", "average_absolute_percent", "held_out_error"),
     *("load_law", "median", "low", "high", "linear_overprediction_percent", "linear_overprediction_low"),
-    *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions"),
+    *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions", "record_sha256"),
 )
 #: Rows of a table of the page; the data set holds the rest.
 MOST_ROWS = 200
@@ -89,7 +92,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
     predicted = good[_OVER].to_numpy(float)
     predicted = predicted[np.isfinite(predicted)]
     records = _tabulate_records(table)
-    parts = {"facts": _collect_facts(table, good, predicted), "records": records}
+    parts = {"facts": collect_facts(table, good, predicted), "records": records}
     parts |= _build_laws(table.dropna(subset=["law"])) | _build_lists(table)
     quartiles = ""
     if len(over):
@@ -100,6 +103,7 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
         parts["overprediction"] = FigureBlock(svg, "")
     values = {
         "asked": asked,
+        "copies": list_copies(table),
         "method": method,
         "refused": len(good) - len(predicted),
         "quartiles": quartiles,
@@ -146,15 +150,37 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
     return chosen.assign(why=["; ".join(reasons[row]) for row in rows])
 
 
+def list_copies(table: pd.DataFrame) -> list[str]:
+    """Records whose files are byte for byte the same, in a sentence each; ``name, status, record_sha256``."""
+    read = table[table["status"] != "failed"]
+    alike = [list(names) for _, names in read.groupby("record_sha256", sort=False)["name"] if len(names) > 1]
+    said = [
+        f"{format_joined(_shorten(names))} are one record, byte for byte, that counts {len(names)} times in every share"
+        for names in alike
+    ]
+    return _shorten(said, "records of which there are copies")
+
+
+def _shorten(items: list[str], of: str = "") -> list[str]:
+    """The first ``MOST_COPIES``, and how many more there are."""
+    more = len(items) - MOST_COPIES
+    return items if more <= 0 else [*items[:MOST_COPIES], f"{more} more {of}".rstrip()]
+
+
 def _list_links(table: pd.DataFrame) -> list[Link]:
     return [Link(name, report) for name, report in zip(table["name"], table["report"], strict=True)]
 
 
-def _collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> Facts:
+def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> Facts:
+    """The numbers of the answer: how many records, the laws that lead most of them, and by how much linear is over."""
     facts = [(str(len(good)), f"of {len(table)} records analysed")]
-    leading = good["law"].value_counts()
-    if len(leading):
-        facts.append((str(leading.index[0]), f"leads in {leading.iloc[0]} of them"))
+    leading = _count(good["law"])
+    first = leading[leading == leading.max()]
+    if len(first):
+        names = format_joined(first.index) if len(first) <= MOST_TIED else f"{len(first)} laws"
+        facts.append(
+            (names, f"leads in {first.iloc[0]} of them" if len(first) == 1 else f"lead in {first.iloc[0]} each")
+        )
     if len(over):
         low, high = np.quantile(over, [0.05, 0.95])
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))

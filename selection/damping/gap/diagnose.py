@@ -163,10 +163,10 @@ def explain(
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     if rows.at_resonance and not mode.damping and simulate is None:
-        message = (
-            "the simulation has no damping, and so no resonance that these rows, which are all at resonance, part from"
-        )
+        message = "no damping is simulated, and so no resonance that these rows, all of them at resonance, part from"
         raise AnalysisError(f"{mode.source}: {message}: simulate some in [damping]; damping rank tells which law fits")
+    if start.problem.simulation.simulator is not None:
+        start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
     cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):

@@ -16,8 +16,10 @@ from damping.effects.course import BETWEEN
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
+from damping.records import audit
 from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
+from damping.records.record import Record
 
 #: Largest deviation, in tolerances; one beyond is an effect of its own (natural-frequency, viscous-coefficient).
 MOST_TOLERANCES = 3.0
@@ -126,6 +128,8 @@ def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
     return part
 
 
+#: Checks of the audit whose refusal is of the answer of a simulation itself, and not of where it was asked.
+NONSENSE = ("units", "phase-unit", "phase-sign")
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
 Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 
@@ -210,13 +214,33 @@ class Simulator:
         Raises:
             InputError: it fails, or does not return an amplitude and a phase for every row.
         """
+        A, phase = self._answer(drive.F, drive.omega / RAD_S_PER_HZ, changed)
+        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
+
+    def require_sense(self, record: Record) -> None:
+        """Look at what the simulation answers to the forces and frequencies of a record as the audit does at a record.
+
+        Raises:
+            InputError: units that are not those of the mode that stands for it, a phase that is no lag in radians.
+        """
+        asked = record.table[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
+        force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
+        A, phase = self._answer(force, frequency, {})
+        answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")
+        for finding in audit(answer, self.mode).findings:
+            if finding.verdict == "refuse" and finding.check in NONSENSE:
+                raise InputError(f"{finding.what}; {finding.advice}", file=answer.source)
+
+    def _answer(
+        self, force: FloatArray, frequency: FloatArray, changed: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Amplitude and phase of the simulation with some parameters changed; errors as of `_stiffness`."""
         expected = "(amplitude, phase), a number each for every row"
         try:
-            function = self.function(drive.F, drive.omega / RAD_S_PER_HZ, **{**self.values, **changed})
+            function = self.function(force, frequency, **{**self.values, **changed})
         except (Exception, SystemExit) as error:
             raise InputError(f"the simulator ends with {error!r}", expected=expected) from error
         pair = [np.asarray(part, dtype=float) for part in function] if isinstance(function, tuple) else []
-        if len(pair) != 2 or any(part.shape != drive.F.shape or not np.isfinite(part).all() for part in pair):
+        if len(pair) != 2 or any(part.shape != force.shape or not np.isfinite(part).all() for part in pair):
             raise InputError("the simulator's answer", expected=expected)
-        A, phase = pair
-        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
+        return pair[0], pair[1]

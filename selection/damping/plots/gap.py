@@ -92,7 +92,10 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
             panels[0].tick_params(axis="x", labelbottom=False)
         if with_phase and column == 0:
             panels[1].set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    drawn = {  # a row is wild in some panels alone
+        label: handle for ax in axes.flat for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(drawn.values()), list(drawn), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -101,7 +104,9 @@ def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: 
     _draw_models(ax, curves, "frequency", quantity)
     regular, wild = points[~points["wild"]], points[points["wild"]]
     ax.plot(regular["frequency"], regular[quantity], "o", color=look.MEASURED, ms=2.6, label="measured", zorder=3)
-    ax.plot(wild["frequency"], wild[quantity], "x", color=look.AVERAGE, markersize=4, zorder=3)
+    if len(wild):
+        style: dict[str, Any] = {"color": look.AVERAGE, "markersize": 4, "zorder": 3}
+        ax.plot(wild["frequency"], wild[quantity], "x", **style, label="row set aside: wild")
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
 

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_sweeps, check_units
+from damping.records import check_ceiling, check_levels, check_model, check_sweeps, check_units
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -25,29 +25,32 @@ FORMAT = "audit/1"
 NAMES = (
     "units", "phase-unit", "phase-sign", "phase-offset", "edge-of-sweep", "several-modes", "energy", "amplitude-falls",
     "outlier",
-    "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model",
+    "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model", "level-offset",
+    "sensor-saturation",
 )  # fmt: skip
 #: What noise and exchanged columns look like: anything but a copy.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
-_OF_A_FAST_SWEEP = ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", "amplitude-falls")
+_OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
+_OF_A_FAST_SWEEP = ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", *_OF_LEVELS)
 #: Every check with the checks that its finding explains, in the order in which causes explain each other: a record in
 #: which force and response are exchanged has no resonance either, and is not told so.
 CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_exchange, _EVERYTHING),
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
-    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", "amplitude-falls")),
+    (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", *_OF_LEVELS)),
     (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
     (check_units.check_phase_sign, ("phase-offset", "energy")),
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
-    (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", "amplitude-falls", "edge-of-sweep", "units")),
-    (check_sweeps.check_edge, ("amplitude-falls", "beyond-model", "phase-offset")),
+    (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
+    (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),
     (check_units.check_energy, ()),
-    (check_units.check_units, ("beyond-model", "amplitude-falls")),
+    (check_units.check_units, ("beyond-model", *_OF_LEVELS)),
     (check_units.check_phase_offset, ()),
-    (check_sweeps.check_repeats, ("amplitude-falls",)),
-    (check_sweeps.check_amplitude_falls, ("beyond-model",)),
-    (check_units.check_beyond_model, ()),
+    (check_sweeps.check_repeats, _OF_LEVELS),
+    (check_levels.check_levels, ("beyond-model",)),
+    (check_ceiling.check_ceiling, ()),
+    (check_model.check_beyond_model, ()),
 )
 
 

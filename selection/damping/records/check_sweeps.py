@@ -1,4 +1,4 @@
-"""Checks of single sweeps (resonance, rate, wild readings) and of sweeps against each other (levels, copies)."""
+"""Checks of single sweeps (resonance, rate, wild readings) and of labels (levels that share one, copies)."""
 
 from math import log, pi
 
@@ -258,31 +258,3 @@ def _find_factor(first: Run, second: Run) -> float | None:
     noisy = first.noise > NOISE_OF_COPY * COPY
     scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
     return 1.0 if same else float(np.exp(np.median(ratio))) if scaled else None
-
-
-FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
-FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
-
-
-def check_amplitude_falls(view: View) -> Finding | None:
-    """A resonant amplitude that falls with force, or a decay that loses more as it dies: no one mode does that."""
-    beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
-    table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
-    F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
-    pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
-    falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]
-    if not falling or len(falling) < 0.3 * len(pairs):
-        return None
-    i, j = min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
-    sweeps = tuple(table["sweep"].iloc[sorted({i, j})])
-    if view.record.is_decay:
-        what = (
-            f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g} to {F[j]:.4g} at {A[j]:.4g}"
-        )
-        advice = (
-            "two close modes beat in it, most likely: take a sensor that shows one of them alone, or dwell or sweep"
-        )
-        return Finding("amplitude-falls", "refuse", what, advice, sweeps)
-    what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
-    advice = "check the labels and the force of each level, and whether the structure was altered between them"
-    return Finding("amplitude-falls", "refuse", what, advice, sweeps)

@@ -176,43 +176,6 @@ def name_unit(ratio: float, units: Units, within: float = inf) -> str:
     return name_factor(ratio, kept, within=within)
 
 
-FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
-FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
-FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
-FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
-OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
-
-
-def check_beyond_model(view: View) -> Finding | None:
-    """Mass, frequency or damping far from the mode file's."""
-    if view.mode is None or view.implied.empty:
-        return None
-    differences = []
-    table = view.implied.sort_values("force", kind="stable")
-    added = view.record.added_masses[(view.record.table["sweep"].astype(str) == table["sweep"].iloc[0]).argmax()]
-    frequency = float(table["frequency"].iloc[0]) * float(np.sqrt(1.0 + added / view.mode.mass))
-    if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
-        differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    far_mass = FAR_MASS if all(leg.lag is not None for leg in view.legs) else FAR_MASS_WITHOUT_PHASE
-    base = view.mode.drive == "base"
-    if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
-        name = name_factor(view.mass_ratio)
-        differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
-    simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
-    if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
-        differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
-    elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:
-        name = name_unit(zeta / 0.01, view.mode.units)
-        differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
-    if not differences:
-        return None
-    hertz = view.record.column("frequency")
-    other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
-    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
-    advice = "model and record are of different modes" if other else advice
-    return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
-
-
 def check_phase_unit(view: View) -> Finding | None:
     """Phases that are no radians: they turn far more than a mode can, or have nothing to do with the amplitudes."""
     if not view.incoherent or not view.curve:

@@ -1,0 +1,158 @@
+"""Checks of levels against each other: a resonant amplitude that falls with force, a level whose mass is another."""
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import BoolArray, FloatArray
+from damping.records.check_model import FAR_MASS, FAR_MASS_WITHOUT_PHASE
+from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
+
+FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
+FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
+FALLING = 0.3  #: share of all pairs of levels that fall where no mass says which level is wrong
+#: An amplitude of one level off by this factor leaves no law to be found; the diagnosis names smaller ones.
+HOPELESS = 2.0
+#: The offset of phases, rad, beside those of other levels, up to which a mass may be of a gain, which turns no phase.
+#: Pairs of rows of a bent resonance, on the branch that jumps, turn and shrink the mass they imply.
+TURNED = 0.1
+
+
+@dataclass(frozen=True)
+class OddMass:
+    """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels.
+
+    ``sure``: the mode file or most levels say that it is this one.
+    """
+
+    sweep: str
+    force: float
+    mass: float
+    factor: float
+    sure: bool
+
+    def __str__(self) -> str:
+        large, small = ("small", "large") if self.factor > 1.0 else ("large", "small")
+        by = f"{max(self.factor, 1.0 / self.factor):.3g} times too"
+        told = f"sweep {self.sweep} implies a mass of {self.mass:.4g}, {self.mass / self.factor:.4g} at other levels"
+        told += f": its readings are {by} {large}, or its force is {by} {small}"
+        return told + ("" if self.sure else ", or those of the other levels are wrong")
+
+
+def check_levels(view: View) -> Finding | None:
+    """A resonant amplitude that falls with force, a decay that loses more as it dies, a level of another mass.
+
+    No one mode has any of these. Whatever its spring and damping, a mode has one mass: a level that implies another is
+    off in its force or its readings, and where one is, a single pair of levels that falls is no scatter.
+    """
+    beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
+    table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
+    odd = find_odd_masses(view, table)
+    pair = _find_fall(table, {one.sweep for one in odd})
+    if pair is None and not odd:
+        return None
+    told = [] if pair is None else [_tell_fall(view, table, *pair)]
+    told += [_tell_odd(odd)] if odd else []
+    what, advice = "; ".join(what for what, _ in told), told[-1][1]
+    sweeps = tuple(one.sweep for one in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
+    hopeless = pair is not None or max(abs(log(one.factor)) for one in odd) > log(HOPELESS)
+    check = "amplitude-falls" if pair is not None else "level-offset"
+    return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
+
+
+def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
+    """Places of the two levels, the lower force first, between which the amplitude falls most; None where too few do.
+
+    One pair is enough where one of its levels is ``odd``.
+    """
+    F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
+    pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
+    falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]
+    told = any(odd & set(table["sweep"].iloc[[i, j]]) for i, j in falling)
+    if not falling or not (told or len(falling) >= FALLING * len(pairs)):
+        return None
+    return min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
+
+
+def _tell_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
+    """What is seen at the two places of the table, and what to do."""
+    F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
+    if view.record.is_decay:
+        what = f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g}"
+        advice = "two close modes beat in it, most likely: take a sensor that shows one of them alone"
+        return f"{what} to {F[j]:.4g} at {A[j]:.4g}", f"{advice}, or dwell or sweep"
+    what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
+    advice = "check the labels and the force of each level, and whether the structure was altered between them"
+    return what, advice
+
+
+def _tell_odd(odd: list[OddMass]) -> tuple[str, str]:
+    """What masses say of levels, and what to do."""
+    if exchanged := _find_exchanged(odd):
+        masses = " and ".join(f"{one.mass:.4g}" for one in exchanged)
+        sweeps = name_sweeps(one.sweep for one in exchanged)
+        other = exchanged[0].mass / exchanged[0].factor
+        return f"{sweeps} imply masses of {masses}, {other:.4g} at other levels", "are their forces exchanged?"
+    advice = "check the gain of the sensor and the force at that level, or leave it out"
+    return "; ".join(map(str, odd)), advice
+
+
+def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
+    """Levels of the ``table`` of what sweeps imply whose mass is far from that of the others, by their force.
+
+    The mass of the others is that which most levels share within the factor; of several such that nearest to the
+    mode's, without one to the median. Masses by a parabola, without phases, are compared where no resonance is bent.
+    """
+    known = {leg.run.sweep for leg in view.legs if _is_known(leg)}
+    table = table[table["sweep"].isin(known) & table["mass"].notna()]
+    if len(table) < 2:
+        return []
+    phased = all(leg.lag is not None for leg in view.legs)
+    far = log(FAR_MASS if phased else FAR_MASS_WITHOUT_PHASE)
+    x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
+    stated = view.mode is not None and view.mode.drive == "force"
+    same = np.abs(x - _find_shared(x, far, 0.0 if stated else float(np.median(x)))) < far
+    # what no gain changes: of phases their offset, without them the frequency, within the bandwidth's half
+    course = table["phase_offset"] if phased else np.log(table["frequency"])
+    least = TURNED if phased else take_median(table["damping_ratio"])
+    gain = np.abs(course.to_numpy() - np.median(course[same])) < least
+    centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
+    labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
+    places = np.flatnonzero(~same & gain).tolist()
+    return [OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure) for k in places]
+
+
+def _is_known(leg: Leg) -> bool:
+    """Whether a run's mass may be compared: of a resonance that is not bent, of rows that lie on a line in Y.
+
+    Readings near the least step of an instrument lie on none, and imply too small a mass the smaller they are.
+    """
+    mass, straight = leg.mass
+    on_line = leg.turn is None or leg.lag is None or leg.turn.miss < SURE
+    return bool(np.isfinite(mass) and mass > 0.0 and straight and on_line)
+
+
+def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
+    """The mass that the record states of each sweep of the table, else that of the mode, else 1."""
+    default = view.mode.mass if view.mode is not None and view.mode.drive == "force" else 1.0
+    own = pd.Series(view.record.masses(default)).groupby(view.record.table["sweep"].astype(str)).median()
+    return np.asarray(own.loc[table["sweep"].astype(str)], dtype=np.float64)
+
+
+def _find_shared(x: FloatArray, far: float, anchor: float) -> float:
+    """Of the values ``x`` (n,) that most others lie within ``far`` of, the one nearest to the ``anchor``."""
+    votes = (np.abs(x[:, None] - x) < far).sum(axis=1)
+    most: BoolArray = votes == votes.max()
+    return float(x[most][np.argmin(np.abs(x[most] - anchor))])
+
+
+def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
+    """Two levels each of whose forces, freed of its factor, is that of the other."""
+    for k, first in enumerate(odd):
+        for second in odd[k + 1 :]:
+            apart = np.log([first.force / first.factor / second.force, second.force / second.factor / first.force])
+            if np.abs(apart).max() < log(FORCE_STEP):
+                return first, second
+    return ()

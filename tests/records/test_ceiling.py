@@ -1,0 +1,78 @@
+"""Readings at a ceiling: of modes in closed form or by the library's steady states, clipped, rounded, controlled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from audit_cases import LAWS, Bench, at_one_amplitude, clean, dropped_out, measured, record_of
+
+from damping.records import audit
+
+BENCH = Bench(levels=3, rows=41, noise=0.005, span=(-6.0, 6.0))
+
+
+def ceiling(share: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """Readings no larger than a share of the largest."""
+    return lambda table: table.assign(amplitude=table["amplitude"].clip(upper=share * table["amplitude"].max()))
+
+
+def clipped_sine(share: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
+    """The fundamental of a sine of amplitude A clipped at L: (2/pi) (A asin(L/A) + L sqrt(1 - (L/A)^2))."""
+
+    def clip(table: pd.DataFrame) -> pd.DataFrame:
+        A = table["amplitude"].to_numpy()
+        L = share * A.max()
+        s = np.minimum(1.0, L / A)
+        return table.assign(amplitude=2.0 / np.pi * (A * np.arcsin(s) + L * np.sqrt(1.0 - s**2)))
+
+    return clip
+
+
+def found_in(table: pd.DataFrame, bench: Bench) -> list[str]:
+    return [one.check for one in audit(record_of(table), bench.mode).findings]
+
+
+@pytest.mark.parametrize("phase", [True, False])
+@pytest.mark.parametrize("levels", [1, 3])
+@pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
+def test_readings_at_one_ceiling_are_named(share, levels, phase):
+    bench = replace(BENCH, levels=levels)
+    table = ceiling(share)(measured(clean(bench), bench))
+    table = table if phase else table.drop(columns="phase")
+    (found,) = audit(record_of(table), bench.mode).findings
+    assert (found.check, found.verdict) == ("sensor-saturation", "caution")
+    assert found.sweeps[-1] == "ABC"[levels - 1]  # the largest response of all
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("bend", [0.0, 0.5])
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_a_clipped_sine_is_named_by_its_phases_whatever_the_damping_and_the_spring(law, bend, share):
+    """Noise after clipping, as of an instrument whose input clips."""
+    bench = replace(BENCH, law=law, bend=bend, rows=61)
+    assert found_in(measured(clipped_sine(share)(clean(bench)), bench), bench) == ["sensor-saturation"]
+
+
+@pytest.mark.parametrize("phase", [True, False])
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("bend", [0.0, 1.0, -2.0])
+def test_right_tops_are_no_ceiling(law, bend, phase):
+    """Flat tops of damping and springs, of fine rows without noise; rounded to two digits; held at one response."""
+    for rows in (21, 161):
+        bench = replace(BENCH, law=law, bend=bend, rows=rows, noise=0.002)
+        table = measured(clean(bench), bench)
+        rounded = table.assign(amplitude=[float(f"{A:.2g}") for A in table["amplitude"]])
+        for shown in (table, rounded, at_one_amplitude(bench), dropped_out(table, bench, 0.4)):
+            shown = shown if phase else shown.drop(columns="phase")
+            assert "sensor-saturation" not in found_in(shown, bench), (rows, law)
+
+
+def test_a_force_that_falls_at_resonance_at_every_level_is_no_ceiling():
+    """Unrecorded, it makes readings too small at its frequencies, be they small or large."""
+    table = measured(clean(BENCH), BENCH)
+    lost = dropped_out(table, BENCH, 0.5).assign(force=table["force"])
+    assert "sensor-saturation" not in found_in(lost, BENCH)
