@@ -18,6 +18,7 @@ from damping.extrapolation.prediction import Loads
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
+from damping.infer.doubt import JointEvidence
 from damping.predict import prepare
 from damping.predict.steady import phase_resonance
 from damping.ranking.verdict import FitVerdict
@@ -29,6 +30,8 @@ from damping.records.record import Record
 ALIVE = 0.1
 #: ... where the chance that the library holds the cause is at least this.
 KNOWN = 0.5
+#: Probability of a joint from which the band allows for one.
+LIKELY = 0.5
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0
 
@@ -78,7 +81,8 @@ def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
         known = loads.force[np.isfinite(loads.force)]
         loads = predicted.predict_at(known) if known.size else loads
     amplitudes = describe_disagreement(loads, explained)
-    return amplitudes or describe_misfit(predicted.plan.fit, explained)
+    joint = predicted.plan.joint
+    return amplitudes or describe_misfit(predicted.plan.fit, explained) or describe_fall(joint, explained)
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
@@ -95,6 +99,23 @@ def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
     else:
         return ()
     return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)
+
+
+def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]:
+    """Where the resonance falls as that of a joint and the diagnosis names another cause; or none.
+
+    Rows at resonance alone are not asked what moves it.
+    """
+    effects, p = explained.leading.effects, explained.hypotheses[0].probability
+    of_joint = sum(own.probability for own in explained.hypotheses if "slip" in own.effects)
+    asked = joint.told and not explained.setting.problem.rows.at_resonance
+    if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
+        return ()
+    return (
+        "ranking and diagnosis disagree on why the resonance falls from level to level: as where a joint slips"
+        f" (probability {joint.probability:.2f}), while the diagnosis finds {' and '.join(effects)} ({p:.2f}), and a"
+        f" joint in {of_joint:.2f}",
+    )
 
 
 def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]:

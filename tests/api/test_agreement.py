@@ -9,8 +9,9 @@ import pytest
 
 import damping as dp
 from damping import agreement, extrapolation
-from damping.agreement import describe_misfit, simulate_resonance
+from damping.agreement import describe_disagreement, describe_fall, describe_misfit, simulate_resonance
 from damping.gap import diagnose
+from damping.infer.doubt import JointEvidence
 from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
@@ -203,3 +204,33 @@ def test_verdicts_that_differ_are_said(verdict, effects, unexplained, said):
     explained = SimpleNamespace(leading=SimpleNamespace(effects=effects), unexplained=unexplained)
     sentences = describe_misfit(FitVerdict(verdict, 0.005, 6.6), explained)
     assert sentences == () if said is None else said in sentences[0]
+
+
+@pytest.mark.parametrize(
+    ("joint", "effects", "at_resonance", "said"),
+    [
+        (JointEvidence(0.84, 1.0, told=True), ("stiffness-softening",), False, True),
+        (JointEvidence(0.84, 1.0, told=True), ("slip", "drift"), False, False),
+        (JointEvidence(0.84, 1.0, told=True), ("stiffness-softening",), True, False),
+        (JointEvidence(0.30, 0.0, told=True), ("stiffness-softening",), False, False),
+        (JointEvidence(told=False), ("stiffness-softening",), False, False),
+        (JointEvidence(0.84, 1.0, told=True), (), False, False),
+    ],
+)
+def test_another_cause_of_a_resonance_that_falls_is_said(joint, effects, at_resonance, said):
+    leading = SimpleNamespace(effects=effects, probability=0.9)
+    rows = SimpleNamespace(at_resonance=at_resonance)
+    setting = SimpleNamespace(problem=SimpleNamespace(rows=rows))
+    explained = SimpleNamespace(leading=leading, hypotheses=(leading,), setting=setting)
+    sentences = describe_fall(joint, explained)
+    assert bool(sentences) == said
+    assert not said or "probability 0.84), while the diagnosis finds stiffness-softening (0.90)" in sentences[0]
+
+
+def test_a_cause_that_is_hardly_in_the_library_is_quoted_no_amplitude_of(flagship):
+    """Slip leaves the band of the flagship at 90 lb; were the cause in no library as likely as not, it had no say."""
+    record, mode = flagship
+    explained = agreement.explain(record, mode)
+    loads = dp.extrapolate(record, mode, [90.0]).loads
+    assert describe_disagreement(loads, explained)
+    assert not describe_disagreement(loads, replace(explained, in_library=0.49))
