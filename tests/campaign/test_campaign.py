@@ -293,7 +293,7 @@ def test_a_drive_and_a_spectrum_in_volts_can_be_corrected(tmp_path, kind):
 @pytest.mark.parametrize("encoding", ["utf-16", "cp1252"])
 def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
     """The run of a table is that of the same table in UTF-8, whatever its blocks cut."""
-    monkeypatch.setattr("damping.campaign.tables.BLOCK", 100_003)
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 100_003)
     t = np.arange(0.0, 20.0, 1e-3)
     phase = 2 * np.pi * (20.0 * t + 0.05 * t**2)
     rows = "".join(f"{time:.3f};{math.sin(at):.6f};{3 * math.sin(at):.6f}\n" for time, at in zip(t, phase, strict=True))
@@ -419,7 +419,7 @@ def shaken(path: Path, level: float) -> Path:
 @pytest.mark.parametrize("ending", ["csv", "h5", "tdms", "uff", "nc4"])
 def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     """In blocks smaller than the file; the record has the rate, and steady states of it are those of the mode."""
-    monkeypatch.setattr("damping.campaign.tables.BLOCK", 400_000)
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 400_000)
     monkeypatch.setattr("damping.campaign.sources.SAMPLES", 120_000)
     most = 100 * SIZE if ending == "uff" else 1  # what is read in blocks may be of any size
     run = read_runs([shaken(tmp_path / f"s_2N.{ending}", 2.0)], most)[0][0]
@@ -468,7 +468,7 @@ def test_samples_and_times_that_are_no_numbers(tmp_path):
 
 
 def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
     times = np.arange(400) / 100
     drive = np.sin(2.0 * np.pi * 5.0 * times)
     rows = [len(f"{t},{x},0.5\n") for t, x in zip(times, drive, strict=True)]
@@ -479,7 +479,7 @@ def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):
 
 
 def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
     monkeypatch.setattr("damping.signals.histories.MOST_KEPT", 300)
     path = table_of_time(tmp_path / "a.csv", np.arange(1000) / 100, np.ones(1000))
     with pytest.raises(AnalysisError, match="does not rise through zero"):
@@ -487,7 +487,7 @@ def test_a_drive_that_never_moves_does_not_fill_the_memory(tmp_path, monkeypatch
 
 
 def test_lines_without_end_and_lines_without_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr("damping.campaign.tables.BLOCK", 1000)
+    monkeypatch.setattr("damping.campaign.tracked.BLOCK", 1000)
     path = table_of_time(tmp_path / "a.csv", np.arange(10) / 100, np.ones(10))
     path.write_text(path.read_text() + "9" * 5000)
     with pytest.raises(InputError, match="a line of more than 1000 characters"):

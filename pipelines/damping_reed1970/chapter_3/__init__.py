@@ -8,14 +8,11 @@ from math import radians
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from damping import signals
-from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
+from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, Floats
 from damping_reed1970 import by_point, columns, load_table
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 class PlanarOscillator(NamedTuple):

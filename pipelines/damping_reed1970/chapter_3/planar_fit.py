@@ -21,10 +21,10 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray
 from damping.signals import PrincipalPlanes
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, VARIANTS, ComplexArray, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
 
 Noise = Literal["constant", "proportional"]
 

@@ -20,8 +20,7 @@ from damping.campaign.runs import (
     keep_common_sensors,
     summarise_runs,
 )
-from damping.campaign.tables import read_table
-from damping.campaign.tracked import UNEVEN, Source
+from damping.campaign.tracked import UNEVEN, Source, read_table
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.headers import ROLE_NAMES

@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces.contract import Force, Joint
+from damping.forces.contract import Force, GrowingForce, Joint
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
     Displacement,
@@ -72,7 +72,7 @@ OF_ONE_COEFFICIENT = (
 
 
 @dataclass(frozen=True)
-class ManyJoints(Force):
+class ManyJoints(GrowingForce):
     """Joints of ``stiffness`` in all that slip one after the other, those with limits up to a being a share P(a).
 
     P = 1 - exp(-(a/limit)^kappa), after Weibull, or (a/limit)^kappa up to 1. The averages are integrals over P from 0
@@ -93,14 +93,6 @@ class ManyJoints(Force):
             np.sum(part, axis=0) for part in self._take_slipping(A, omega).averages(A, omega)
         )
         return C, slope, S, in_phase_slope
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `averages`."""
-        return self.averages(A, omega)[0]
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A."""
-        return self.averages(A, omega)[1]
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A."""

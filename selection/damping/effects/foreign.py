@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +11,7 @@ import numpy as np
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.forces.contract import Force, ones, zeros
+from damping.forces.contract import GrowingForce, ones, zeros
 from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
@@ -52,24 +51,8 @@ class Contact(Spring):
         return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
 
 
-class _GrowingForce(Force):
-    """A force whose C and dC/d ln A come together, from `grow`."""
-
-    @abstractmethod
-    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A."""
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `grow`."""
-        return self.grow(A, omega)[0]
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A: see `grow`."""
-        return self.grow(A, omega)[1]
-
-
 @dataclass(frozen=True)
-class Rub(_GrowingForce):
+class Rub(GrowingForce):
     """Friction that acts beyond a ``clearance`` only: energy per cycle 4 R (A - clearance)."""
 
     coefficient: Floats
@@ -156,7 +139,7 @@ ANY_POWER = Effect(
 
 
 @dataclass(frozen=True)
-class FallingFriction(_GrowingForce):
+class FallingFriction(GrowingForce):
     """Friction that falls with speed, R sgn q'/(1 + (q'/v)^2), as of a film that begins to carry (Stribeck 1902)."""
 
     coefficient: Floats

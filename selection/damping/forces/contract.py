@@ -175,6 +175,22 @@ class CoefficientForce(Force):
     coefficient: Floats
 
 
+class GrowingForce(Force):
+    """A force whose C and dC/d ln A come together, from `grow`."""
+
+    @abstractmethod
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A."""
+
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C: see `grow`."""
+        return self.grow(A, omega)[0]
+
+    def slope(self, A: Floats, omega: Floats) -> Floats:
+        """dC/d ln A: see `grow`."""
+        return self.grow(A, omega)[1]
+
+
 class AveragedForce(Force):
     """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
 

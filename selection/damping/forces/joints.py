@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.forces.contract import CoefficientForce, Force, Joint, absolute, ones, zeros
+from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -39,7 +39,7 @@ class Coulomb(CoefficientForce):
 
 
 @dataclass(frozen=True)
-class Slip(Force):
+class Slip(GrowingForce):
     """Joint force less ``stiffness`` times q, so that there is no force while the joint sticks (A <= A1).
 
     ``stiffness`` k = K - K1 is what slip loses (force/length), ``limit`` A1 the amplitude at which slip starts. The
@@ -85,10 +85,6 @@ class Slip(Force):
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A: see `averages`."""
-        return self.grow(A, omega)[1]
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S and dS/d ln A: see `averages`."""

@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.angles import convert_angles
 from damping.formats.headers import ABSCISSAS, PHASES
-from damping.formats.series import FileFacts, Samples, Series, Stated, Summary
+from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, convert_angles
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
