@@ -76,6 +76,7 @@ def check_edge(view: View) -> Finding | None:
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
 
 
+SPLIT = 1.03  #: a simulated mode farther than this from both of two peaks is neither
 SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies are of different modes for certain
 
 
@@ -94,6 +95,11 @@ def check_several_modes(view: View) -> Finding | None:
     most = len(further) >= 0.5 * len(view.record.sweeps)
     what = f"{len(peaks)} resonances in sweep {run.sweep}: at {', '.join(f'{p:.4g}' for p in peaks[:6])} Hz"
     advice = "keep the rows of one mode only" if apart else "is it two close modes, or one in two planes? see gap"
+    if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
+        advice = (
+            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: where a part tuned to it splits the mode (an "
+            "absorber, a fluid), cut nothing; damping gap with --despite several-modes tells"
+        )
     sweeps = label_sweeps(run for run, _ in further)
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
 
