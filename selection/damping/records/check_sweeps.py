@@ -97,8 +97,8 @@ def check_several_modes(view: View) -> Finding | None:
     advice = "keep the rows of one mode only" if apart else "is it two close modes, or one in two planes? see gap"
     if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
         advice = (
-            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: where a part tuned to it splits the mode (an "
-            "absorber, a fluid), cut nothing; damping gap with --despite several-modes tells"
+            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: where a part tuned to it splits the mode "
+            "(an absorber, a fluid), cut nothing; damping gap with --despite several-modes tells"
         )
     sweeps = label_sweeps(run for run, _ in further)
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
