@@ -92,13 +92,16 @@ def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
-    """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none."""
+    """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none.
+
+    What a simulation has of effects already no law can have: that none fits beside them is no conflict.
+    """
     effects, p = " and ".join(explained.leading.effects), f"(p = {fit.p_value:.2g})"
     beside = f" beside {effects}" if effects else ""
     if fit.verdict == "none fits" and explained.unexplained:
         does = f"more than noise is left{beside}" if effects else "no effect does"
         return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and {does}",)
-    if fit.verdict == "none fits" and not effects:
+    if fit.verdict == "none fits" and not effects and not explained.mode.effects:
         said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
     elif fit.verdict == "fits" and explained.unexplained:
         said = f"a law fits them {p}, while the diagnosis finds more than noise left{beside}"
@@ -139,13 +142,16 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
         outside = (amplitude < band.low) | (amplitude > band.high)
         if outside.any():
             at = int(outside.nonzero()[0][-1])
-            cause = " and ".join(explanation.effects) or "no effect"
+            first = explained.hypotheses[0]
+            cause, leading = (" and ".join(own.effects) or "no effect" for own in (explanation, first))
+            stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
                 f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
                 + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
                 f" corrected by {cause}, which the diagnosis holds alive (probability {explanation.probability:.2f}),"
-                f" {amplitude[at]:.4g} {units.length}".rstrip(),
+                f" {amplitude[at]:.4g} {units.length}".rstrip()
+                + ("" if explanation is first else stays),
             )
     return ()
 

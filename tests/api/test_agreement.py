@@ -64,6 +64,7 @@ def test_values_from_the_same_rows_are_hardly_a_conflict(flagship):
     (said,) = loads.against
     assert "corrected by slip" in said
     assert "probability 0.13" in said
+    assert "quadratic-displacement, which leads" in said
     assert dp.diagnose(record, mode).against == ()
 
 
@@ -201,9 +202,12 @@ def test_what_neither_explains_is_said_by_both():
     ],
 )
 def test_verdicts_that_differ_are_said(verdict, effects, unexplained, said):
-    explained = SimpleNamespace(leading=SimpleNamespace(effects=effects), unexplained=unexplained)
+    mode = SimpleNamespace(effects={})
+    explained = SimpleNamespace(leading=SimpleNamespace(effects=effects), unexplained=unexplained, mode=mode)
     sentences = describe_misfit(FitVerdict(verdict, 0.005, 6.6), explained)
     assert sentences == () if said is None else said in sentences[0]
+    mode.effects = {"planar-coupling": {}}  # which no law has: that none fits is no conflict
+    assert verdict == "fits" or effects or not describe_misfit(FitVerdict(verdict, 0.005, 6.6), explained)
 
 
 @pytest.mark.parametrize(

@@ -380,3 +380,16 @@ def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
     told = float(re.search(r"reads (\d+) % more amplitude per force", plan.fit.sentence)[1])
     at_resonance = near.tested_amplitude[2] / 4.0
     assert told == pytest.approx(100.0 * (np.abs(H).max() / at_resonance - 1.0), abs=10.0)  # the largest of 168 rows
+
+
+def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
+    """Viscous damping, the top level read a fifth low: along its sweeps viscous fits to the noise, slip does not."""
+    record = swept(Viscous(0.1), np.array([0.5, 1.0, 2.0]), noise=0.005, rows=25, seed=2)
+    low = record.table["sweep"] == record.table["sweep"].iloc[-1]
+    table = record.table.assign(amplitude=record.table["amplitude"] * np.where(low, 0.8, 1.0))
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "slip"))]
+    plan = plan_loads(near_resonance(Record(table)), laws, estimate=brief_evidence)
+    judged = judge_rows(plan, observe(Record(table)))
+    assert {own.law for own in judged.laws} >= {laws[0]}  # the truth
+    assert "F2 is farthest off" in judged.fit.sentence
+    assert " 20 % below" in judged.fit.sentence or " 21 % below" in judged.fit.sentence  # of 3 levels, 0.5 % of noise

@@ -49,6 +49,16 @@ def test_readings_at_one_ceiling_are_named(share, levels, phase):
 
 
 @pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("phase", [True, False])
+@pytest.mark.parametrize("share", [0.2, 0.3])
+def test_a_ceiling_that_cuts_the_wings_off_is_named_by_readings_that_repeat(law, phase, share):
+    """Most rows read the same to the last digit, and no row is far below them."""
+    bench = replace(BENCH, law=law)
+    table = ceiling(share)(measured(clean(bench), bench))
+    assert "sensor-saturation" in found_in(table if phase else table.drop(columns="phase"), bench)
+
+
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("bend", [0.0, 0.5])
 @pytest.mark.parametrize("share", [0.4, 0.6])
 def test_a_clipped_sine_is_named_by_its_phases_whatever_the_damping_and_the_spring(law, bend, share):

@@ -236,14 +236,14 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
         return plan
     laws = [own.law for own in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
     fits = {fit.law: fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)}
-    leader, *others = fits.values()
-    on_rows = judge_fit(leader, others, every)
-    if on_rows.verdict == "none fits":
-        return replace(plan, fit=on_rows)
-    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
     best = min(fits.values(), key=lambda fit: fit.squares)
     missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law], best, every)]
     kept = [own for own in plan.laws if own not in missing]
+    leader = next((fits[own.law] for own in kept if own.law in fits), best)
+    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], every)
+    if on_rows.verdict == "none fits":
+        return replace(plan, fit=on_rows)
+    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
     if not kept:
         return plan
     whole = sum(own.weight for own in kept)

@@ -85,7 +85,9 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
         another = any(fit_probability(fit, data, seed) >= UNLIKELY for fit in others)
         verdict = "poor" if another else "none fits"
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
-    apart = [_describe_levels_apart(leader, data), _describe_peak(data) if verdict == "none fits" else ""]
+    others = list(others)
+    levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
+    apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
     return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)))
 
 
@@ -130,25 +132,38 @@ def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray,
 
 #: Rows whose errors count as one where laws are compared: neighbours that go together as .6 are worth a quarter.
 ROWS_TOGETHER = 4.0
+#: Scatter of levels, relative, that leaves their gains free.
+FREE = 10.0
 
 
 def exceed_probability(fit: BestFit, best: BestFit, data: Observations) -> float:
     """Chance that a law misses the rows by so much more than the ``best`` one does, of an F test.
 
-    The rows' own scatter is what the best law leaves of them, or the least of careful tests: where it is small, a law
-    that a larger one would allow is excluded none the less.
+    The gains of levels are left free: what levels say of each other is in the weights of the resonances, and one that
+    is read wrong excludes no law. The rows' own scatter is what the best law leaves of them, or the least of careful
+    tests: where it is small, a law that a larger one would allow is excluded none the less.
     """
-    known = residuals(best.force, data)[2]
-    variance = np.where(known > 0.0, known, max(float(np.mean(best.n**2)), NOISE_RANGE[0] ** 2))
-    free, free_best = (_count_freedom(own) for own in (fit, best))
-    worse = float(_measure_discrepancy(fit, data, variance, SCATTER_MEDIAN)) / free
-    least = max(float(_measure_discrepancy(best, data, variance, SCATTER_MEDIAN)) / free_best, 1.0)
-    return float(fdtrc(free / ROWS_TOGETHER, free_best / ROWS_TOGETHER, worse / least))
+    free, free_best = (_count_freedom(own) / ROWS_TOGETHER for own in (fit, best))
+    return float(fdtrc(free, free_best, _measure_along_sweeps(fit, data) / _measure_along_sweeps(best, data)))
+
+
+def _measure_along_sweeps(fit: BestFit, data: Observations) -> float:
+    """Mean square of what a law misses of the rows, levels' gains left free; no less than noise of careful tests."""
+    known = residuals(fit.force, data)[2]
+    variance = np.where(known > 0.0, known / max(float(np.mean(known)), 1e-300), 1.0)
+    left = float(_measure_discrepancy(fit, data, variance, FREE)) / _count_freedom(fit)
+    return max(left, float(np.mean(known)), NOISE_RANGE[0] ** 2)
 
 
 def is_excluded(fit: BestFit, best: BestFit, data: Observations) -> bool:
-    """Whether the rows exclude a law, by itself or beside the ``best`` one."""
-    return min(fit_probability(fit, data), exceed_probability(fit, best, data)) < UNLIKELY
+    """Whether the rows exclude a law beside the ``best`` one."""
+    return exceed_probability(fit, best, data) < UNLIKELY
+
+
+def _describe_hidden_offset(leader: BestFit, others: Iterable[BestFit], data: Observations) -> str:
+    """What to say of a level that lies apart beside another law, which fits the sweeps far better than the leader."""
+    steadiest = min((leader, *others), key=lambda fit: _measure_along_sweeps(fit, data))
+    return _describe_levels_apart(steadiest, data) if is_excluded(leader, steadiest, data) else ""
 
 
 def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
@@ -169,7 +184,7 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     farthest = int(np.argmax(np.abs(from_others)))
     by = 100.0 * np.expm1(from_others[farthest])
     return (
-        f"levels scatter about the leading law by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
+        f"levels scatter about {fit.law.name} by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
         f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} is farthest off, its amplitudes {abs(by):.2g} %"
         f" {'below' if by < 0.0 else 'above'} what the others imply; damping gap names what is wrong, if not the law"
     )

@@ -119,7 +119,12 @@ def _is_flat(run: Run) -> bool:
     first, last = int(below[below < top].max(initial=-1)) + 1, int(below[below > top].min(initial=len(run)))
     flat, wings = slice(first, last), WINGS * run.A[top] > run.A
     beside = min(int(wings[:first].sum()), int(wings[last:].sum()))
-    if last - first < FEWEST_FLAT or beside < FEWEST_BESIDE or np.ptp(np.log(run.F)) > STEADY:
+    if last - first < FEWEST_FLAT or np.ptp(np.log(run.F)) > STEADY:
+        return False
+    repeated = np.sum(run.A[top] == run.A) >= FEWEST_FLAT and _count_digits(run.A) == DIGITS
+    if repeated and len(below) >= FEWEST_BESIDE:
+        return True  # no two measurements agree to the last digit, nor do four
+    if beside < FEWEST_BESIDE:
         return False
     fitted = fit_parabola(run.omega[wings], (run.F / run.A)[wings])
     if fitted is None:
@@ -136,8 +141,12 @@ def _find_resolution(A: FloatArray) -> float:
     """Step of the largest readings: the least difference of any two, or one in the last digit that all of them have."""
     steps = np.diff(np.unique(A))
     least = float(steps.min()) if len(steps) else float(A.max())
-    digits = next((n for n in range(1, DIGITS) if all(float(f"{a:.{n - 1}e}") == a for a in A.tolist())), DIGITS)
-    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - digits + 1)))
+    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - _count_digits(A) + 1)))
+
+
+def _count_digits(A: FloatArray) -> int:
+    """Digits that all readings have, ``DIGITS`` at most."""
+    return next((n for n in range(1, DIGITS) if all(float(f"{a:.{n - 1}e}") == a for a in A.tolist())), DIGITS)
 
 
 def _tell_flat(flat: list[Run]) -> Finding:
