@@ -162,9 +162,14 @@ def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
 
 
 def _describe_ratio(at: At, unit: str) -> str:
-    """A damping ratio in per cent with its level: those of two modes may differ."""
+    """A damping ratio in per cent with its level, those of two modes may differ, and with what a notch left of it."""
     band = "{:.3g} ({:.3g} to {:.3g})".format(*(100.0 * part for part in at.ratio)) if at.ratio else "no answer"
-    return f"{band} at {at.level:.4g} {unit}"
+    return f"{band} at {_describe_level(at, unit)}"
+
+
+def _describe_level(at: At, unit: str) -> str:
+    notched = "" if at.reached is None else f", notched: {at.reached:.3g} {unit} at the mode"
+    return f"{at.level:.4g} {unit}{notched}"
 
 
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
@@ -203,7 +208,8 @@ def _show(answer: Campaign, out: Path) -> None:
     to.print(table)
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
-        for line in (*left_out, *mode.notches):
+        notched = [f"{mode.name} at {_describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
+        for line in (*left_out, *notched, *mode.notches):
             to.print(f"- {line}")
     for outcome in answer.outcomes:
         to.print(f"- {outcome}")

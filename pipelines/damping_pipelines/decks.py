@@ -175,7 +175,8 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     laws = ", ".join(f"{law['name']} ({float(law['weight']):.2f})" for law in row.by_model if law.get("weight"))
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
-    remark = "; ".join(part for part in (beyond or tested, f"laws: {laws}" if laws else "") if part)
+    notched = next((said for said in row.cautions if said.startswith("notched")), "")
+    remark = "; ".join(part for part in (beyond or tested, notched, f"laws: {laws}" if laws else "") if part)
     resonant = _find_force(row)
     force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)

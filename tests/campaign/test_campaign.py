@@ -652,6 +652,9 @@ def test_limits_that_are_not_understood(tmp_path, damping, words, message):
 def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
     modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
+    notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
+    (said,) = _tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
+    assert said == "1 (0.9 to 1.1) at 12 N, notched: 7.82 N at the mode"
     table = _tabulate_modes(Campaign(modes, (), (), "g"))
     assert not table.isna().any(axis=None)
     assert list(table["damping ratio at the last design level, %"]) == [
