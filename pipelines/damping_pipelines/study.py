@@ -16,7 +16,7 @@ from damping.extrapolation import extrapolate_loads, sample_candidate
 from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
-from damping.extrapolation.near import Plan, judge_rows, near_resonance, observe_ranked, plan_loads
+from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
 from damping.infer.best_fit import BestFit
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
@@ -168,8 +168,7 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
         for record, data, candidates in zip(inputs, near, laws, strict=True):
             try:
                 advance = _prefixed(done, record.settings.name)
-                plan = plan_loads(data, candidates, seed, advance, record.mode, estimate)
-                plans.append(judge_rows(plan, record.data))
+                plans.append(plan_loads(data, candidates, seed, advance, record.mode, estimate))
             except AnalysisError:
                 if record.settings.design_forces:
                     raise
@@ -232,7 +231,7 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
         plan = replace(plan, fit=ranking.fit)
     asked, tested = np.array(record.settings.design_forces), record.data.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
-    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan)
+    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan, every=record.data)
     against = compare_with_diagnosis(record.driven, record.mode, predicted) if len(asked) else ()
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
     curve = trace_loads(reached, record.backbone, plan.data)
