@@ -59,9 +59,8 @@ def gap(
     pairs = list(zip((model, *states), records, strict=True))
     inputs = list(chain.from_iterable(pairs))
     check_outputs({"--json": json_out, **files}, *inputs)
-    (record, mode), *further = (
-        (read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs
-    )
+    read = [(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs]
+    (record, mode), *further = read
     report_findings(record, mode, despite)
     result = damping.diagnose(
         record,
@@ -81,9 +80,8 @@ def gap(
         write_picture(plot, result.plot(), result.title)
     if report is not None:
         _write_page(report, result, seed, inputs)
-    if json_out != "-":
-        for sentence in result.sentences:
-            console().print(sentence)
+    for sentence in result.sentences if json_out != "-" else ():
+        console().print(sentence)
 
 
 def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:

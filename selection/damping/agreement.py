@@ -20,7 +20,7 @@ from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
-from damping.infer.doubt import JointEvidence
+from damping.infer.doubt import LIKELY, JointEvidence
 from damping.predict import prepare
 from damping.predict.steady import phase_resonance
 from damping.ranking.verdict import FitVerdict
@@ -33,11 +33,9 @@ ALIVE = 0.1
 #: ... where the chance that the library holds the cause is at least this.
 KNOWN = 0.5
 #: Effects whose damping force has a memory, as of a joint that softens as it slips.
-JOINTS = {
+WITH_MEMORY = {
     name for name, effect in CATALOGUE.items() if effect.damping and FORCES[effect.damping].joints is not Force.joints
 }
-#: Probability of a joint from which the band allows for one.
-LIKELY = 0.5
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0
 
@@ -116,7 +114,7 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     Rows at resonance alone are not asked what moves it.
     """
     effects, p = explained.leading.effects, explained.hypotheses[0].probability
-    of_joint = sum(own.probability for own in explained.hypotheses if JOINTS & set(own.effects))
+    of_joint = sum(own.probability for own in explained.hypotheses if WITH_MEMORY & set(own.effects))
     asked = joint.told and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()

@@ -17,6 +17,7 @@ import numpy as np
 from damping.arrays import BoolArray, FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
+from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
 from damping.records.resonance import number_levels
 
@@ -47,7 +48,7 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
     beyond = force > plan.data.tested_force.max()
     if beyond and not plan.joint.told and plan.allows(np.asarray(force)):
         said.append("the levels have one frequency, which would tell a joint from a damper: the band allows for either")
-    elif beyond and plan.joint.probability > 0.5:
+    elif beyond and plan.joint.probability > LIKELY:
         said.append(
             f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
             "growing beyond the test, and the band allows for it"

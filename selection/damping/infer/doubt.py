@@ -43,6 +43,8 @@ SLOWER = 0.3
 STEEPER = 2.5
 #: Probability of a joint before the frequency is looked at: its share of the kinds of ``damping calibrate``.
 JOINTS = 1.0 / 3.0
+#: Probability of a joint from which it is said that one slips.
+LIKELY = 0.5
 #: Standard deviation of a joint's fall f >= 0 (half-normal): the fall of a Masing loop, 1.5 to 9 times its loss, times
 #: the share of the loss that is the joint's and the share of its fall within the test.
 JOINT_FALL = 1.0

@@ -137,7 +137,7 @@ FREE = 10.0
 
 
 def exceed_probability(fit: BestFit, best: BestFit, data: Observations) -> float:
-    """Chance that a law misses the rows by so much more than the ``best`` one does, of an F test.
+    """Probability, by an F test, of a misfit as much larger than the ``best`` law's as this one's is.
 
     The gains of levels are left free: what levels say of each other is in the weights of the resonances, and one that
     is read wrong excludes no law. The rows' own scatter is what the best law leaves of them, or the least of careful
