@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from damping.effects import CATALOGUE
 from damping.gap import weighing
@@ -16,7 +16,7 @@ from damping.gap.diagnose import diagnose
 from damping.gap.next_test import WORTH, name_command
 from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold
-from damping.gap.weighing import COVER, INDISTINCT, distance
+from damping.gap.weighing import COVER, INDISTINCT, PER_BEYOND, distance
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
@@ -87,7 +87,9 @@ def test_the_mildest_test_that_settles_the_case_comes_first(lab):
         assert test.is_beyond == (heavier or third)
         outside = np.array([min(expit(odds / 5.0), 0.65), expit(odds / 6.0), expit(odds / 2.0)])
         told = {heavier, heavier + third}  # third harmonics tell where they are above noise: test_unexplained.py
-        wanted = found.in_library * expit(odds) + (1.0 - found.in_library) * outside[list(map(int, told))]
+        # what tells beyond first harmonics makes it likelier that the library holds the cause
+        known = expit(logit(found.in_library) + PER_BEYOND * np.array([bool(number) for number in told]))
+        wanted = known * expit(odds) + (1.0 - known) * outside[list(map(int, told))]
         assert np.isclose(test.probability, wanted, rtol=1e-9, atol=0.0).any()
     order = [design.what for design in DESIGNS]
     settle = [order.index(test.what) for test in pair.next_tests if test.probability >= COVER]

@@ -177,8 +177,9 @@ def explain(
     tests = tuple(directed_tests(leading.best))
     foreign = fit_foreign(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, foreign)
-    in_library = weighing.estimate_in_library(doubts, leading, known.dispersion)
-    weighed = weighing.blend_probabilities(hypotheses, in_library, weighing.count_beyond(hypotheses))
+    beyond = weighing.count_beyond(hypotheses)
+    in_library = weighing.estimate_in_library(doubts, leading, known.dispersion, beyond)
+    weighed = weighing.blend_probabilities(hypotheses, in_library, beyond)
     cautions += weighing.describe_foreign(leading, foreign)
     left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
     left = left or known.dispersion > 1.0

@@ -176,8 +176,8 @@ def _foresee(
     p = np.array([rival.probability for rival in rivals])
     gained = np.zeros(len(every))  # of rivals that are not compared nothing is foreseen
     gained[1 : len(compared)] = odds - SURELY * np.sqrt(2.0 * odds)
-    beyond = count_beyond(compared, *(run.seen for run in runs))
-    return -float(logsumexp(-odds, b=p / p.sum())), foresee_probability(every, gained, in_library, beyond)
+    beyond = (count_beyond(compared), count_beyond(compared, *(run.seen for run in runs)))
+    return -float(logsumexp(-odds, b=p / p.sum())), foresee_probability(every, gained, in_library, *beyond)
 
 
 def _describe_test(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
-from scipy.special import expit, logsumexp, softmax
+from scipy.special import expit, logit, logsumexp, softmax
 
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
@@ -41,7 +41,10 @@ PER_DECADE = 0.51
 PER_MAKESHIFT = 2.42
 PER_END = 1.01
 PER_RIVAL = 0.91
-#: ... and for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
+#: ... more where something is measured beyond first harmonics of one state (`count_beyond`), which imitations seldom
+#: get right: 420 cases of a blind run (seed 26112801) and 141 tests proposed of them say 0.8, with an error of 0.3.
+PER_BEYOND = 0.7
+#: ... and less for each e-fold of dispersion: by hand, since hardly a case of the regression has one.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
 #: ln of 1 + the odds of a foreign cause beyond which they say no more: 20 to 1 is as good as certain.
@@ -157,11 +160,14 @@ def blend_probabilities(hypotheses: tuple[Explanation, ...], in_library: float, 
     )
 
 
-def foresee_probability(hypotheses: Sequence[Explanation], gained: FloatArray, in_library: float, beyond: int) -> float:
+def foresee_probability(
+    hypotheses: Sequence[Explanation], gained: FloatArray, in_library: float, now: int, beyond: int
+) -> float:
     """Probability that the first of the hypotheses has once data gave log odds ``gained`` (n,) for it against each.
 
-    ``in_library`` as it is now; ``beyond``: as of the record with these data.
+    ``in_library`` as it is now, with what is measured beyond first harmonics ``now``; ``beyond``: with these data.
     """
+    in_library = float(expit(logit(in_library) + PER_BEYOND * (bool(beyond) - bool(now))))
     log_odds = np.array([own.hypothesis.log_posterior for own in hypotheses]) - gained
     after = tuple(replace(own, probability=float(p)) for own, p in zip(hypotheses, softmax(log_odds), strict=True))
     return blend_probabilities(after, in_library, beyond)[0].probability
@@ -184,9 +190,9 @@ def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], fo
     return np.array([decades, makeshift, len(list_ends(leading.best)), min(rival, _MOST_RIVAL)], dtype=float)
 
 
-def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: float) -> float:
+def estimate_in_library(doubts: FloatArray, leading: Hypothesis, dispersion: float, beyond: int = 0) -> float:
     """The chance that the cause is in the library at all: logistic, with the constants above."""
-    log_odds = IN_LIBRARY - float(doubts @ (PER_DECADE, PER_MAKESHIFT, PER_END, PER_RIVAL))
+    log_odds = IN_LIBRARY + PER_BEYOND * bool(beyond) - float(doubts @ (PER_DECADE, PER_MAKESHIFT, PER_END, PER_RIVAL))
     log_odds += 0.0 if leading.effects else NOTHING_BLAMED
     return float(expit(log_odds - PER_DISPERSION * float(np.log(dispersion))))
 
