@@ -377,7 +377,7 @@ def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 FORKING = """
 import atexit, gc, json, os, sys, traceback
 import arviz, dask.__main__, distributed.cli.dask_scheduler, distributed.cli.dask_worker, emcee, h5netcdf, jinja2
-import matplotlib.backends.backend_svg, matplotlib.figure, netCDF4, pandera.pandas, pyarrow.dataset, pyarrow.parquet
+import matplotlib.backends.backend_svg, matplotlib.figure, netCDF4, pyarrow.dataset, pyarrow.parquet
 import pydantic, rich.progress, rich.table, scipy.integrate, scipy.optimize, scipy.signal, scipy.stats, typer.main
 gc.freeze()
 for line in sys.stdin:

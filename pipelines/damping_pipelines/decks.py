@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
 from damping.records.text import read_bytes
 from damping.report.page import fill_text
@@ -145,11 +146,10 @@ def choose_live(
 
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
     """N and m in the units of force and length of a form; None where it names none of these."""
-    try:
-        force, length = (named_unit(units.get(what, "")) for what in ("force", "length"))
-    except InputError:
+    force, length = (units.get(what, "") for what in ("force", "length"))
+    if (find_powers(force), find_powers(length)) != ((1, 0, 0), (0, 1, 0)):
         return None
-    return (force.factor, length.factor) if (force.powers, length.powers) == ((1, 0, 0), (0, 1, 0)) else None
+    return named_unit(force).factor, named_unit(length).factor
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:

@@ -15,10 +15,9 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from damping import plots
 from damping.errors import InputError
-from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
-from damping.extrapolation.near import Plan, near_resonance, observe_ranked
+from damping.extrapolation import leave_higher_levels_out, predict_record
+from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import PARTS, Loads
-from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -82,20 +81,16 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     findings = report_findings(record, mode, despite)
-    measured = prepare(record, mode)
-    mode, data = measured.mode or mode, near_resonance(measured.record)
-    every, _ = observe_ranked(measured.record, findings)
-    tried = data.tested_force.max() * np.array(RATIOS)
-    predicted = extrapolate_loads(data, tried, LEVEL, seed, mode=mode, every=every, progress=progress)
-    forces = np.geomspace(data.tested_force.min(), 1.1 * tried[-1], _GRID)
+    predicted, rests = predict_record(record, mode, findings, np.empty(0), RATIOS, LEVEL, seed, progress)
+    forces = np.geomspace(rests.data.tested_force.min(), 1.1 * predicted.loads.force[-1], _GRID)
     return BandResult(
         name=folder.name,
-        mode=mode,
+        mode=rests.mode,
         plan=predicted.plan,
         grid=predicted.predict_at(forces),
         at=predicted.loads,
-        left_out=leave_higher_levels_out(data, LEVEL, seed, mode, every),
-        said=measured.said,
+        left_out=leave_higher_levels_out(rests.data, LEVEL, seed, rests.mode, rests.every),
+        said=rests.done,
     )
 
 

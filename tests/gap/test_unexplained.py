@@ -127,6 +127,18 @@ def test_the_noise_of_a_third_harmonic_is_that_of_the_sweeps_that_measure_it(lab
     assert [len(each) for each in sd] == [last.sum(), len(record)]
 
 
+def test_an_uncertainty_of_zero_is_one_that_is_not_stated(lab):
+    """A row without that of its force had no noise at all, and no diagnosis came of the record."""
+    record = lab.measured("phase-lag")
+    share = {"amplitude": 0.02, "force": 0.01}
+    columns = {f"{name}_sd": part * record.column(name) for name, part in share.items()}
+    columns["amplitude_sd"][1] = columns["force_sd"][0] = 0.0
+    own = Record(record.table.assign(**columns), "some uncertainties")
+    rows = stated_noise(read_rows(own, lab.mode()), own)
+    wanted = np.hypot(0.02, np.where(rows.row == 0, 0.0, 0.01))  # of an amplitude the median of the others
+    np.testing.assert_allclose(rows.sd_amplitude, wanted, rtol=1e-12, atol=0.0)  # products of rounded numbers
+
+
 def test_a_further_effect_that_cannot_be_seen_leaves_its_probability_to_the_simpler_explanation():
     """In closed form; one that can be seen stands for itself, as do another effect that predicts the same, and none."""
     fitted = [(0.0, 0.0, "slip"), (-1.0, 1.0, "slip", "drift"), (-2.0, 3.0, "slip", "background"), (-2.5, 0.0)]

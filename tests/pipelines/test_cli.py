@@ -112,7 +112,7 @@ def test_help_loads_nothing_heavy():
         "import sys; from damping_pipelines.cli import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'pydantic'}\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pydantic'}\n"
         "sys.exit(','.join(heavy & set(sys.modules)) or None)"
     )
     run_script(script)
@@ -129,13 +129,13 @@ def test_what_commands_print_needs_no_figures():
 
 @pytest.mark.parametrize("command", [("rank",), ("extrapolate", "--force", "20")])
 def test_commands_on_peaks_load_what_they_use(command, saturn_data, tmp_path):
-    """Start-up is most of what they take: of scipy special functions alone, no figures, no schema of good rows."""
+    """Start-up is most of what they take: of scipy special functions alone, and no figures."""
     words = [*map(str, ("damping", command[0], *files(saturn_data), *command[1:], "--json", tmp_path / "form.json"))]
     script = (
         f"import sys; from damping_pipelines.cli import main; sys.argv = {words}\n"
         "try: main()\n"
         "except SystemExit as end: assert not end.code\n"
-        "heavy = {'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pandera', 'jinja2', 'damping.formats', 'pyarrow'}\n"
+        "heavy = {'matplotlib', 'arviz', 'emcee', 'statsmodels', 'jinja2', 'damping.formats', 'pyarrow'}\n"
         "heavy |= {f'scipy.{part}' for part in ('stats', 'optimize', 'interpolate', 'integrate', 'signal', 'sparse')}\n"
         "sys.exit(','.join(name for name in heavy if sys.modules.get(name)) or None)"
     )

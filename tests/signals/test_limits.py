@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damping.errors import AnalysisError
-from damping.signals.limits import FEWEST_VISITS, Limits, find_limit
+from damping.records.check_ceiling import FEWEST_VISITS, Limits, find_limit
 from damping.signals.ringdown import ring_down
 
 HERTZ, ZETA, RATE = 25.0, 0.008, 2000.0

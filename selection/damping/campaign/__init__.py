@@ -32,14 +32,16 @@ from damping.campaign.answer import (
     Response,
     SensorPrediction,
     compare_predictions,
+    join_cautions,
+    predict_mode,
 )
 from damping.campaign.decays import answer_decays
 from damping.campaign.poles import receptance
-from damping.campaign.predicted import predict_mode
 from damping.campaign.records import DrivenMode, Level, find_misread, fit_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
+from damping.extrapolation import Rests
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.infer import SEED
@@ -115,11 +117,11 @@ def _answer_driven(
     asked = [*tested, *wanted]
     if limits:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    predicted = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
-    loads = predicted.extrapolation.loads
+    predicted, rests = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    loads, apart = predicted.loads, predicted.plan.fit.apart
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     fitted = zip(levels, mode.frequency, mode.ratio, strict=True)
-    steady = [predicted.find_steady(level.name, mode.mode.mass) or (float(f), float(z)) for level, f, z in fitted]
+    steady = [_find_steady(rests, level.name) or (float(f), float(z)) for level, f, z in fitted]
     frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
@@ -137,7 +139,7 @@ def _answer_driven(
         response = (
             tuple(_list_responses(nearest, mode.number, seen, float(frequency[k]), ratio, drive)) if ratio else ()
         )
-        cautions = (*predicted.caution(() if measured else loads.cautions[k]), *mode.cautions)
+        cautions = (*join_cautions(rests, apart, () if measured else loads.cautions[k]), *mode.cautions)
         stated = float(levels[k].run.level or 0.0) if measured else level
         reached = None if stated == level else level
         if reached is not None:
@@ -148,8 +150,17 @@ def _answer_driven(
     notches = [find_notches(*known, level, limits, swept) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
-    own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), predicted.apart)
-    return ModeAnswer(predicted.law, answers, *own)
+    own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
+    return ModeAnswer(predicted.plan.laws[0].name, answers, *own)
+
+
+def _find_steady(rests: Rests, sweep: str) -> tuple[float, float] | None:
+    """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested sweep made steady; None where nothing was done."""
+    if not rests.done:
+        return None
+    data, k = rests.data, list(rests.data.sweeps).index(sweep)
+    w, A, F = data.tested_omega[k], data.tested_amplitude[k], data.tested_force[k]
+    return float(w / (2.0 * pi)), float(F / (2.0 * rests.mode.mass * w**2 * A))
 
 
 def _find_input(level: Level, frequency: float) -> float:

@@ -11,12 +11,15 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.extrapolation import Extrapolation, Rests, predict_record
 from damping.formats.series import Summary
+from damping.progress import silent
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import Finding
 
+LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 #: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
 LEAST_SPREAD = 0.01
@@ -205,6 +208,21 @@ class ModeAnswer:
     def findings(self) -> tuple[Finding, ...]:
         """The audit of its record."""
         return audit(self.record, self.mode).findings
+
+
+def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Extrapolation, Rests]:
+    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+
+    AnalysisError: the levels do not allow a prediction.
+    """
+    asked = np.array(forces, dtype=float)
+    return predict_record(record, mode, audit(record, mode), asked, (), LEVEL, seed, silent, fresh=False)
+
+
+def join_cautions(rests: Rests, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
+    """What was done, a level that lies ``apart`` from the others where the ``row`` does not say so, and the row's."""
+    known = not apart or any(apart in said for said in row)
+    return (*rests.done, *row) if known else (*rests.done, apart, *row)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,18 @@ import pandas as pd
 from scipy.signal import find_peaks, welch
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, At, Campaign, DesignLevel, ModeAnswer, Response
-from damping.campaign.predicted import LEVEL, predict_mode
+from damping.campaign.answer import (
+    LEAST_SPREAD,
+    LEVEL,
+    NORMAL_90,
+    At,
+    Campaign,
+    DesignLevel,
+    ModeAnswer,
+    Response,
+    join_cautions,
+    predict_mode,
+)
 from damping.campaign.records import DEAD
 from damping.campaign.runs import ORDERS, CampaignRun, Channel
 from damping.errors import AnalysisError, InputError
@@ -230,17 +240,18 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
     asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
-    predicted = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
-    places = [replace(at, cautions=(*at.cautions, *predicted.caution())) for at in places]
-    curve = trace_loads(predict_forces(predicted.extrapolation, asked, each=False), backbone, predicted.data)
+    predicted, rests = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
+    law, apart = predicted.plan.laws[0].name, predicted.plan.fit.apart
+    places = [replace(at, cautions=(*at.cautions, *join_cautions(rests, apart))) for at in places]
+    curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, rests.data)
     for k, level in enumerate(beyond):
         zeta, of = curve.damping_ratio, curve.frequency
         ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
-        cautions = (*mode.cautions, *predicted.caution(curve.cautions[k]))
+        cautions = (*mode.cautions, *join_cautions(rests, apart, curve.cautions[k]))
         response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
         places.append(At(level, False, float(of.median[k]), known, response, cautions))
     forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
-    return ModeAnswer(predicted.law, tuple(places), mode.left_out, mode.record, mode.mode, forces, (), predicted.apart)
+    return ModeAnswer(law, tuple(places), mode.left_out, mode.record, mode.mode, forces, (), apart)
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:

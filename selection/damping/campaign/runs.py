@@ -26,7 +26,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError, describe_nearest
-from damping.formats.quantity import unit
+from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import describe_shortened
@@ -71,7 +71,7 @@ class Corrections:
         """The channel that is the drive, of all by their units: as stated, by its name, or the only force."""
         named = next((name for name in units if self.is_drive(name)), None)
         free = {name: self.of(name).unit or text for name, text in units.items() if not self.of(name).role}
-        forces = [name for name, text in free.items() if _find_powers(text) == (1, 0, 0)]
+        forces = [name for name, text in free.items() if find_powers(text) == (1, 0, 0)]
         return named or (forces[0] if len(forces) == 1 else None)
 
     def join_controls(self, values: Sequence[Samples]) -> Samples:
@@ -181,19 +181,11 @@ class CampaignRun:
 
 def describe_quantity(text: str, name: str) -> str:
     """What a unit is one of; that of no unit an acceleration. InputError where that is no motion."""
-    powers = _find_powers(text) if text else (0, 1, -2)
+    powers = find_powers(text) if text else (0, 1, -2)
     if powers not in _MOTIONS:
         expected = "a displacement, velocity or acceleration (--correct states its unit, or role = 'out')"
         raise InputError(f"{name!r} is in {describe_shortened(text)}", expected=expected)
     return _MOTIONS[powers]
-
-
-def _find_powers(text: str) -> tuple[int, int, int] | None:
-    """Powers of a unit, None of a text that is not understood as one."""
-    try:
-        return unit(text).powers
-    except InputError:
-        return None
 
 
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:

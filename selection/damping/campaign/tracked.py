@@ -25,9 +25,9 @@ from damping.formats.columns import DELIMITERS, Layout, find_layout, read_column
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
+from damping.records.check_ceiling import Limits, find_limit
 from damping.records.text import describe_shortened, is_binary, read_bytes, recode
 from damping.signals.histories import track_sine
-from damping.signals.limits import Limits, find_limit
 
 UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 

@@ -10,7 +10,7 @@ Higher levels of a record left out and predicted from the lower ones: an honest 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -163,14 +163,33 @@ def extrapolate_loads(
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
 
 
-class Rests(NamedTuple):
-    """What predictions rest on: rows under a force, mode and backbone, those near it when steady, what was done."""
+@dataclass(frozen=True)
+class Rests:
+    """What predictions of a record rest on: rows under a force, as swept and made ``steady``, and the mode under it.
+
+    ``data``: rows near resonance, of ``every`` row that laws are ranked on. ``done``: what was done, in words.
+    """
 
     record: Record
+    steady: Record
     mode: Mode
-    backbone: Backbone
+    findings: Audit
     data: Observations
-    said: tuple[str, ...]
+    every: Observations
+    done: tuple[str, ...]
+
+    @cached_property
+    def backbone(self) -> Backbone:
+        """Where the resonances lie."""
+        return find_backbone(self.steady, self.mode, self.findings.implied)
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """What was done, and where weights rest on fewer rows than those of a ranking."""
+        if len(self.data.A) == len(self.steady):
+            return self.done
+        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
+        return (*self.done, f"{why}; a ranking weighs them on every row, with others")
 
 
 def predict_record(
@@ -182,20 +201,19 @@ def predict_record(
     level: float,
     seed: int,
     progress: Progress,
+    *,
+    fresh: bool = True,
 ) -> tuple[Extrapolation, Rests]:
     """Predictions at the forces, or, where there are none, at ``times`` the largest tested one.
 
-    It is said where weights rest on fewer rows than those of a ranking.
+    ``fresh``: see :func:`extrapolate_loads`.
     """
     measured = prepare(record, mode)
-    mode, data, said = measured.mode or mode, near_resonance(measured.record), measured.said
-    if len(data.A) < len(measured.record):
-        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-        said = (*said, f"{why}; a ranking weighs them on every row, with others")
+    mode, data = measured.mode or mode, near_resonance(measured.record)
     every, _ = observe_ranked(measured.record, findings)
-    first = forces if len(forces) else np.array(times) * data.tested_force.max()
-    predicted = extrapolate_loads(data, first, level, seed, mode=mode, every=every, progress=progress)
-    return predicted, Rests(measured.driven, mode, find_backbone(measured.record, mode, findings.implied), data, said)
+    asked = forces if len(forces) else np.array(times) * data.tested_force.max()
+    predicted = extrapolate_loads(data, asked, level, seed, mode=mode, every=every, fresh=fresh, progress=progress)
+    return predicted, Rests(measured.driven, measured.record, mode, findings, data, every, measured.said)
 
 
 #: What is asked, as messages name it.

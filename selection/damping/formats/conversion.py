@@ -11,7 +11,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import NAMES
-from damping.formats.quantity import SYSTEMS, Unit, unit
+from damping.formats.quantity import SYSTEMS, Unit, find_powers, unit
 from damping.formats.series import FileFacts, Series, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
@@ -158,21 +158,14 @@ def ask(known: Statements, *, force: bool | None) -> None:
             missing[f"unit of the {what}"] = f"--unit {what}={example}"
     if force is False:
         missing["force"] = "--force AMPLITUDE of each sweep"
-    ratio = known.facts.per_force or (typed in RESPONSES and RESPONSES[typed][1]) or _is_per_force(known)
+    powers = find_powers(known.unit_of("response"))  # one that is not understood is asked for elsewhere
+    ratio = known.facts.per_force or (typed in RESPONSES and RESPONSES[typed][1]) or (powers and powers[0] == -1)
     if force is not None and not ratio and not known.scaling:
         missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
     if len(missing) > 1:
         *first, last = missing
         message = f"neither in the file nor stated: {', '.join(first)} and {last}"
         raise InputError(message, expected=" ".join(missing.values()))
-
-
-def _is_per_force(known: Statements) -> bool:
-    """Whether the unit of the response is per unit of force; one that is not understood is asked for elsewhere."""
-    try:
-        return unit(known.unit_of("response")).powers[0] == -1
-    except InputError:
-        return False
 
 
 def scaling(known: Statements, *, of_force: bool = False) -> float:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from damping.errors import InputError
-from damping.formats.quantity import unit
+from damping.formats.quantity import find_powers
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
@@ -115,11 +115,8 @@ def _is_unit(name: str, text: str) -> bool:
         return text.lower() in _ANGLES
     kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or NAMES["motion"]
     kinds = ["force"] if name in ROLE_NAMES["force"] else kinds
-    try:
-        unit(text)
-    except InputError:
-        return False
-    return name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
+    may_be = name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
+    return find_powers(text) is not None and may_be
 
 
 def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
@@ -136,11 +133,7 @@ def _names_unit(text: str) -> bool:
     """Whether a text is a unit of an abscissa, an angle, or any other."""
     if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
         return True
-    try:
-        unit(text)
-    except InputError:
-        return False
-    return not text.isdecimal()
+    return find_powers(text) is not None and not text.isdecimal()
 
 
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
@@ -208,10 +201,8 @@ def _may_be(role: str, header: ColumnHeader) -> bool:
     text = header.unit.lower()
     if role in ABSCISSAS:
         return text in ABSCISSAS[role] and (role != "frequency" or not text.startswith("rad"))
-    try:
-        powers = unit(header.unit).powers
-    except InputError:
-        # volts: a scale may be stated
+    powers = find_powers(header.unit)
+    if powers is None:  # volts: a scale may be stated
         return role != "force" and text not in ABSCISSAS["frequency"] and text not in _ANGLES
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(role, 0)
     return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))

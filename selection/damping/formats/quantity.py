@@ -81,6 +81,14 @@ def unit(text: str, *, what: str = "unit") -> Unit:
         raise InputError(f"{what} {describe_shortened(text)!r} is not understood", expected=_EXPECTED) from None
 
 
+def find_powers(text: str) -> tuple[int, int, int] | None:
+    """Powers of force, length and time of a unit; None of a text that is no unit."""
+    try:
+        return unit(text).powers
+    except InputError:
+        return None
+
+
 def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
     """Powers and factor; ValueError where the text is no unit."""
     if len(text) > _LONGEST:

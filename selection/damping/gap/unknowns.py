@@ -48,12 +48,9 @@ _MOST_ROUNDS = 3
 
 def stated_noise(rows: Rows, record: Record) -> Rows:
     """The rows with the record's standard uncertainties; ``FIRST_GUESS`` for those that it does not state."""
-    A, F = rows.A, rows.F
-    relative = _filled(_column(record, "amplitude_sd", rows.row) / A)
-    if "force_sd" in record.table.columns:
-        relative = np.hypot(relative, _column(record, "force_sd", rows.row) / F)
-    sd_phase = np.where(rows.sd_phase < UNSEEN, _filled(_column(record, "phase_sd", rows.row)), UNSEEN)
-    rows = replace(rows, sd_amplitude=relative, sd_phase=sd_phase)
+    amplitude, force = (record.relative_sd(name)[rows.row] for name in ("amplitude", "force"))
+    sd_phase = np.where(rows.sd_phase < UNSEEN, _fill(record.column("phase_sd", 0.0)[rows.row]), UNSEEN)
+    rows = replace(rows, sd_amplitude=np.hypot(_fill(amplitude), force), sd_phase=sd_phase)
     return further_noise(rows) if rows.channels else rows
 
 
@@ -130,16 +127,10 @@ def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray,
     return np.linalg.svd(vandermonde)[2][:, -1, :], own[places]  # orthogonal to all rows
 
 
-def _column(record: Record, name: str, row: IntArray) -> FloatArray:
-    """A column in the order of the rows, NaN where it is absent or not above zero (none stated)."""
-    values = record.column(name, np.nan)[row]
-    return np.where(values > 0.0, values, np.nan)
-
-
-def _filled(values: FloatArray) -> FloatArray:
-    """Missing values replaced by the median of the others, or by ``FIRST_GUESS`` where there is none."""
-    known = values[np.isfinite(values)]
-    return np.where(np.isfinite(values), values, np.median(known) if known.size else FIRST_GUESS)
+def _fill(sd: FloatArray) -> FloatArray:
+    """Uncertainties that are not stated (0) replaced by the median of the others, or by ``FIRST_GUESS``."""
+    stated = sd > 0.0
+    return np.where(stated, sd, np.median(sd[stated]) if stated.any() else FIRST_GUESS)
 
 
 @dataclass(frozen=True)

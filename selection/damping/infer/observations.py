@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
@@ -177,9 +176,9 @@ def observe(record: Record) -> Observations:
         D=D,
         R=np.sqrt(np.where(force**2 - D**2 > ROUNDING * force**2, force**2 - D**2, 0.0)),
         sweep=np.array([number[label] for label in rows["sweep"].astype(str)], dtype=np.int64),
-        sd_amplitude=_relative_sd(rows, "amplitude"),
-        sd_force=_relative_sd(rows, "force"),
-        sd_phase=rows["phase_sd"].to_numpy(float) if "phase_sd" in rows else np.zeros_like(A),
+        sd_amplitude=record.relative_sd("amplitude")[rows.index],
+        sd_force=record.relative_sd("force")[rows.index],
+        sd_phase=record.column("phase_sd", 0.0)[rows.index],
         sweeps=tuple(labels),
         tested_force=peaks["force"].to_numpy(float),
         tested_amplitude=peaks["amplitude"].to_numpy(float),
@@ -210,10 +209,3 @@ def at_resonance(data: Observations) -> Observations:
         sd_phase=mean(data.sd_phase),
     )
     return resonances.take_sweeps(np.lexsort((data.tested_amplitude, data.tested_force)))
-
-
-def _relative_sd(rows: pd.DataFrame, name: str) -> FloatArray:
-    """Standard uncertainty of a column relative to its value; 0 where the record gives none."""
-    if f"{name}_sd" not in rows:
-        return np.zeros(len(rows))
-    return (rows[f"{name}_sd"] / rows[name]).to_numpy(float)

@@ -82,6 +82,10 @@ class Record:
         own = self.column(name) if name in self.table.columns else np.full(len(self), np.nan)
         return np.where(np.isnan(own), float(default), own)
 
+    def relative_sd(self, name: str) -> FloatArray:
+        """Standard uncertainty of ``amplitude`` or ``force`` over its value (n,); 0 where the record states none."""
+        return self.column(f"{name}_sd", 0.0) / self.column(name)
+
     def masses(self, mode_mass: float) -> FloatArray:
         """Generalized mass of each row (n,): the row's own where it has one, else ``mode_mass``."""
         return self.column("mass", mode_mass)

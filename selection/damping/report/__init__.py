@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
-from damping.errors import InputError
 from damping.forces import shapes_of
 from damping.forces.shapes import Dimension
 from damping.records.mode import Units
@@ -129,16 +128,12 @@ def format_length_band(low: SupportsFloat, high: SupportsFloat, unit: str) -> st
 
 def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str) -> str:
     """Peak acceleration omega^2 A of a harmonic motion in standard gravities; a dash where the unit is not known."""
-    from damping.formats.quantity import unit as parse_unit  # noqa: PLC0415 - loads every format, for pages alone
+    from damping.formats import quantity  # noqa: PLC0415 - loads every format, for pages alone
 
-    try:
-        metres = parse_unit(unit)
-    except InputError:
+    if quantity.find_powers(unit) != (0, 1, 0):
         return NOTHING
-    if metres.powers != parse_unit("m").powers:
-        return NOTHING
-    omega = RAD_S_PER_HZ * float(frequency)
-    return format_quantity(metres.factor * float(amplitude) * omega**2 / STANDARD_GRAVITY_M_S2, "g")
+    omega, metres = RAD_S_PER_HZ * float(frequency), quantity.unit(unit).factor
+    return format_quantity(metres * float(amplitude) * omega**2 / STANDARD_GRAVITY_M_S2, "g")
 
 
 def format_force_text(force: SupportsFloat, unit: str) -> str:

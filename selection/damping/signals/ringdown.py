@@ -26,8 +26,8 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
+from damping.records.check_ceiling import find_limit
 from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
-from damping.signals.limits import find_limit
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
 LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
