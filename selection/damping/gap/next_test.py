@@ -36,8 +36,8 @@ from damping.gap.weighing import COVER, INDISTINCT, Explanation, count_beyond, d
 WORTH = 6.0
 #: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
 SURELY = 2.0
-#: Explanations compared with the leading one.
-MOST_RIVALS = 3
+#: Explanations compared with the leading one; what is left of a rival that is not compared a test cannot take away.
+MOST_RIVALS = 6
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
 CERTAIN = 100.0
 
@@ -134,16 +134,15 @@ def rank_tests(
         rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
-    compared = [alive[0], *rivals]
-    named = {explanation.effects for explanation in compared}
-    every = [*compared, *(own for own in fitted if own.effects not in named)]
+    named = {explanation.effects for explanation in (alive[0], *rivals)}
+    every = [alive[0], *rivals, *(own for own in fitted if own.effects not in named)]
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
     def foresee(*runs: _Run) -> NextTest:
-        odds, probability = _foresee(runs, compared, every, in_library)
+        odds, probability = _foresee(runs, len(rivals), every, in_library)
         return _describe_test(runs, odds, probability, filled, unit, command)
 
-    runs = _predict_runs(leading, [rival.hypothesis.best for rival in rivals])
+    runs = _predict_runs(leading, [rival.hypothesis.best for rival in every[1 : 1 + MOST_RIVALS]])
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if test.expected_log_odds > WORTH and (blames or test.is_beyond)]
     if max((test.probability for test in worth), default=COVER) < COVER:
@@ -163,21 +162,21 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
     return runs
 
 
-def _foresee(
-    runs: Sequence[_Run], compared: Sequence[Explanation], every: Sequence[Explanation], in_library: float
-) -> tuple[float, float]:
+def _foresee(runs: Sequence[_Run], rivals: int, every: Sequence[Explanation], in_library: float) -> tuple[float, float]:
     """Log odds to be expected of all runs together, and how probable the first explanation then is.
 
-    ``every``: all that were fitted, those that are ``compared`` first. A test that settles the case against one rival
-    only leaves the others where they are: the log odds are -ln sum p e^-D.
+    ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that settles the case
+    against one rival only leaves the others where they are: the log odds are -ln sum p e^-D.
     """
-    rivals = compared[1:]
-    odds = np.array([_odds([run.missed[at] for run in runs], rival.hypothesis.best) for at, rival in enumerate(rivals)])
-    p = np.array([rival.probability for rival in rivals])
-    gained = np.zeros(len(every))  # of rivals that are not compared nothing is foreseen
-    gained[1 : len(compared)] = odds - SURELY * np.sqrt(2.0 * odds)
-    beyond = (count_beyond(compared), count_beyond(compared, *(run.seen for run in runs)))
-    return -float(logsumexp(-odds, b=p / p.sum())), foresee_probability(every, gained, in_library, *beyond)
+    compared = every[1 : 1 + len(runs[0].missed)]
+    odds = [_odds([run.missed[at] for run in runs], own.hypothesis.best) for at, own in enumerate(compared)]
+    gained = np.zeros(len(every))  # of those that are not compared nothing is foreseen
+    gained[1 : 1 + len(odds)] = np.array(odds) - SURELY * np.sqrt(2.0 * np.array(odds))
+    p = np.array([own.probability for own in compared[:rivals]])
+    alive = every[: 1 + rivals]
+    beyond = (count_beyond(alive), count_beyond(alive, *(run.seen for run in runs)))
+    told = -float(logsumexp(-np.array(odds[:rivals]), b=p / p.sum()))
+    return told, foresee_probability(every, gained, in_library, *beyond)
 
 
 def _describe_test(
