@@ -387,7 +387,9 @@ def test_lags_that_fall_between_a_resonance_and_an_antiresonance_keep_their_sign
     lag = np.tile(-np.angle(response), 3)
     assert np.sin(lag).min() > 0.0 > np.diff(lag[:13]).max()
     force = np.repeat([0.5, 1.0, 2.0], 13)
-    table = pd.DataFrame({"force": force, "frequency": np.tile(f, 3), "amplitude": force * np.tile(np.abs(response), 3)})
+    table = pd.DataFrame(
+        {"force": force, "frequency": np.tile(f, 3), "amplitude": force * np.tile(np.abs(response), 3)}
+    )
     table = table.assign(sweep=force.astype(str))
     checks = {own.check for own in audit(record_of(table.assign(phase=lag))).findings}
     assert "edge-of-sweep" in checks
