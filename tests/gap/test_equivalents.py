@@ -15,7 +15,7 @@ from damping.gap.designs import DESIGNS, FLOOR
 from damping.gap.diagnose import diagnose
 from damping.gap.next_test import WORTH, name_command
 from damping.gap.rows import UNSEEN
-from damping.gap.size import Gap, HeldOut, HeldOutFold
+from damping.gap.size import Gap, HeldOut, HeldOutFold, describe_held_out
 from damping.gap.weighing import COVER, INDISTINCT, PER_BEYOND, distance
 from damping.records.reading import read_record
 from damping.records.record import Record
@@ -242,7 +242,7 @@ def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
     def said(effects):
         fold = HeldOutFold(("A",), effects, 20, 400.0, 300.0, 900.0)
         held_out = HeldOut(9.0, 8.0, 13.0, -1.4, -1.9, -1.0, "each", (fold,))
-        (caution,) = weighing.describe_held_out(Known(("velocity-squared",), 0.0), gap, held_out)
+        (caution,) = describe_held_out(Known(("velocity-squared",), 0.0), gap, held_out)
         return caution
 
     assert said(("velocity-squared",)) == (

@@ -104,6 +104,19 @@ def describe_gain(fit: ModelFit) -> list[str]:
     ]
 
 
+def describe_shortfall(fit: ModelFit) -> list[str]:
+    """What readings that saturate cannot be told from, in words: g F/|Z| of a linear mode is that of the force g F.
+
+    Not where the force was measured.
+    """
+    if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
+        return []
+    return [
+        "a force that falls short of the recorded one where the motion is large (a shaker at its limit) reads like "
+        "this saturation where the structure is linear; a measured force tells them apart"
+    ]
+
+
 @np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.

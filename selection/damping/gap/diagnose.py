@@ -12,7 +12,7 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import corrected_mode, describe_gain, list_ends
+from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
@@ -25,10 +25,9 @@ from damping.gap.problem import (
     list_repeated,
     list_unread,
     record_cautions,
-    refuse_other_mode,
+    refuse_rows,
     setting,
 )
-from damping.gap.rows import read_rows
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import spread
@@ -53,8 +52,6 @@ MOST_DISPERSIONS = 3
 MOST_FOREIGN = 4
 #: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
 FEW_ROWS = 40
-#: Rows that are diagnosed at most: it takes minutes, not hours.
-MOST_ROWS = 5_000
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,8 @@ class Explained:
             repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. unexplained: more than noise is left.
+        in_library: chance that the library holds the cause at all. unexplained: more than noise is left; ``rest``: in
+            the rows, and not only in how the levels scatter.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -80,6 +78,7 @@ class Explained:
     doubts: FloatArray
     in_library: float
     unexplained: bool
+    rest: bool
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -177,13 +176,14 @@ def explain(
     tests = tuple(directed_tests(leading.best))
     foreign = fit_foreign(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, foreign)
-    beyond = weighing.count_beyond(hypotheses)
-    in_library = weighing.estimate_in_library(doubts, leading, known.dispersion, beyond)
-    weighed = weighing.blend_probabilities(hypotheses, in_library, beyond)
     cautions += weighing.describe_foreign(leading, foreign)
-    left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
-    left = left or known.dispersion > 1.0
-    found = (known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
+    rest = unexplained(leading.best, tests, library) or known.dispersion > 1.0
+    left = rest or bool(size.describe_repeatability(known, leading.best))
+    beyond = weighing.count_beyond(hypotheses)
+    in_library = weighing.estimate_in_library(doubts, hypotheses[0], known.dispersion, beyond, unexplained=left)
+    blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
+    weighed = weighing.order_by_probability(blended)
+    found = (known, search, library, weighed, tests, doubts, in_library, left, rest, tuple(cautions))
     return Explained(record, mode, *found, tuple(states), simulate, driven.unit)
 
 
@@ -208,7 +208,9 @@ def diagnose(
         *apart,
         *list_ends(leading.best),
         *describe_gain(leading.best),
-        *weighing.describe_held_out(leading, gap, held_out),
+        *describe_shortfall(leading.best),
+        *weighing.describe_quantity(explained.search, leading),
+        *size.describe_held_out(leading, gap, held_out),
     ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
@@ -232,17 +234,6 @@ def _trend(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
     """How local estimates of a quantity go with amplitude."""
     columns = ("amplitude", quantity, f"{quantity}_sd")
     return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
-
-
-def refuse_rows(states: Sequence[State]) -> None:
-    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
-    count = sum(len(record) for record, _ in states)
-    if count > MOST_ROWS:
-        raise AnalysisError(
-            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
-        )
-    for record, mode in states:
-        refuse_other_mode(read_rows(record, mode), mode)
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

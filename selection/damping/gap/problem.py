@@ -24,6 +24,8 @@ from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns
 from damping.records.mode import Mode
 from damping.records.record import Record
 
+#: Rows that are diagnosed at most: it takes minutes, not hours.
+MOST_ROWS = 5_000
 #: Standard deviation of the ln of a noise that was estimated from roughness, at least.
 NOISE_ERROR = 0.2
 #: A resonance farther from the simulated one than this, relative, is that of another mode ...
@@ -150,6 +152,17 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
     )
+
+
+def refuse_rows(states: Sequence[State]) -> None:
+    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
+    count = sum(len(record) for record, _ in states)
+    if count > MOST_ROWS:
+        raise AnalysisError(
+            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+        )
+    for record, mode in states:
+        refuse_other_mode(read_rows(record, mode), mode)
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:

@@ -22,7 +22,15 @@ from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
-from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
+from damping.gap.size import (
+    HeldOutFold,
+    describe_repeatability,
+    fitted_terms,
+    nominal_residuals,
+    refitted,
+    regular_values,
+)
+from damping.gap.weighing import KNOWN
 from damping.gap.where import by_quantity, footprint
 from damping.report.page import Block, FigureBlock, Footer, List, Table, Text, render_page, write_sections
 
@@ -57,6 +65,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
         "test": diagnosis.next_test,
+        "apart": [] if diagnosis.rest else describe_repeatability(diagnosis.setting, diagnosis.leading.best),
+        "known": KNOWN,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in _list_sentences(block)] for section in sections}
