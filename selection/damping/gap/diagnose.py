@@ -128,8 +128,8 @@ class Diagnosis(Explained):
 
     @property
     def next_test(self) -> NextTest | None:
-        """The best of the candidate tests."""
-        return self.next_tests[0] if self.next_tests else None
+        """The first of the candidate tests where it is expected to settle the case; else None."""
+        return next((test for test in self.next_tests[:1] if test.probability >= weighing.COVER), None)
 
 
 @np.errstate(all="ignore")  # a search passes through impossible models, which what it gives says

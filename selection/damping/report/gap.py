@@ -64,7 +64,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
-        "test": diagnosis.next_test,
+        "test": next(iter(diagnosis.next_tests), None),
+        "settles": diagnosis.next_test is not None,
         "apart": [] if diagnosis.rest else describe_repeatability(diagnosis.setting, diagnosis.leading.best),
         "known": KNOWN,
     }
