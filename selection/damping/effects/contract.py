@@ -143,8 +143,8 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances. sweeps: of the record. simulated: parameters of the damping
-            forces of the simulation by name, as far as they are known beside the record.
+        frequency, damping: the simulation's tolerances. sweeps: of the record. simulated: the damping forces
+            of the simulation, their parameters by name.
     """
 
     A_low: float

@@ -149,7 +149,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
-        simulated={} if mode.tolerance.from_record else mode.damping,
+        simulated=mode.damping,
     )
 
 
