@@ -10,11 +10,11 @@ A restoring force with a cubic term or one like it, q |q|: the resonance bends t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import log1p
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -56,23 +56,22 @@ def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Term
     return lambda terms, table: terms.plus(forces=force(table))
 
 
-def factor_forms(effect: Effect, force: Force, scales: Scales) -> tuple[Form, Form]:
-    """The two forms of a factor on a simulated ``force``, of either sign: |ln| of it is 3 tolerances and the strength.
+def factor_forms(effect: Effect, simulated: Mapping[str, float], scales: Scales) -> tuple[Form, Form]:
+    """The two forms of a factor on a ``simulated`` force, of either sign: its |ln| is 3 tolerances and the strength.
 
     Told is ``relative``, and of an effect that is a force the share of the simulated one that it adds or takes away.
     """
     least = log1p(3.0 * scales.damping)
-    leading, *rest = (parameter.name for parameter in fields(force))
-    shapes = {name: getattr(force, name) for name in rest}
+    leading, build = next(iter(simulated)), cast("Callable[..., Force]", force_class(effect.damping))
 
     def part(share: Floats) -> dict[str, Floats]:
-        return {leading: getattr(force, leading) * share} | shapes
+        return {**simulated, leading: simulated[leading] * share}
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        own = replace(force, **part(np.exp(beyond + np.copysign(least, beyond))))
+        own = build(**part(np.exp(beyond + np.copysign(least, beyond))))
         forces = (
-            own if number < terms.simulated and simulated.name == own.name else simulated
-            for number, simulated in enumerate(terms.forces)
+            own if number < terms.simulated and force.name == own.name else force
+            for number, force in enumerate(terms.forces)
         )
         return terms._replace(forces=tuple(forces))
 
@@ -81,16 +80,14 @@ def factor_forms(effect: Effect, force: Force, scales: Scales) -> tuple[Form, Fo
         return ({} if effect.corrects else part(relative)) | {"relative": relative}
 
     # neither side mirrors the other: both begin at 3 tolerances
-    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": force.name, "sizes": _FACTORS, "mirror": ""}
+    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": effect.damping, "sizes": _FACTORS, "mirror": ""}
     return effect.either_sign(report, change=change, **options)
 
 
 def _less_forms(effect: Effect, scales: Scales) -> tuple[Form, ...]:
     """The form of a simulated force of the effect that is too large; none where it is not simulated."""
-    if effect.damping not in scales.simulated:
-        return ()
-    force = force_class(effect.damping)(**scales.simulated[effect.damping])
-    return factor_forms(effect, force, scales)[1:]
+    simulated = scales.simulated.get(effect.damping)
+    return factor_forms(effect, simulated, scales)[1:] if simulated else ()
 
 
 def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:

@@ -47,7 +47,7 @@ def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln| of the factor beyond that of 3 tolerances; the coefficient where none is simulated."""
     if scales.viscous == 0.0:
         return (VISCOUS_COEFFICIENT.form(lambda c: {"coefficient": c}, scales.loss / scales.omega_n),)
-    return factor_forms(VISCOUS_COEFFICIENT, Viscous(scales.viscous), scales)
+    return factor_forms(VISCOUS_COEFFICIENT, {"coefficient": scales.viscous}, scales)
 
 
 VISCOUS_COEFFICIENT = Effect(
