@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, log
 from typing import Any, Literal, NamedTuple
 
@@ -143,7 +143,8 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances. sweeps: of the record.
+        frequency, damping: the simulation's tolerances. sweeps: of the record. simulated: the damping forces
+            of the simulation, their parameters by name.
     """
 
     A_low: float
@@ -156,6 +157,7 @@ class Scales:
     frequency: float
     damping: float
     sweeps: int = 1
+    simulated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def stiffness(self) -> float:

@@ -29,6 +29,8 @@ CONTENT = 0.9
 #: counts as one at the end of its range.
 _FAR = 2.5
 _FULL = 0.9
+#: Share of a simulated damping force below which it counts as none: it is known to a tolerance of this order at best.
+_GONE = 0.05
 
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
@@ -73,6 +75,11 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
             of, name = key.split(": ")
             intervals[of][name] = float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail))
     return intervals
+
+
+def is_gone(values: Mapping[str, float]) -> bool:
+    """Whether an effect with these parameters leaves nothing of the simulated force that it corrects."""
+    return values.get("relative", 0.0) < _GONE - 1.0
 
 
 def list_ends(fit: ModelFit) -> list[str]:
@@ -121,8 +128,8 @@ def describe_shortfall(fit: ModelFit) -> list[str]:
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
-    Damping forces go to ``damping`` (beside one of the same name, its coefficients add), corrected parameters take the
-    place of the nominal ones, everything else goes to ``effects``.
+    Damping forces go to ``damping`` (beside one of the same name, its coefficients add; one of which nothing is left is
+    removed), corrected parameters take the place of the nominal ones, everything else goes to ``effects``.
     """
     mode = fit.model.problem.simulation.mode
     relative = refitted_values(fit)
@@ -132,7 +139,7 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         effect = effects[name]
         if effect.corrects and "relative" in values:
             relative[effect.corrects] = values["relative"]
-        elif effect.damping and set(values) <= set(list_parameter_names(effect.damping)):
+        elif effect.damping and values.keys() - {"relative"} <= {*list_parameter_names(effect.damping)}:
             added[effect.damping] = values
         else:
             others[name] = values
@@ -140,8 +147,11 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     for name, table in damping.items():  # the leading coefficient changed by a share of itself
         table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
     for name, own in added.items():
-        leading = next(iter(own))
-        damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
+        leading, *rest = (parameter for parameter in own if parameter != "relative")
+        whole = own[leading] + damping.get(name, {}).get(leading, 0.0)
+        damping[name] = {leading: whole} | {parameter: own[parameter] for parameter in rest}
+        if is_gone(own):
+            del damping[name]
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
     if slip := damping.get("slip"):  # no joint loses more than there is

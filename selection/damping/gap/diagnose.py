@@ -9,6 +9,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
+from damping.effects.foreign import OTHER_MASS
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
@@ -259,16 +260,22 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
 def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
 
-    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior.
+    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
+    mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
     """
     if not leading.effects:
         return None
-    own = {name: search.effects[name] for name in leading.effects}
-    fitted = {key: hypothesis for key, hypothesis in search.hypotheses.items() if key <= leading.key}
+    masses = np.ptp(search.problem.rows.added)
+    of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
+    parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
+    fitted = {key: own for key, own in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
+    own = {name: search.effects[name] for name in frozenset().union(*fitted)}
     beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
     beside.singles()
-    for replaced in leading.effects if len(own) > 1 else ():
+    for replaced in leading.effects if len(leading.effects) > 1 else ():
         beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+    if parameters:
+        beside.extend(parameters[0], OTHER_MASS.name)
     return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
 
 

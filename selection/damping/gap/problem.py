@@ -151,6 +151,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
+        simulated=mode.damping,
     )
 
 
