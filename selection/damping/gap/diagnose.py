@@ -18,7 +18,6 @@ from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
-    NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
@@ -51,8 +50,10 @@ DISPERSED = 4.0
 MOST_DISPERSIONS = 3
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
-#: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
+#: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
 FEW_ROWS = 40
+#: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
+MOST_NOISES = 4
 #: Rows that are diagnosed at most: it takes minutes, not hours.
 MOST_ROWS = 5_000
 
@@ -205,6 +206,7 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
+        *size.describe_noise(known, leading.best),
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *weighing.describe_held_out(leading, gap, held_out),
@@ -281,9 +283,10 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the noise as stated; else with that of what the simulation alone leaves, or the best single effect.
+    """A search with the noise as stated; else with that of what its own leading explanation leaves.
 
-    A combination of effects could take in some of the noise itself.
+    It begins with the noise that the simulation alone leaves, which a wrong one makes too large, and begins anew with
+    that of the leading explanation, of one effect and then of all, until it stands.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()
@@ -291,10 +294,12 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
     search = Search(start.problem, effects, start.unknowns)
     search.singles()
-    better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
-    a, b = start.problem.rows, better.problem.rows
-    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    if np.sqrt(np.mean(changes**2)) >= NOISE_ERROR:  # beyond what is integrated over anyway
-        return better, Search(better.problem, effects, better.unknowns).run()
-    search.combine()
+    for number in range(MOST_NOISES):
+        better = start.with_noise_of(search.ranked()[0].best)
+        if not better.has_noise_of(start):
+            start, search = better, Search(better.problem, effects, better.unknowns).run()
+        elif number == 0:
+            search.combine()
+        else:
+            break
     return start, search

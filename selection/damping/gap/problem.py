@@ -56,12 +56,16 @@ class Setting:
     dispersion: float = 1.0
 
     @property
-    def unknowns(self) -> Unknowns:
-        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n) at best."""
+    def noise_error(self) -> float:
+        """Standard deviation of the ln of the noise; one that was estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
         of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # there it is no more than a guess
-        error = 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
-        return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
+        return 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What repeatability and noise may be."""
+        return list_unknowns(self.scatter, self.problem.scales.bandwidth, self.noise_error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:
@@ -69,15 +73,25 @@ class Setting:
         return self.amplitude_noise and (self.phase_noise or not self.problem.rows.has_phase)
 
     def with_noise_of(self, reference: ModelFit) -> Setting:
-        """The setting with noise that is not stated taken from the roughness of a fit's residuals."""
-        rows, factor = reference.model.problem.rows, reference.model.scatter.factor
-        n = len(rows)
+        """The setting with noise that is not stated taken from the roughness of a fit's residuals.
+
+        They are smaller than the noise by what the fit takes in of it: their mean square by 1 - k/m, of k variables
+        that m values determine.
+        """
+        rows, n = reference.model.problem.rows, len(reference.model.problem.rows)
+        factor = reference.model.scatter.factor * np.sqrt(reference.measured.size / reference.freedom)
         if not self.amplitude_noise:
             rows = replace(rows, sd_amplitude=roughness(rows, reference.r[:n] * rows.sd_amplitude * factor))
         if rows.has_phase and not self.phase_noise:
             rough = roughness(rows, reference.r[n : 2 * n] * rows.sd_phase * factor)
             rows = replace(rows, sd_phase=np.where(rows.sd_phase < UNSEEN, rough, UNSEEN))
         return replace(self, problem=replace(self.problem, rows=rows))
+
+    def has_noise_of(self, other: Setting) -> bool:
+        """Whether the noise is that of another setting, within what is integrated over anyway."""
+        a, b = self.problem.rows, other.problem.rows
+        changes = np.log([a.sd_amplitude / b.sd_amplitude, a.sd_phase / b.sd_phase])
+        return bool(np.sqrt(np.mean(changes**2)) < self.noise_error)
 
 
 #: A further state of the structure: its record and the mode that simulates it.
