@@ -40,7 +40,7 @@ from damping.gap.where import (
     footprint_cells,
     local_estimates,
     residual_cells,
-    trend,
+    trend_of,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -224,15 +224,9 @@ def diagnose(
         footprint=footprint_cells(leading.best),
         held_out=held_out,
         local=local,
-        damping_trend=_trend(local, "damping"),
-        frequency_trend=_trend(local, "frequency"),
+        damping_trend=trend_of(local, "damping"),
+        frequency_trend=trend_of(local, "frequency"),
     )
-
-
-def _trend(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
-    """How local estimates of a quantity go with amplitude."""
-    columns = ("amplitude", quantity, f"{quantity}_sd")
-    return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
 
 
 def refuse_rows(states: Sequence[State]) -> None:

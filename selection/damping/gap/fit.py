@@ -79,7 +79,7 @@ class ModelFit:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom that are left, at least 1: measured values less variables that they, not priors, determine."""
+        """Degrees of freedom left, at least 1: measured values less the variables that they, not priors, determine."""
         return max(self.measured.size - len(self.y) + float(np.trace(self.covariance)), 1.0)
 
     @property

@@ -19,7 +19,7 @@ from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
 from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
-from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
+from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator, list_of_states
 from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -57,7 +57,7 @@ class Setting:
 
     @property
     def noise_error(self) -> float:
-        """Standard deviation of the ln of the noise; one that was estimated from n rows is known to sqrt(2/n) at best."""
+        """Standard deviation of the ln of the noise; one estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
         of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # there it is no more than a guess
         return 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
@@ -119,10 +119,9 @@ def setting(
     if shaken:
         rows = [on_base(own, masses[own.row]) for own, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
-    further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
     swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # the law of a rate that a column has is its own
-    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator, groups)
+    simulation = Simulation(mode, list_of_states(joined), swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
     own = mode.repeatability
