@@ -147,7 +147,7 @@ class Scales:
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances. sweeps: of the record.
+        frequency, damping: the simulation's tolerances. sweeps, states: of the record.
     """
 
     A_low: float
@@ -160,6 +160,7 @@ class Scales:
     frequency: float
     damping: float
     sweeps: int = 1
+    states: int = 1
 
     @property
     def stiffness(self) -> float:

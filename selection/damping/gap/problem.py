@@ -162,6 +162,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
+        states=1 + int(rows.state.max()),
     )
 
 
