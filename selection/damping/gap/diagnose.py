@@ -53,7 +53,7 @@ MOST_FOREIGN = 4
 #: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
 FEW_ROWS = 40
 #: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
-MOST_NOISES = 4
+MOST_NOISES = 3
 #: Rows that are diagnosed at most: it takes minutes, not hours.
 MOST_ROWS = 5_000
 
@@ -280,20 +280,21 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     """A search with the noise as stated; else with that of what its own leading explanation leaves.
 
     It begins with the noise that the simulation alone leaves, which a wrong one makes too large, and begins anew with
-    that of the leading explanation, of one effect and then of all, until it stands.
+    that of the leading explanation, which is tried again, until it stands.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search = Search(start.problem, effects, start.unknowns)
-    search.singles()
-    for number in range(MOST_NOISES):
-        better = start.with_noise_of(search.ranked()[0].best)
-        if not better.has_noise_of(start):
-            start, search = better, Search(better.problem, effects, better.unknowns).run()
-        elif number == 0:
-            search.combine()
-        else:
+    search = Search(start.problem, effects, start.unknowns).run()
+    for _ in range(MOST_NOISES):
+        better = start.with_noise_of((leading := search.ranked()[0]).best)
+        if better.has_noise_of(start):
             break
+        start, search = better, Search(better.problem, effects, better.unknowns)
+        search.singles()
+        for k in range(1, len(leading.effects)):
+            if base := search.hypotheses.get(frozenset(leading.effects[:k])):
+                search.extend(base, leading.effects[k])
+        search.combine()
     return start, search
