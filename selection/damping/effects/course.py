@@ -137,7 +137,8 @@ def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
         return in_place(terms, of, number, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": 0.0} | {of: float(number)}
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": 0.0}
+        values[of] = float(number)
         return values | ({"force": 1.0} if force else {})
 
     label = f"{'force' if force else 'readings'} of {of} {number}"
