@@ -12,7 +12,8 @@ from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import diagnose
-from damping.gap.problem import MOST_ROWS, list_repeated, list_unread
+from damping.gap.driven import list_repeated
+from damping.gap.problem import MOST_ROWS, list_unread
 from damping.gap.rows import read_rows
 from damping.records.record import Record
 

@@ -31,6 +31,8 @@ _FAR = 2.5
 _FULL = 0.9
 #: Share of a simulated damping force below which it counts as none: it is known to a tolerance of this order at best.
 _GONE = 0.05
+#: What an effect of one sweep or state acts on where it is not the readings or the force, by a parameter that it has.
+_ACTS_ON = {"frequency": "frequency", "lag": "phases"}
 
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
@@ -52,13 +54,16 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
 
 
 def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Parameters of every effect, and in words what one of a single sweep acts on, such as ``force of sweep B``."""
+    """Parameters of every effect, and in words what one of a single place acts on, such as ``force of sweep B``."""
     sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
     for effect, own in values.items():
-        if "sweep" in own:
-            sweep = sweeps[int(own.pop("sweep")) - 1]
-            what = "frequency" if "frequency" in own else "force" if own.pop("force", 0.0) else "readings"
-            places[effect] = f"{what} of sweep {sweep}"
+        of = "state" if "state" in own else "sweep"
+        number = int(own.get("state", own.pop("sweep", 0.0)))
+        if number:
+            forced = own.pop("force", 0.0) > 0.0
+            other = "force" if forced else "readings"
+            what = next((word for name, word in _ACTS_ON.items() if name in own), other)
+            places[effect] = f"{what} of {of} {number if of == 'state' else sweeps[number - 1]}"
     return values, places
 
 

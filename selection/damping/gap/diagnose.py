@@ -15,15 +15,13 @@ from damping.forces import Viscous
 from damping.gap import size, weighing
 from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import as_given, drive_by_forces
+from damping.gap.driven import as_given, drive_by_forces, list_repeated
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
-    NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
-    list_repeated,
     list_unread,
     record_cautions,
     refuse_rows,
@@ -41,7 +39,7 @@ from damping.gap.where import (
     footprint_cells,
     local_estimates,
     residual_cells,
-    trend,
+    trend_of,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -51,8 +49,10 @@ DISPERSED = 4.0
 MOST_DISPERSIONS = 3
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
-#: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
+#: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
 FEW_ROWS = 40
+#: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
+MOST_NOISES = 3
 
 
 @dataclass(frozen=True)
@@ -207,6 +207,7 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
+        *size.describe_noise(known, leading.best),
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *describe_shortfall(leading.best),
@@ -226,15 +227,9 @@ def diagnose(
         footprint=footprint_cells(leading.best),
         held_out=held_out,
         local=local,
-        damping_trend=_trend(local, "damping"),
-        frequency_trend=_trend(local, "frequency"),
+        damping_trend=trend_of(local, "damping"),
+        frequency_trend=trend_of(local, "frequency"),
     )
-
-
-def _trend(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
-    """How local estimates of a quantity go with amplitude."""
-    columns = ("amplitude", quantity, f"{quantity}_sd")
-    return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
@@ -280,20 +275,24 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the noise as stated; else with that of what the simulation alone leaves, or the best single effect.
+    """A search with the noise as stated; else with that of what its own leading explanation leaves.
 
-    A combination of effects could take in some of the noise itself.
+    It begins with the noise that the simulation alone leaves, which a wrong one makes too large, and begins anew with
+    that of the leading explanation, which is tried again, until it stands.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search = Search(start.problem, effects, start.unknowns)
-    search.singles()
-    better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
-    a, b = start.problem.rows, better.problem.rows
-    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    if np.sqrt(np.mean(changes**2)) >= NOISE_ERROR:  # beyond what is integrated over anyway
-        return better, Search(better.problem, effects, better.unknowns).run()
-    search.combine()
+    search = Search(start.problem, effects, start.unknowns).run()
+    for _ in range(MOST_NOISES):
+        better = start.with_noise_of((leading := search.ranked()[0]).best)
+        if better.has_noise_of(start):
+            break
+        start, search = better, Search(better.problem, effects, better.unknowns)
+        search.singles()
+        for k in range(1, len(leading.effects)):
+            if base := search.hypotheses.get(frozenset(leading.effects[:k])):
+                search.extend(base, leading.effects[k])
+        search.combine()
     return start, search

@@ -18,6 +18,8 @@ from damping.gap.search import Search
 
 #: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
 OUTLYING = 3.3
+#: What an explanation leaves, with two standard errors of it, over a noise that is plainly too large.
+_QUIET = 0.8
 #: Most levels held out, the highest first; content of the interval.
 MOST_FOLDS = 3
 CONTENT = 0.9
@@ -163,6 +165,15 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
                     "a fault of one level, or another cause, may hide there"
                 )
     return repeatability
+
+
+def describe_noise(setting: Setting, fit: ModelFit) -> list[str]:
+    """The caution where an explanation leaves less than noise: noise that is too large hides what is as small."""
+    left = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
+    if setting.problem.rows.at_resonance or left * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
+        return []
+    how = "stated" if setting.noise_known else "estimated"
+    return [f"the noise is {how} too large: rows scatter {left:.2g} of it, and effects as small as the rest are hidden"]
 
 
 @dataclass(frozen=True)
