@@ -46,8 +46,9 @@ def campaign(
     refuse_inputs("--out", out, *read)
     refuse_foreign(out, ("campaign.json", "report.html", "study.toml"), read)
     named = [os.path.realpath(file) for file in sources]
-    if len(set(named)) < len(named):
-        raise InputError("a file is given twice", expected="each once")
+    twice = next((file for place, file in enumerate(sources) if named[place] in named[:place]), None)
+    if twice is not None:
+        raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
