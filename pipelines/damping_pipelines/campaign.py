@@ -19,7 +19,7 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
-from damping_pipelines.manifest import digest_inputs, publish, versions
+from damping_pipelines.manifest import digest_inputs, publish, refuse_foreign, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import PlainTable, console, number, parse_number, parse_pairs, report_findings
 
@@ -41,18 +41,21 @@ def campaign(
     InputError: bad usage, files that are not understood, or a mode that the audit refuses. AnalysisError: no mode that
     can be followed over the levels.
     """
-    refuse_inputs("--out", out, *sources, *(path for path in (correct, previous) if path))
+    tables = [Path(word) for word in design if math.isnan(parse_number(word))]
+    read = [*sources, *(path for path in (correct, previous) if path), *tables]
+    refuse_inputs("--out", out, *read)
+    refuse_foreign(out, ("campaign.json", "report.html", "study.toml"), read)
     named = [os.path.realpath(file) for file in sources]
-    if len(set(named)) < len(named):
-        raise InputError("a file is given twice", expected="each once")
+    twice = next((file for place, file in enumerate(sources) if named[place] in named[:place]), None)
+    if twice is not None:
+        raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
     answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
     for mode in answer.modes:
         report_findings(mode.record, mode.mode, despite)
-    tables = (Path(word) for word in design if math.isnan(parse_number(word)))
-    inputs = digest_inputs([*sources, *(path for path in (correct, previous) if path), *tables])
+    inputs = digest_inputs(read)
     title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}

@@ -156,7 +156,9 @@ def import_(
 
 @delegate(".export")
 def export(
-    source: Annotated[Path, Argument(metavar="SOURCE", help="Record (CSV), or a ranking or loads form (JSON).")],
+    source: Annotated[
+        Path, Argument(metavar="SOURCE", help="Record (CSV), or the JSON of rank, extrapolate, curve or campaign.")
+    ],
     out: Annotated[Path, Option(metavar="FILE", help="Its ending says the format: .uff, .unv, .csv or .parquet.")],
     units: Annotated[str | None, Option(metavar="si|us", help="Convert to N and m, or lbf and in.")] = None,
     given: Annotated[

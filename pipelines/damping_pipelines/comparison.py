@@ -9,14 +9,17 @@ import numpy as np
 import pandas as pd
 
 from damping import report
+from damping.formats.quantity import find_powers, unit
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
 from damping.report.page import Block, Footer, Table, render_page, write_sections
-from damping_pipelines.forms import StudyForm, StudyRecordForm
+from damping_pipelines.forms import StudyForm, StudyRecordForm, UnitsForm
 from damping_pipelines.manifest import Manifest
 
 #: Odds from which on one law or several is said.
 DECIDES = 3.0
+#: Columns of predictions that hold amplitudes.
+_AMPLITUDES = ["median", "low", "high", "linear"]
 #: Laws listed there at most.
 MOST_POOLED = 8
 
@@ -219,13 +222,41 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
     predictions, posteriors = (_tabulate_stacked(name, having, what) for what in ("loads", "posteriors"))
     tables = {"rankings": _tabulate_rankings(name, having)}
     if len(predictions):
-        comparable = len({study.records[name].form.units for study in having}) == 1
+        comparable = _convert_predictions(predictions, {study.name: study.records[name].form.units for study in having})
         tables["predictions"] = _tabulate_predictions(predictions, comparable=comparable)
     if len(posteriors):
         columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
         order = posteriors.sort_values(["law", "parameter"], kind="stable")[columns]
         tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or report.NOTHING})
     return tables
+
+
+def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) -> bool:
+    """Whether all rows are now in the units of the first study; ``units``, by study, stand in a column of that name."""
+    to = next(iter(units.values()))
+    factors = [_find_factors(units[study], to) for study in table["study"]]
+    table["units"] = [_name_units(units[study] if None in factors else to) for study in table["study"]]
+    if None in factors:
+        return False
+    of_force, of_length = np.array(factors, dtype=float).T
+    table["force"] *= of_force
+    table[_AMPLITUDES] = table[_AMPLITUDES].mul(of_length, axis=0)
+    return True
+
+
+def _find_factors(own: UnitsForm, to: UnitsForm) -> tuple[float, float] | None:
+    """Factors of force and length from one system of units to another; None where that is not known."""
+    if own == to:
+        return 1.0, 1.0
+    pairs = ((own.force, to.force), (own.length, to.length))
+    if any(find_powers(a) is None or find_powers(a) != find_powers(b) for a, b in pairs):
+        return None
+    of_force, of_length = (unit(a).factor / unit(b).factor for a, b in pairs)
+    return of_force, of_length
+
+
+def _name_units(units: UnitsForm) -> str:
+    return ", ".join(filter(None, (units.force, units.length))) or report.NOTHING
 
 
 def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
@@ -247,7 +278,17 @@ def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
     if not comparable:
         table["difference"] = np.nan
     table = table.sort_values("force", kind="stable")
-    columns = ["force", "study", "median", "low", "high", "linear", "linear_overprediction_percent", "difference"]
+    columns = [
+        "force",
+        "units",
+        "study",
+        "median",
+        "low",
+        "high",
+        "linear",
+        "linear_overprediction_percent",
+        "difference",
+    ]
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
     formats = {
         "linear_overprediction_percent": report.format_percent,

@@ -11,7 +11,7 @@ import importlib.metadata
 import os
 import platform
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -29,6 +29,11 @@ from damping_pipelines.store import make_folder, to_json, write_bytes
 
 #: Name of the manifest in its folder.
 MANIFEST = "manifest.json"
+#: The command whose results a manifest names, by an output that every run of it has; the first that is there.
+COMMANDS = {
+    **{"campaign.json": "campaign", "summary.json": "study", "fleet.html": "fleet"},
+    **{"confusion.csv": "blind", "coverage.csv": "calibrate", "README.md": "bands"},
+}
 _STAGED = ".staged"
 _MAX_SIZE = 10_000_000
 _MOST_FILE = 1_000_000_000
@@ -127,15 +132,31 @@ def _move_staged(folder: Path, manifest: Manifest) -> None:
     shutil.rmtree(staged, ignore_errors=True)
 
 
-def refuse_foreign(folder: Path, names: Iterable[str]) -> None:
-    """InputError where a file stands in the way of an output and no manifest names it: it is a user's own."""
+def refuse_foreign(folder: Path, names: Collection[str], inputs: Iterable[Path] = ()) -> None:
+    """InputError where results of another command, or an input, would be lost, or a user's own file is in the way.
+
+    What the manifest in the folder names is removed by a run that has it not; what no manifest names is a user's own.
+    """
     ours = _outputs_of_before(folder)
+    lost = {os.path.realpath(folder / name) for name in (*ours, MANIFEST)} if ours else set()
+    for path in inputs:
+        if os.path.realpath(path) in lost:
+            message = "is an input, and --out would replace the results that it is one of"
+            raise InputError(message, file=path, expected="another --out")
+    before, now = _find_command(ours), _find_command(names)
+    if before and now and before != now:
+        message = f"holds results of damping {before}, which damping {now} would replace"
+        raise InputError(message, file=folder, expected="another --out")
     for name in names:
         path = folder / name
         if name not in ours and os.path.lexists(path):
             raise InputError("is no result of an earlier run", file=path, expected="another --out, or that file moved")
     if not ours and os.path.lexists(folder / MANIFEST):
         raise InputError("is no manifest of ours", file=folder / MANIFEST, expected="another --out, or that file moved")
+
+
+def _find_command(names: Collection[str]) -> str | None:
+    return next((command for name, command in COMMANDS.items() if name in names), None)
 
 
 def _outputs_of_before(folder: Path) -> set[str]:
@@ -174,13 +195,13 @@ def verify(folder: Path) -> Folder:
 
 
 @contextmanager
-def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
+def sole_writer(folder: Path, names: Collection[str] = (), inputs: Iterable[Path] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
 
     The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
-    move finished results into place, that is done first. ``names``: outputs that are known beforehand, so that a file
-    in their way is told before the work. InputError: the folder cannot be written, another run holds it, or a user's
-    own file is in the way.
+    move finished results into place, that is done first. ``names``: outputs that are known beforehand, and ``inputs``,
+    so that what must not be lost is told before the work (:func:`refuse_foreign`). InputError: that, or the folder
+    cannot be written, or another run holds it.
     """
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)
@@ -189,7 +210,7 @@ def sole_writer(folder: Path, names: Iterable[str] = ()) -> Iterator[None]:
         with suppress(InputError):  # no manifest is staged: the run was killed before it had all results
             _move_staged(folder, open_folder(folder / _STAGED).manifest)
         shutil.rmtree(folder / _STAGED, ignore_errors=True)
-        refuse_foreign(folder, names)
+        refuse_foreign(folder, names, inputs)
         try:
             write_bytes(folder / _STAGED / "probe", b"can be written")
         finally:

@@ -238,7 +238,13 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
     traced = damping.curve(read, described, amplitude, force, level, **asked.settings)
     if asked.write(traced):
         print_curve(traced)
-        suggest(f"{asked.name('curve')} --json curve.json", "damping export curve.json --to nastran --out damping.bdf")
+        given = [
+            f" --{what} {value:g}" for what, values in (("amplitude", amplitude), ("force", force)) for value in values
+        ]
+        suggest(
+            f"{asked.name('curve')}{''.join(given)} --json curve.json",
+            "damping export curve.json --to nastran --out damping.bdf",
+        )
 
 
 def print_curve(result: CurveResult) -> None:

@@ -34,7 +34,7 @@ from damping.records.record import Record
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
-from damping_pipelines.manifest import digest_file, sole_writer, versions
+from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.processes import give_back_memory, start_pool
 from damping_pipelines.terminal import progress, report_findings
 
@@ -87,11 +87,13 @@ def run_study(
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
-    inputs = read_inputs(settings, path.parent, despite)
     digests = hashes(path, settings)
-    with sole_writer(out, ("report.html", "summary.json")):
+    read = [path.parent / name for name in digests]
+    refuse_foreign(out, files.PAGES, read)
+    inputs = read_inputs(settings, path.parent, despite)
+    with sole_writer(out, files.PAGES, read):
         result = compute(settings, inputs, digests)
-        files.write_study(result, out, [path.parent / name for name in digests], png=png, pdf=pdf)
+        files.write_study(result, out, read, png=png, pdf=pdf)
     print(f"{out / 'report.html'} written")
 
 

@@ -33,6 +33,8 @@ from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_jso
 
 #: Seed of the default study: the year of the report.
 DEFAULT_SEED = 1970
+#: Outputs of every study.
+PAGES = ("report.html", "summary.json")
 
 
 class RecordSettings(BaseModel, extra="forbid", frozen=True):

@@ -8,6 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from damping.errors import AnalysisError, InputError, naming
 from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record, read_table
-from damping.records.record import record_to_csv
+from damping.records.record import Record, record_to_csv
 from damping.regression import list_columns_of, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
@@ -165,6 +166,9 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
     for path, text in texts.items():
         write_text(path, text)
     _print_steps(done, description, out)
+    with suppress(InputError):  # a table that is no record is written as it is
+        units = Units(description.units.force, description.units.length, description.units.time)
+        _print_audit(audit(Record(record, str(out))), None, units)
 
 
 def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
@@ -216,10 +220,10 @@ def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) 
         raise typer.Exit(1)
 
 
-def _print_audit(findings: Audit, mode: Mode | None) -> None:
+def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None) -> None:
     out = console()
     out.print(str(findings))
-    units = mode.units if mode else Units()
+    units = mode.units if mode else units or Units()
     units = units.of_base_drive if mode and mode.drive == "base" else units
     named = ((units.drive, units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)

@@ -82,9 +82,9 @@ WIDTH = 80
 class PlainTable:
     """Rows of text under headings, never wider than the place they are shown in.
 
-    Where the width does not hold all, headings break at their spaces, then names are shortened, and last the columns of
-    numbers go on below under the names again. A number is whole or not there. A table without columns of numbers is
-    prose: its cells are wrapped. ``names, numbers``: headings to the left, of text, and to the right.
+    Where the width does not hold all, headings and names break at their spaces, words of names are shortened, and last
+    the columns of numbers go on below under the names again. A number is whole or not there. A table without columns of
+    numbers is prose: its cells are wrapped. ``names, numbers``: headings to the left, of text, and to the right.
     """
 
     def __init__(self, title: str, numbers: Iterable[str], names: Iterable[str] = ()) -> None:
@@ -142,6 +142,15 @@ class PlainTable:
                 cells = [
                     [part for line in lines for part in wrap(line, size, break_on_hyphens=False) or [""]]
                     for lines, size in zip(cells, widths, strict=True)
+                ]
+            else:  # a name goes on below at its spaces
+                cells[:count] = [
+                    [
+                        part
+                        for line in lines
+                        for part in wrap(line, size, break_long_words=False, break_on_hyphens=False) or [""]
+                    ]
+                    for lines, size in zip(cells[:count], widths, strict=False)
                 ]
             drawn += _set_lines(cells, widths, count)
         return drawn

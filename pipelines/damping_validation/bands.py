@@ -26,6 +26,7 @@ from damping.report import forms
 from damping.report.page import fill_text
 from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
+from damping_pipelines.store import refuse_inputs
 from damping_pipelines.terminal import progress, report_findings
 
 LEVEL = 0.9
@@ -59,13 +60,14 @@ def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = (
     Nothing of a record is copied: only predictions, resonances derived from it and figures are written. InputError: no
     such records, or a bad one; Refused: by the audit of one, and not among ``despite``.
     """
+    refuse_inputs("--out", out, records)
     names = sorted(path.parent.name for path in records.glob("*/record.csv"))
     if not names:
         raise InputError("no records", file=records, expected="folders with record.csv and mode.toml")
     outputs = [f"{name}{ending}" for name in names for ending in (".png", ".csv", "-left-out.csv")]
     read = [f"{name}/{file}" for name in names for file in ("record.csv", "mode.toml")]
     inputs = {name: digest(read_bytes(records / name, MAX_SIZE)) for name in read}
-    with sole_writer(out, ["README.md", *outputs]):
+    with sole_writer(out, ["README.md", *outputs], [records / name for name in read]):
         files: dict[str, bytes] = {}
         results = [predict_structure(records / name, seed, despite) for name in names]
         for band in results:

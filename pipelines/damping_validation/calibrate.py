@@ -48,7 +48,7 @@ def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     # the seed of a trial depends on its key alone: fewer trials are a part of more
     seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
     trials = {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
-    with sole_writer(out, ("README.md",)):
+    with sole_writer(out, ("README.md", "coverage.csv")):
         results = run(trials, jobs)
         publish(out, render(results, seed, quick), seed=seed, versions=versions(), inputs={})
     print(f"{out / 'README.md'} written")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -23,8 +24,9 @@ from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records import Audit
 from damping.records.mode import Mode
+from damping.records.text import MOST_SHOWN
 from damping.report import forms
-from damping.result import MOST_SHOWN, Result, complete_form
+from damping.result import Result, complete_form
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,6 +103,9 @@ class RankingResult(Result):
                 return RankedLaw(candidate, self.ranking.data)
         nearest = describe_nearest(str(law), [candidate.name for candidate in self.ranking.candidates])
         raise InputError(f"no law {law!r}", expected=f"{nearest} or another of the column law")
+
+    def __iter__(self) -> Iterator[RankedLaw]:
+        return (RankedLaw(candidate, self.ranking.data) for candidate in self.ranking.candidates)
 
     def __len__(self) -> int:
         return len(self.ranking.candidates)

@@ -81,10 +81,10 @@ def rank(
 def extrapolate(
     record: Record,
     mode: Mode,
-    forces: Sequence[float] = (),
+    forces: float | Sequence[float] = (),
     level: float = 0.9,
     *,
-    amplitudes: Sequence[float] = (),
+    amplitudes: float | Sequence[float] = (),
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -120,8 +120,8 @@ def extrapolate(
 def curve(
     record: Record,
     mode: Mode,
-    amplitudes: Sequence[float] = (),
-    forces: Sequence[float] = (),
+    amplitudes: float | Sequence[float] = (),
+    forces: float | Sequence[float] = (),
     level: float = 0.9,
     *,
     seed: int = SEED,
@@ -153,8 +153,9 @@ def curve(
     return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
 
 
-def _as_asked(values: Sequence[float], what: str, level: float) -> FloatArray:
-    """Forces or amplitudes that were asked as an array, which may be empty; InputError for one that is none."""
+def _as_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
+    """Forces or amplitudes that were asked, one or several, as an array; InputError for one that is none."""
+    values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
 
 

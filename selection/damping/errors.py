@@ -45,7 +45,7 @@ class InputError(DampingError):
         expected: str | None = None,
     ) -> None:
         self.message, self.line, self.column, self.expected = message, line, column, expected
-        self.file = None if file is None else str(file)
+        self.file = str(file) if file is not None and str(file) else None
         place = [self.file] if self.file is not None else []
         if line is not None:
             place.append(f"line {line}")

@@ -8,13 +8,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from damping.arrays import plain
 from damping.records import Audit
+from damping.records.text import MOST_SHOWN, describe_as_html
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from damping.records.record import Record
     from damping.regression.program import Regression
     from damping.signals.chain import ConditioningStep
-
-#: Rows of the ranking or of a record that a summary shows.
-MOST_SHOWN = 12
 
 
 class Result(ABC):
@@ -70,9 +67,7 @@ class Result(ABC):
         return str(self)
 
     def _repr_html_(self) -> str:
-        html = self.shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)
-        remarks = "".join(f"<li>{escape(remark)}</li>" for remark in self.remarks)
-        return f"<div><p><b>{escape(self.title)}</b></p>{html}{f'<ul>{remarks}</ul>' if remarks else ''}</div>"
+        return describe_as_html(self.title, self.shown, self.remarks)
 
 
 def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:

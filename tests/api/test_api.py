@@ -151,10 +151,11 @@ def test_extrapolate_is_the_command(form_of, record, mode):
         assert row["damping_ratio"] == prediction["damping_ratio"]["median"]
         assert row["cautions"] == "; ".join(prediction["cautions"])
     assert "90 " in str(result)
+    assert dp.extrapolate(record, mode, 60.0, level=0.8).table["force"].tolist() == [60.0]
     check_drawing(result)
 
 
-@pytest.mark.parametrize("forces", [[-5.0], [0.0], [float("nan")], [float("inf")], [], ["60"], 60.0, [True]])
+@pytest.mark.parametrize("forces", [[-5.0], [0.0], [float("nan")], [float("inf")], [], ["60"], None, [True], True])
 def test_bad_forces_are_refused_before_any_work(record, mode, forces, monkeypatch):
     monkeypatch.setattr(api, "predict_record", lambda *given: pytest.fail("work began"))
     with pytest.raises(dp.InputError, match="force"):

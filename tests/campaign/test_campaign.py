@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import warnings
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -690,3 +691,34 @@ def test_every_file_that_was_read_is_sealed(tmp_path, damping, monkeypatch):
     inputs = verify(tmp_path / "out").manifest.inputs
     assert set(inputs) == {"run.csv", "run.csv (2)", "correct.toml", "design.csv"}
     assert (inputs["run.csv"], inputs["run.csv (2)"]) == (digest(b"lo"), digest(b"hi"))
+
+
+def test_messages_name_the_file_and_the_place(tmp_path, damping):
+    """A drive without unit, a blank cell, random excitation, a file that is given twice, and too few seconds."""
+    t, rng = np.arange(0.0, 60.0, 0.005), np.random.default_rng(3)
+
+    def table(name: str, drive: np.ndarray, header: str = "force [N]") -> Path:
+        rows = np.column_stack([t[: len(drive)], drive, 0.1 * drive])
+        path = tmp_path / name
+        np.savetxt(path, rows, delimiter=",", header=f"time [s],{header},a [m/s2]", comments="", fmt="%.8g")
+        return path
+
+    sine = np.sin(2.0 * np.pi * 5.0 * t)
+    bare, noise = table("bare.csv", sine, "force"), table("noise.csv", rng.standard_normal(len(t)))
+    blank, short = table("blank.csv", sine), table("short.csv", sine[:600])
+    lines = blank.read_text().splitlines()
+    lines[101] = lines[101].rpartition(",")[0] + ","
+    blank.write_text("\n".join(lines))
+    for files, said in (
+        ([bare], f"{bare}, column force: the drive has no unit"),
+        ([blank], f"{blank}, line 102, column 3: an empty cell; expected numbers in every row"),
+        ([noise], f"{noise}, run noise: the drive is no sine over 8 cycles anywhere: random"),
+        ([noise, noise], f"{noise}: is given twice"),
+        ([short], "no resonance in run 'short'"),
+    ):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            run = damping("campaign", *files, "--out", tmp_path / "out")
+        assert run.code != 0
+        assert f"damping: {said}" in run.err
+        assert run.err.count("\n") == 1

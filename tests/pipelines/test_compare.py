@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -220,3 +221,22 @@ def test_posteriors_that_are_none(tmp_path, damping):
 def test_numbers_of_any_size(tmp_path, damping, size):
     one, two = study(tmp_path / "a", summary(size), size), study(tmp_path / "b", summary())
     assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
+
+
+def test_predictions_of_one_test_in_mm_and_in_m_are_in_one_unit(tmp_path, damping):
+    """2.0 mm and 0.002 m at 45 N are no difference; units that are not known stay beside what is in them."""
+    loads = {"force": 45.0, "median": 0.002, "low": 0.0018, "high": 0.0023, "linear": 0.0026}
+    metres = {"loads": {"format": "loads/1", "level": 0.9, "predictions": [loads]}}
+    one = study(tmp_path / "a", summary(units={"force": "N", "length": "mm"}))
+    two = study(tmp_path / "b", summary(units={"force": "N", "length": "m"}, **metres), inputs="1")
+    three = study(tmp_path / "c", summary(units={"force": "N", "length": "furlong"}), inputs="2")
+    rows = {}
+    for other in (two, three):
+        damping("compare", one, other, "--out", tmp_path / "page.html")
+        html = (tmp_path / "page.html").read_text()
+        table = html[html.index("Resonant amplitude at design forces") :].split("<tbody>", 1)[1].split("</tbody>")[0]
+        rows[other] = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in table.split("<tr>")[1:]]
+    (_, *first), (_, *second) = rows[two]
+    assert first[0] == second[0] == "N, mm"
+    assert first[2:5] == second[2:5]
+    assert [row[1] for row in rows[three]] == ["N, mm", "N, furlong"]

@@ -254,3 +254,34 @@ def test_the_documented_example_is_a_description(tmp_path: Path) -> None:
         documented = getattr(description, name).model_fields_set
         assert set(model.model_fields) - documented <= {"sweep_label"}
     assert description.sensors[0].model_fields_set == set(schema.Sensor.model_fields)
+
+
+def test_what_the_record_implies_is_said(config: Path, raw: Path, tmp_path: Path, damping: Callable[..., Any]) -> None:
+    """Frequency, amplitude and mass at resonance, in the units of the description, and what the audit finds."""
+    run = damping("condition", raw, "--config", config, "--out", tmp_path / "record.csv")
+    checked = damping("check", tmp_path / "record.csv")
+    assert run.code == 0
+    assert run.out.count("What each sweep implies at its resonance") == 1
+    assert next(line for line in checked.out.splitlines() if line.startswith("audit: ")) in run.out
+
+
+def test_degrees_that_are_taken_for_radians_are_told_how_to_be_stated(
+    tmp_path: Path, damping: Callable[..., Any]
+) -> None:
+    """And a quantity that is none is told which there are."""
+    text = (
+        '[units]\nforce = "N"\nlength = "m"\ntime = "s"\nphase = "rad"\n'
+        '[raw]\nfrequency = "f"\nforce = "F"\nsweep = "run"\n'
+        '[[sensors]]\nname = "n"\ncolumn = "a"\nquantity = "acceleration"\n[node]\nsensor = "n"\nphase = "lag"\n'
+        "[mode]\nphi = 1.0\nphi_drive = 1.0\n"
+    )
+    raw, config = tmp_path / "raw.csv", tmp_path / "c.toml"
+    raw.write_text("run,f,F,a,lag\n1,9.9,2.0,1.0,20\n1,10.0,2.0,3.0,90\n1,10.1,2.0,1.0,160\n")
+    config.write_text(text)
+    run = damping("condition", raw, "--config", config, "--out", tmp_path / "record.csv")
+    assert run.code == 2
+    assert "line 2, column lag: 20" in run.err
+    assert 'of degrees say phase = "degrees" in [units]' in run.err
+    config.write_text(text.replace('"acceleration"', '"accel"'))
+    run = damping("condition", raw, "--config", config, "--out", tmp_path / "record.csv")
+    assert "'accel'; expected 'acceleration', 'velocity' or 'displacement'" in run.err

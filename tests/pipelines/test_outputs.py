@@ -177,6 +177,64 @@ def test_a_study_writes_over_no_measured_file(tmp_path, damping):
     assert (folder / "summary.json").read_text() == "mine"
 
 
+def campaign_of(folder: Path) -> dict[str, bytes]:
+    """What a campaign leaves, its records those of an example: contents by name."""
+    example = ROOT / "examples" / "bolted-joint"
+    files = {f"modes/{path.name}": path.read_bytes() for path in example.iterdir() if path.suffix in (".csv", ".toml")}
+    study = files.pop("modes/STUDY.toml").decode()
+    study = re.sub(r'(record|mode) = "', r'\1 = "modes/', study)
+    files |= {"study.toml": study.encode(), "campaign.json": b"{}", "report.html": b"page"}
+    publish(folder, files, **PUBLISHED)
+    return files
+
+
+def test_no_command_removes_what_another_left(tmp_path, damping):
+    """Told before any work, in one line, and nothing is lost: neither inputs of this very run nor earlier answers."""
+    folder, records = tmp_path / "c", tmp_path / "records"
+    files = campaign_of(folder)
+    shutil.copytree(folder / "modes", records)
+    (records / "one").mkdir()
+    for name in ("record.csv", "mode.toml"):
+        write_text(records / "one" / name, "x")
+    for words in (
+        ("study", ROOT / "examples" / "bolted-joint" / "STUDY.toml"),
+        ("study",),
+        ("fleet", records, "--workers", 0),
+        ("blind", "--cases", 1),
+        ("bands", records),
+        ("calibrate", "--quick"),
+    ):
+        run = damping(*words, "--out", folder)
+        line = f"damping: {folder}: holds results of damping campaign, which damping {words[0]} would replace"
+        assert (run.code, run.err) == (2, f"{line}; expected another --out\n")
+    run = damping("study", folder / "study.toml", "--out", folder)
+    assert run.code == 2
+    assert run.err.count("\n") == 1
+    assert "study.toml: is an input, and --out would replace the results that it is one of" in run.err
+    run = damping("campaign", folder / "modes" / "record.csv", "--out", folder)
+    assert (run.code, "is an input" in run.err) == (2, True)
+    assert {name: (folder / name).read_bytes() for name in files} == files
+    assert verify(folder)
+
+
+@pytest.mark.parametrize("command", ["fleet", "bands"])
+def test_a_folder_of_records_gets_no_results(tmp_path, damping, command):
+    write_text(tmp_path / "a.csv", "x")
+    run = damping(command, tmp_path, "--out", tmp_path)
+    assert (run.code, run.err.count("\n")) == (2, 1)
+    assert "--out is one of the inputs, which are never written over" in run.err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_a_command_replaces_its_own_results(tmp_path):
+    """A rerun has the outputs that every run of it has; other outputs of the earlier run go."""
+    for left in ("campaign.json", "summary.json", "fleet.html", "README.md"):
+        publish(tmp_path / left, {left: b"1", "only-old.csv": b"1"}, **PUBLISHED)
+        with sole_writer(tmp_path / left, (left,), [tmp_path / "elsewhere.csv"]):
+            publish(tmp_path / left, {left: b"2"}, **PUBLISHED)
+        assert sorted(path.name for path in (tmp_path / left).iterdir()) == sorted((left, MANIFEST))
+
+
 def test_outputs_of_a_folder_are_no_inputs(tmp_path, damping):
     """``--steps`` and ``--plots`` name folders, whose files must not be what was read."""
     data = tmp_path / "x.csv"

@@ -61,6 +61,19 @@ def test_tables_of_a_record(words, damping, saturn_data):
     assert "\n---" in run.out
 
 
+def test_long_names_go_on_below():
+    """Two laws that begin alike are told apart in whatever width holds their words; a number stands once."""
+    laws = [f"viscous + velocity-squared + {last}" for last in ("slip", "coulomb")]
+    table = PlainTable("laws", ("weight",), ("law",))
+    for law in laws:
+        table.add_row(law, "0.512345")
+    lines = table.fit(30)
+    assert all(len(line) <= 30 for line in lines)
+    text = " ".join(" ".join(lines).replace("0.512345", "").split())
+    assert all(law in text for law in laws)
+    assert "".join(lines).count("0.512345") == 2
+
+
 def test_prose_is_wrapped_not_shortened():
     table = PlainTable("read", (), ("what", "understood"))
     table.add_row("adjacent modes", "mode 1 0.034, mode 3 0.0061, mode 4 0.00212")
@@ -84,6 +97,7 @@ def test_the_other_way_round(damping, saturn_data, tmp_path):
     assert picture.read_text().startswith("<svg")
     assert damping("export", form, "--to", "nastran", "--out", deck).code == 0
     assert f"{prediction['damping_ratio']['low']:.9E}" in deck.read_text()
+    assert f"--mode {mode} --force 50 --json curve.json" in damping("curve", record, "--mode", mode, "--force", 50).out
     assert damping("extrapolate", record, "--mode", mode).code == 2
     assert damping("extrapolate", record, "--mode", mode, "--force", 1, "--amplitude", 1).code == 2
     assert "svg or .png" in damping("rank", record, "--mode", mode, "--plot", tmp_path / "a.gif").err

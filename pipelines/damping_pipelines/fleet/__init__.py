@@ -18,7 +18,7 @@ from damping.report import count
 from damping_pipelines.fleet import dataset, runners
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
-from damping_pipelines.store import write_text
+from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import console, progress
 
 #: Rows of a batch at most.
@@ -59,8 +59,9 @@ def fleet(
     settings = dataset.FleetSettings(
         seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
+    refuse_inputs("--out", out, records)
     cases = dataset.find_cases(records)
-    with sole_writer(out, ("fleet.html",)):
+    with sole_writer(out, ("fleet.html",), [path for case in cases for path in (case.record, case.model)]):
         kept = dataset.FleetDataSet(out / "records")
         for path in kept.set_broken_aside():
             told = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"

@@ -20,7 +20,7 @@ from damping.campaign.runs import (
     describe_quantity,
     find_level,
 )
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
@@ -89,7 +89,14 @@ class Source:
         """The run of blocks of samples (channels, n), one of whose names is the drive."""
         stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
         self.channels.add(drive)
-        tracked = track_sine(limits.watch(blocks), place, step)
+        text = (stated.unit or units[place][1]).replace("m/s2", "m/s^2")
+        if not text:
+            expected = "a unit in its header, such as force [N], or in --correct FILE.toml"
+            raise InputError("the drive has no unit", file=self.file, column=drive, expected=expected)
+        try:
+            tracked = track_sine(limits.watch(blocks), place, step)
+        except AnalysisError as error:
+            raise AnalysisError(f"{self.file}, run {label}: {error}") from error
         order = np.argsort(tracked.frequency, kind="stable")
         others = [*units[:place], *units[place + 1 :]]
         sensors = [
@@ -97,7 +104,7 @@ class Source:
             for (name, text), values, third in zip(others, tracked.response, tracked.third, strict=True)
         ]
         size = tracked.drive[order].astype(complex) * stated.scale
-        text, channels = (stated.unit or units[place][1]).replace("m/s2", "m/s^2"), tuple(filter(None, sensors))
+        channels = tuple(filter(None, sensors))
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         named = zip((name for name, _ in units), limits.found, strict=True)
         return self.set_level(self.leave_clipped({name: at for name, at in named if at is not None}, run), label)
@@ -212,8 +219,25 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
                         comments=["#", "%"] if layout.comments else None,
                     )
             except ValueError as error:
-                reason = describe_shortened(str(error), 100)
-                raise InputError(reason, expected=f"numbers in every row from line {line + 1} on") from None
+                expected = f"numbers in every row from line {line + 1} on"
+                whole = InputError(describe_shortened(str(error), 100), expected=expected)
+                raise _find_cell(text, delimiter, columns, line, expected) or whole from None
             line += block.count("\n")
             if table.size:
                 yield table.T
+
+
+def _find_cell(text: str, delimiter: str, columns: Sequence[int], above: int, expected: str) -> InputError | None:
+    """What is wrong with the first cell of some rows that is no number; ``above``: lines before them."""
+    for number, row in enumerate(text.splitlines(), above + 1):
+        cells = row.split(None if delimiter == " " else delimiter)
+        if not row.strip() or row.lstrip()[0] in "#%":
+            continue
+        for column in columns:
+            cell = cells[column].strip() if column < len(cells) else ""
+            try:
+                float(cell)
+            except ValueError:
+                what = repr(describe_shortened(cell)) if cell else "an empty cell"
+                return InputError(what, line=number, column=str(column + 1), expected=expected)
+    return None

@@ -50,6 +50,7 @@ from damping.progress import Progress, silent
 from damping.ranking import Candidate
 from damping.ranking.candidates import load_candidates
 from damping.records import Audit
+from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels
@@ -224,13 +225,15 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     """The forces (or amplitudes, as ``what`` says) as an array (forces,).
 
     Raises:
-        InputError: no force, one that is no positive finite number, or a level not strictly between 0 and 1.
+        InputError: no force, one that is no positive number of a magnitude of records, or a level not within 0 and 1.
     """
     if np.ndim(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for force in forces:
         if not (_is_number(force) and math.isfinite(force) and force > 0.0):
             raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0")
+        if not SMALLEST <= force <= LARGEST:
+            raise InputError(f"{what} {force:g}", expected=f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
     if not (_is_number(level) and 0.0 < level < 1.0):
         raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
     return np.array(forces, dtype=float)

@@ -15,6 +15,7 @@ and its quantiles are where those of amplitude cross A. Uncertainties of mass an
 amplitude's; their squares are added in ln zeta.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,6 +30,7 @@ from damping.extrapolation.near import NEAREST, OF_PREDICTED, ROUNDING, describe
 from damping.extrapolation.prediction import Band, Loads, list_cautions
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
+from damping.records.keys import LARGEST, SMALLEST
 
 #: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
 STEEPEST = 1.0 / SLOPES[0]
@@ -138,12 +140,13 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
 
 
 def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> tuple[FloatArray, Loads]:
-    """Forces, without a limit, that reach every amplitude asked for, and predictions there."""
+    """Forces of a magnitude of records, without a limit, that reach the amplitudes asked for, and predictions there."""
     data = predicted.plan.data
-    least = min(1.0, asked.min() / data.tested_amplitude.min()) ** STEEPEST * data.tested_force.min()
-    most = max(1.0, asked.max() / data.tested_amplitude.max()) ** STEEPEST * data.tested_force.max()
+    down = STEEPEST * min(0.0, math.log(asked.min() / data.tested_amplitude.min())) - math.log(_MARGIN)
+    up = STEEPEST * max(0.0, math.log(asked.max() / data.tested_amplitude.max())) + math.log(_MARGIN)
     free = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
-    low, high = least / _MARGIN, most * _MARGIN
+    low = math.exp(max(math.log(data.tested_force.min()) + down, math.log(SMALLEST)))
+    high = math.exp(min(math.log(data.tested_force.max()) + up, math.log(LARGEST)))
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
     grid = np.unique(np.concatenate([points, data.tested_force]))
     loads = free.predict_at(grid, each=each, still=True)

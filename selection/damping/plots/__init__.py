@@ -24,6 +24,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
+from damping.errors import check_kind
 from damping.forces import CATALOGUE, Viscous
 
 
@@ -101,6 +102,7 @@ _OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 _STYLE: Any = rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
 
 Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
 
 
 class LawStyle(NamedTuple):
@@ -108,9 +110,6 @@ class LawStyle(NamedTuple):
 
     colour: str
     line: Any
-
-
-Result = TypeVar("Result")
 
 
 class Drawn(NamedTuple):
@@ -155,6 +154,8 @@ def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
 
     @wraps(draw)
     def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        if kwargs.get("axes") is not None:
+            check_kind(kwargs["axes"], Axes, "ax")
         with rc_context(_STYLE):
             return draw(*args, **kwargs)
 
@@ -288,8 +289,7 @@ def _shorten(root: ElementTree.Element, prefix: str) -> None:
     used |= {name for e in elements for value in e.attrib.values() for name in _REFERENCE.findall(value)}
     for element in elements:
         attributes = element.attrib
-        own = attributes.pop("id", None)
-        if own in used:
+        if (own := attributes.pop("id", None)) in used:
             attributes["id"] = f"{prefix}-{own}"
         for key, value in list(attributes.items()):
             if key == href and value.startswith("#"):

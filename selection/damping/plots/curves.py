@@ -29,7 +29,7 @@ _LINEAR: Any = {"color": look.LINEAR, "linewidth": 1.4, "linestyle": (0, (7, 2))
 def damping_curve(
     table: pd.DataFrame, level: float, unit: str = "", tested: pd.DataFrame | None = None, *, axes: Axes | None = None
 ) -> Figure:
-    """Draw the damping ratio, with Q on the right; on ``axes`` without a legend.
+    """Draw the damping ratio, with Q on the right.
 
     Args:
         table: rows of a curve, ``amplitude, damping_ratio, damping_ratio_low, damping_ratio_high, tested``; NaN where
@@ -37,14 +37,13 @@ def damping_curve(
     """
     figure, panel = build_panel(3.7, describe_with_unit("resonant amplitude", unit), "damping ratio (%)", axes=axes)
     _draw_damping_ratio(panel, table, tested)
-    if axes is None:
-        marks = [
-            *_build_median_marks(),
-            Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % predictive band"),
-            Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
-            *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
-        ]
-        figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
+    marks = [
+        *_build_median_marks(),
+        Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % predictive band"),
+        Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
+        *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
+    ]
+    _explain(figure, axes, marks)
     return figure
 
 
@@ -99,6 +98,14 @@ def shade_beyond(axes: Axes, edge: float, end: float) -> None:
     """Hatch the ground from ``edge`` to ``end``, where nothing was tested."""
     if end > edge:
         axes.axvspan(edge, end, facecolor=look.BEYOND, edgecolor=look.GRID, hatch="///", linewidth=0, zorder=0)
+
+
+def _explain(figure: Figure, axes: Axes | None, marks: list[Artist]) -> None:
+    """The legend, below the panel of a figure of its own, or within ``axes``."""
+    if axes is None:
+        figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
+    else:
+        axes.legend(handles=marks, loc="best", fontsize=7.0)
 
 
 def _build_median_marks() -> list[Artist]:
@@ -185,7 +192,7 @@ def design_loads(
     *,
     axes: Axes | None = None,
 ) -> Figure:
-    """Draw the median with its band, the linear prediction and the tested points; on ``axes`` without a legend.
+    """Draw the median with its band, the linear prediction and the tested points.
 
     Args:
         band: over a grid of forces, ``force, median, low, high, linear``; NaN where no prediction is given.
@@ -199,15 +206,14 @@ def design_loads(
     if limit < end:
         panel.axvline(limit, color=look.MUTED, linewidth=0.8)
         panel.text(limit, 0.02, " no prediction", transform=panel.get_xaxis_transform(), color=look.MUTED, fontsize=8)
-    if axes is None:
-        marks = [
-            _build_measured_mark(len(tested)),
-            *_build_median_marks(),
-            Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % predictive band"),
-            Line2D([], [], **_LINEAR, label="linear, from the top level"),
-            Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
-        ]
-        figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
+    marks = [
+        _build_measured_mark(len(tested)),
+        *_build_median_marks(),
+        Patch(fc=look.PREDICTIVE, linewidth=0, label=f"{100 * level:g} % predictive band"),
+        Line2D([], [], **_LINEAR, label="linear, from the top level"),
+        Line2D([], [], marker="D", color="white", markeredgecolor=look.INK, linestyle="", label="design force"),
+    ]
+    _explain(figure, axes, marks)
     return figure
 
 

@@ -1,6 +1,7 @@
 """Candidate laws with their weights and errors, posteriors as corner plots, predictive checks, deviations of a fit."""
 
 from collections.abc import Collection, Mapping
+from textwrap import fill, wrap
 from typing import Any, cast
 
 import numpy as np
@@ -58,7 +59,7 @@ def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | N
     return figure
 
 
-#: Letters of a law's name beside its bar: the bars have the rest of the width.
+#: Letters of a line of a law's name beside its bar: the bars have the rest of the width.
 MOST_LETTERS = 24
 #: Errors below this many per cent are drawn at it: a law with as many parameters as points errs by rounding only.
 SMALLEST = 0.01
@@ -75,7 +76,8 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     if axes is not None:
         _draw_weights(axes, table)
         return cast(Figure, axes.figure)
-    figure = look.Drawing(figsize=(look.WIDTH, 0.9 + 0.21 * len(table)))
+    lines = max(len(wrap(str(law), MOST_LETTERS, break_on_hyphens=False)) for law in table["law"])
+    figure = look.Drawing(figsize=(look.WIDTH, 0.9 + (0.08 + 0.13 * lines) * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
     _draw_weights(weights, table)
     _draw_errors(errors, table)
@@ -85,7 +87,7 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
 
 def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     laws = table["law"].astype(str).tolist()
-    draw_plain_rows(axes, [describe_short(law, MOST_LETTERS) for law in laws])
+    draw_plain_rows(axes, [fill(law, MOST_LETTERS, break_on_hyphens=False) for law in laws])
     colours = [law_style(law).colour for law in laws]
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)

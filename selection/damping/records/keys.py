@@ -12,6 +12,7 @@ import tomllib
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import date, time
 from math import pi
 from operator import itemgetter
 from pathlib import Path
@@ -205,7 +206,8 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
 
 def _describe_kind(value: object) -> str:
     kinds = {bool: "true or false", str: "text", int: "a number", float: "a number", list: "a list", dict: "a table"}
-    return kinds.get(type(value), "a date or time")
+    other = "a date or time" if isinstance(value, date | time) else f"a {type(value).__name__}"
+    return "None" if value is None else kinds.get(type(value), other)
 
 
 #: What belongs where pydantic found another thing, by its name for the mistake.
@@ -253,7 +255,8 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
     elif kind in _EXPECTED:
         message, expected = describe_shortened(repr(problem["input"])), expected or _EXPECTED[kind]
     elif message.startswith(_LIMIT):
-        message, expected = describe_shortened(repr(problem["input"])), f"a number {message.removeprefix(_LIMIT)}"
+        message, expected = describe_shortened(repr(problem["input"])), message.removeprefix(_LIMIT)
+        expected = expected if kind == "literal_error" else f"a number {expected}"
     raise locate(table, loc, message, expected)
 
 

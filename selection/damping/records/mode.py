@@ -1,9 +1,11 @@
 """A mode: what a simulation assumes of one vibration mode, read from and written to a TOML file."""
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -85,16 +87,16 @@ class Mode:
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
     parameters. ``drive`` is ``force``, or ``base`` where the base's acceleration stands in the column ``force`` and the
-    motion relative to it in ``amplitude``; the mass then counts for nothing but its damping forces. ``source`` says
-    where it is from. The tables may be given as in a mode file: mappings, and a bare coefficient of a force that
-    has no other parameter.
+    motion relative to it in ``amplitude``; the mass then counts for nothing but its damping forces, and is 1 where it
+    is not given. ``source`` says where it is from. The tables may be given as in a mode file: mappings, and a bare
+    coefficient of a force that has no other parameter.
 
     InputError: what :func:`read_mode` refuses.
     """
 
     name: str
     frequency: float
-    mass: float
+    mass: float = math.nan
     drive: str = "force"
     tolerance: Tolerance = Tolerance()
     repeatability: Repeatability = Repeatability()
@@ -105,12 +107,17 @@ class Mode:
     source: str = ""
 
     def __post_init__(self) -> None:
-        written = {
+        written: dict[str, Any] = {
             "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")},
             **{name: getattr(self, name) for name in ("repeatability", "units", "rig", "damping", "effects")},
         }
+        if written["mode"]["mass"] is type(self).mass:  # the default itself: not given
+            del written["mode"]["mass"]
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, value)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(describe_mode_to_toml(self))}</pre>"
 
     @property
     def omega_n(self) -> float:

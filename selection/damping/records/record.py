@@ -17,7 +17,7 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, find_refused
-from damping.records.text import describe_meant, describe_shortened, guarded
+from damping.records.text import MOST_SHOWN, describe_as_html, describe_meant, describe_shortened, guarded
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,10 @@ class Record:
             return False
         order = np.argsort(self.column("time"), kind="stable")
         return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
+
+    def _repr_html_(self) -> str:
+        title = f"{self.source}: {len(self)} rows in {len(self.sweeps)} sweeps"
+        return describe_as_html(title, self.table.head(MOST_SHOWN))
 
     def column(self, name: str, default: float | None = None) -> FloatArray:
         """A numeric column as a new array (n,), with a ``default`` for what may be blank, or be no column at all."""
@@ -152,6 +156,13 @@ def require_columns(
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 
+#: Kinds of values that pandas would turn into numbers of another meaning, and what is expected instead.
+_NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
+    "complex": "real numbers: of a complex response its size in amplitude and the lag of its angle in phase",
+    **dict.fromkeys(("datetime64", "datetime", "timedelta64", "timedelta"), "numbers, times in s"),
+}
+
+
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """A copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
@@ -161,6 +172,9 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
         raise InputError("no data rows", file=file, expected="at least one row")
     require_columns(REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
     typed = table.reset_index(drop=True)
+    twice = table.columns[table.columns.duplicated()]
+    if len(twice):
+        raise InputError("two columns of this name", file=file, column=str(twice[0]), expected="each name once")
     for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS):
         if name not in typed.columns:
             continue
@@ -169,6 +183,9 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             typed[name], expected = cells.astype(str).astype(object), "text"
             good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
         else:
+            kind = pd.api.types.infer_dtype(cells)
+            if kind in _NO_NUMBERS:
+                raise InputError(f"holds {kind} values", file=file, column=name, expected=_NO_NUMBERS[kind])
             typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), "a finite number"
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():

@@ -4,9 +4,14 @@ import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
+from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from damping.errors import InputError, describe_nearest
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
@@ -187,3 +192,14 @@ class CsvRows:
             if broken is not None:
                 raise InputError(broken.message, line=number + 1, expected=broken.expected)
             start = end
+
+
+#: Rows of the ranking or of a record that a summary shows.
+MOST_SHOWN = 12
+
+
+def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
+    """What a notebook shows: a title, a table, and remarks as a list."""
+    table = shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)
+    listed = "".join(f"<li>{escape(remark)}</li>" for remark in remarks)
+    return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"

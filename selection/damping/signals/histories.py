@@ -194,7 +194,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
         kept, start = kept[:, used:], start + used
     if not rows:
-        raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
+        raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere: random and impact tests are not read")
     frequency, rate, time, size, response, third, drift = (np.array(values) for values in zip(*rows, strict=True))
     rate = _smooth_rate(time, frequency, np.where(np.isnan(drift), rate, drift))
     rate[np.abs(drift) < STILL * np.abs(rate)] = 0.0

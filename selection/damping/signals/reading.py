@@ -152,7 +152,8 @@ def _find_out_of_range(table: pd.DataFrame, description: Description) -> list[tu
     bad[d.raw.force] = table[d.raw.force] <= 0.0, "a force amplitude > 0"
     if d.node.phase:
         turn = 2.0 * np.pi / d.units.rad
-        bad[d.node.phase] = table[d.node.phase].abs() > turn, f"a phase within one turn ({d.units.phase})"
+        hint = "" if d.units.phase == "degrees" else '; of degrees say phase = "degrees" in [units]'
+        bad[d.node.phase] = table[d.node.phase].abs() > turn, f"a phase within one turn ({d.units.phase}){hint}"
     in_order = ((name, *bad[name]) for name in map(str, table) if name in bad)
     places = [(int(np.argmax(wrong)), name, expected) for name, wrong, expected in in_order if wrong.any()]
     return sorted(places, key=lambda place: place[0])
