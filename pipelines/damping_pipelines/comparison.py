@@ -278,17 +278,7 @@ def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
     if not comparable:
         table["difference"] = np.nan
     table = table.sort_values("force", kind="stable")
-    columns = [
-        "force",
-        "units",
-        "study",
-        "median",
-        "low",
-        "high",
-        "linear",
-        "linear_overprediction_percent",
-        "difference",
-    ]
+    columns = ["force", "units", "study", *_AMPLITUDES, "linear_overprediction_percent", "difference"]
     headings = {"linear_overprediction_percent": "linear too high by (%)", "difference": "difference (%)"}
     formats = {
         "linear_overprediction_percent": report.format_percent,

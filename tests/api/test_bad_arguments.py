@@ -60,9 +60,9 @@ def test_forces_and_amplitudes_are_of_the_magnitudes_of_records(value):
     record, mode = dp.Record(TABLE), dp.Mode(name="m", frequency=25.0, mass=0.04)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(dp.InputError, match="expected a magnitude of 1e-50 to 1e\\+50"):
+        with pytest.raises(dp.InputError, match="of a magnitude of 1e-50 to 1e\\+50"):
             dp.curve(record, mode, [value])
-        with pytest.raises(dp.InputError, match="expected a magnitude of 1e-50 to 1e\\+50"):
+        with pytest.raises(dp.InputError, match="of a magnitude of 1e-50 to 1e\\+50"):
             dp.extrapolate(record, mode, value)
     assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
 

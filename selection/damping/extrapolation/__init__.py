@@ -7,7 +7,6 @@ The draws are those of the estimate that weighed the laws (importance sampling),
 Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -205,10 +204,7 @@ def predict_record(
     *,
     fresh: bool = True,
 ) -> tuple[Extrapolation, Rests]:
-    """Predictions at the forces, or, where there are none, at ``times`` the largest tested one.
-
-    ``fresh``: see :func:`extrapolate_loads`.
-    """
+    """Predictions at the forces, or, of none, at ``times`` the largest tested one; ``fresh``: see `extrapolate_loads`."""
     measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
     every, _ = observe_ranked(measured.record, findings)
@@ -230,10 +226,9 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     if np.ndim(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for force in forces:
-        if not (_is_number(force) and math.isfinite(force) and force > 0.0):
-            raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0")
-        if not SMALLEST <= force <= LARGEST:
-            raise InputError(f"{what} {force:g}", expected=f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+        if not (_is_number(force) and SMALLEST <= force <= LARGEST):
+            wanted = f"{_AMPLITUDES[what]} > 0, of a magnitude of {SMALLEST:g} to {LARGEST:g}"
+            raise InputError(f"{what} {force}", expected=wanted)
     if not (_is_number(level) and 0.0 < level < 1.0):
         raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
     return np.array(forces, dtype=float)
