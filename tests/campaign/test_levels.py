@@ -253,6 +253,30 @@ def test_a_clipped_sensor_is_left_out(tmp_path, stated):
         assert all(at.ratio[0] == pytest.approx(ZETA, rel=0.02) for at in places)
 
 
+@pytest.mark.parametrize("kind", ["clipped", "single", "held", "smooth"])
+def test_a_clipped_spectrum_is_left_out(tmp_path, kind):
+    """Amplitudes that stand at 60 % of the largest, of 16 digits or 7, unless the control held the response there."""
+    f, motion = close_modes(1.0)
+    noise = 0.0 if kind == "smooth" else 0.005  # without noise and limit: round tops alone
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for k, level in enumerate((0.1, 0.2, 0.4)):
+            run = file.create_group(f"run_{level}g")
+            a = level * motion * (1 + noise * np.random.default_rng(k).normal(size=motion.shape))
+            size = np.abs(a[0])
+            limit = 0.6 * size.max() if level == 0.4 and kind != "smooth" else size.max()
+            down = np.minimum(limit / size, 1.0)
+            assert np.sum(down < 1.0) >= (10 if level == 0.4 and kind != "smooth" else 0)
+            drive = level * down if kind == "held" else np.full(len(f), level)
+            a = a * down if kind == "held" else np.vstack([a[0] * down, a[1:]])
+            run["frequency"], run["control"] = f, drive.astype(complex)
+            run["accelerations"] = a.astype(np.complex64 if kind == "single" else complex)
+            run["accelerations"].attrs["units"] = "g"
+    runs, summary = read_runs([tmp_path / "a.h5"], 10_000_000)
+    clipped = kind in ("clipped", "single")
+    assert runs[0].names == [f"accelerations[{s}]" for s in range(clipped, 3)]
+    assert any("'accelerations[0]' is clipped" in note and "'run_0.4g'" in note for note in summary.notes) == clipped
+
+
 def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     """Noise alone at frequencies that are stated: no mode, and what to do."""
     f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)
