@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.campaign import analyse
-from damping.campaign.modal_fit import fit_level
+from damping.campaign.modal_fit import find_peaks_of, fit_level
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
@@ -203,6 +203,17 @@ def test_modes_that_draw_together_stay_in_their_bands():
     fit = fit_level(f, H, (39.9, 46.3), 1.0)
     np.testing.assert_allclose(fit.frequency, true, rtol=1e-4)  # 0.2 % over some 20 rows within 1 % of width
     np.testing.assert_allclose(fit.ratio, 0.01, rtol=0.01)
+
+
+def test_dwells_that_begin_on_a_flank_show_every_mode():
+    """Two modes under a force in closed form, at 34 dwells about them: the first rows are the motion of a mode."""
+    f = np.concatenate([np.linspace(11.6, 12.4, 17), np.linspace(18.5, 19.5, 17)])
+    w, H = 2 * np.pi * f, np.zeros((3, 34), complex)
+    for hertz, ratio, shape in ((12.0, 0.0085, (0.125, 0.0625, -0.1)), (18.96, 0.0116, (0.072, -0.108, 0.048))):
+        w_n = 2 * np.pi * hertz
+        H -= np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
+    peaks = find_peaks_of(f, H, -1.0)
+    np.testing.assert_allclose(peaks, [12.0, 18.96], atol=0.0625)  # the space between dwells
 
 
 def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path):
