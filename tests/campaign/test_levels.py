@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.campaign import analyse
+from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import find_peaks_of, fit_level
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
@@ -16,6 +17,7 @@ from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.formats.series import Summary
 from damping.progress import silent
 from damping.records import audit
 
@@ -203,6 +205,34 @@ def test_modes_that_draw_together_stay_in_their_bands():
     fit = fit_level(f, H, (39.9, 46.3), 1.0)
     np.testing.assert_allclose(fit.frequency, true, rtol=1e-4)  # 0.2 % over some 20 rows within 1 % of width
     np.testing.assert_allclose(fit.ratio, 0.01, rtol=0.01)
+
+
+@pytest.mark.parametrize("upper", [19.0, 30.0])
+def test_decays_tell_neighbours_apart(tmp_path, upper):
+    """Modes at 12 Hz and above it in closed form, 200 samples a second: shapes, or why there is but one.
+
+    q = 1/((1/q0 + b) exp(z w t) - b) is the amplitude of the ratio z (1 + b q).
+    """
+    t, shapes, files = np.arange(0.0, 80.0, 1 / 200), np.array([[1.0, 0.6], [0.5, -0.9], [-0.8, 0.4]]), []
+    for k, start in enumerate((0.002, 0.004, 0.008)):
+        q = []
+        for hertz, ratio, growth, first in ((12.0, 0.006, 60.0, start), (upper, 0.008, 150.0, start / 3)):
+            w = 2 * np.pi * hertz
+            size = 1 / ((1 / first + growth) * np.exp(ratio * w * t) - growth)
+            q.append(-(w**2) * size * np.cos(w * t))
+        a = shapes @ np.array(q) + 0.01 * np.random.default_rng(k).normal(size=(3, len(t)))
+        files.append(tmp_path / f"d{k}.csv")
+        head = "time [s],a1 [m/s2],a2 [m/s2],a3 [m/s2]"
+        np.savetxt(files[-1], np.column_stack([t, *a]), delimiter=",", header=head, comments="")
+    summary = Summary()
+    modes = decay_modes(read_runs(files, 100_000_000)[0], (), summary)
+    assert [round(mode.mode.frequency, 1) for mode in modes] == ([12.0, 19.0] if upper < 25.0 else [12.0])
+    assert [f"peak at {upper:g} Hz" in note for note in summary.notes] == ([] if upper < 25.0 else [True])
+    for mode, shape in zip(modes, shapes.T, strict=False):
+        assert not mode.left_out
+        # noise of 0.01 over a window of some 60 samples: 2e-3 m/s^2 beside the 20 that a decay begins with
+        np.testing.assert_allclose(mode.shape, shape / shape[np.argmax(np.abs(shape))], atol=1e-3)
+        assert np.all(mode.shape_sd < 5e-3)
 
 
 def test_dwells_that_begin_on_a_flank_show_every_mode():

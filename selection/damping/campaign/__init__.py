@@ -82,7 +82,7 @@ def analyse(
         if limits or before:
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
-        return _summed_up(answer_decays(runs, inputs, frequencies, seed), summary)
+        return _summed_up(answer_decays(runs, inputs, frequencies, seed, summary), summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
