@@ -153,13 +153,13 @@ def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
     No two measurements agree to the last digit, nor do four. Of a smooth top twice as many rows lie four times as far
     below its largest; a response that is held by its controller has a force that falls.
     """
-    if not len(A) or not A.max() > 0.0:
+    top = float(A.max(initial=0.0))
+    below = 1.0 - A / top if top > 0.0 else np.zeros(len(A))
+    near, beside = below <= LAST_DIGIT, int(np.sum(below <= 4.0 * LAST_DIGIT))
+    if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
         return None
-    near, beside = A >= A.max() * (1.0 - LAST_DIGIT), A >= A.max() * (1.0 - 4.0 * LAST_DIGIT)
-    few = near.sum() < FEWEST_FLAT or np.sum(A < A.max() * (1.0 - FLAT)) < FEWEST_BESIDE
-    if few or beside.sum() >= SMOOTH * near.sum() or _count_digits(A) < DIGITS:
-        return None
-    return float(A.max()) if np.ptp(F[near]) <= STEADY * F[near].max() else None
+    steady = np.ptp(F[near]) <= STEADY * F[near].max()
+    return top if steady and _count_digits(A) == DIGITS else None
 
 
 def _find_resolution(A: FloatArray) -> float:

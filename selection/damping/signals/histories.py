@@ -35,16 +35,14 @@ _FEWEST_OF_DECAY = 8  # samples a period of a decay must have
 MOST_KEPT = 20_000_000  #: samples of all channels within which a window must fit: as many as memory holds with ease
 CYCLES = 8  #: cycles of a window
 HOP = 4  #: cycles from one window to the next
-#: Windows whose frequency differs by less than this share are one row: of a dwell the last but one, where it has settled.
+#: Windows whose frequency differs by less than this share are one row: of a dwell the last but one, when it has settled
 SAME_FREQUENCY = 5e-4
 DWELL = 4  #: windows of a row from which on its first and last are not used: they may reach beyond the dwell
 PURITY = 0.2  #: most that a window of the drive may hold beside its sine, as a share of it: more is no one frequency
 _HYSTERESIS = 0.1  # of the amplitude, by which a crossing of zero must be left again to count
 _FEWEST_SAMPLES = 4.0  # a cycle of a drive
 ROWS_A_SIDE = 5  #: rows before and after one over which the rate of a sweep is told
-#: A row of n windows is a dwell if it drifts by less than this share of the slowest sweep that leaves it after them, at
-#: SAME_FREQUENCY f/(n HOP/f).
-STILL = 0.5
+STILL = 0.5  #: drift of a dwell of n windows over that of a sweep that leaves it after n, SAME_FREQUENCY f^2/(n HOP)
 _REFINED = 2  # times that the phase of a window is made exact
 
 
@@ -178,6 +176,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     """
     kept = np.empty((0, 0))
     rows: list[_Row] = []
+    group: list[_Row] = []  # windows of the last row: its first, then its second, and its last
     start = 0
     for block in blocks:
         if not np.isfinite(block).all():
@@ -191,15 +190,15 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
             first += HOP
             if row is None:
                 continue
-            if rows and abs(row.frequency / anchor.frequency - 1.0) < SAME_FREQUENCY:
+            if group and abs(row.frequency / group[0].frequency - 1.0) < SAME_FREQUENCY:
                 windows = rows[-1].windows + 1
-                until = last if windows >= DWELL else row
-                drift = (until.frequency - anchor.frequency) / (until.time - anchor.time)
+                until = group[-1] if windows >= DWELL else row
+                drift = (until.frequency - group[0].frequency) / (until.time - group[0].time)
                 rows[-1] = until._replace(drift=drift, windows=windows)
-                anchor = row if windows == 2 else anchor
+                group = [row] if windows == 2 else [group[0], row]
             else:
-                rows, anchor = [*rows, row], row
-            last = row
+                rows.append(row)
+                group = [row]
         if not first and kept.size > MOST_KEPT:
             raise AnalysisError(f"the drive does not rise through zero {CYCLES} times within {kept.shape[1]} samples")
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
@@ -207,8 +206,8 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     if not rows:
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
     rows = _drop_passages(rows)
-    frequency, rate, time, size, response, third, drift, _ = (np.array(part) for part in zip(*rows, strict=True))
-    rate = _smooth_rate(time, frequency, np.where(np.isnan(drift), rate, drift))
+    frequency, rate, time, size, response, third, drifts, _ = (np.array(part) for part in zip(*rows, strict=True))
+    rate = _smooth_rate(time, frequency, np.where(np.isnan(drifts), rate, drifts))
     rate[[row.is_dwell for row in rows]] = 0.0
     return TrackedSine(frequency, rate, time, size, response.T, third.T)
 
