@@ -27,6 +27,7 @@ PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, 
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
 SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
 LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
+FEWEST_ROWS = 5  #: rows of which one in the middle may be a peak
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
@@ -61,6 +62,8 @@ def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[flo
     H_s(low) is the motion of the base, which a force (``sign`` -1) has not: there it is 0, as the first rows may be the
     flank of a mode. The noise is taken from second differences, in which a smooth curve leaves nothing.
     """
+    if len(f) < FEWEST_ROWS:
+        return []
     rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1, keepdims=True)
     moved = H - (rigid if sign > 0.0 else 0.0)
     rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
