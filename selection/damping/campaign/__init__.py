@@ -82,7 +82,7 @@ def analyse(
         if limits or before:
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
-        return _summed_up(answer_decays(runs, inputs, frequencies, seed), summary)
+        return _summed_up(answer_decays(runs, inputs, frequencies, seed, summary), summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
@@ -120,8 +120,8 @@ def _answer_driven(
     predicted, rests = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
     loads, apart = predicted.loads, predicted.plan.fit.apart
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
-    fitted = zip(levels, mode.frequency, mode.ratio, strict=True)
-    steady = [_find_steady(rests, level.name) or (float(f), float(z)) for level, f, z in fitted]
+    fitted = zip(levels, tested, bands[:, 0], mode.frequency, mode.ratio, strict=False)
+    steady = [_find_steady(rests, level.name, of_force * F, A) or (float(f), float(z)) for level, F, A, f, z in fitted]
     frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
@@ -154,12 +154,17 @@ def _answer_driven(
     return ModeAnswer(predicted.plan.laws[0].name, answers, *own)
 
 
-def _find_steady(rests: Rests, sweep: str) -> tuple[float, float] | None:
-    """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested sweep made steady; None where nothing was done."""
+def _find_steady(rests: Rests, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
+    """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested level made steady; None where nothing was done.
+
+    Steady states of swept rows are at resonance under less force than was swept with, and so of another damping:
+    ``amplitude`` is that under the ``force`` itself, by the laws of all levels; the tested one where they have none.
+    """
     if not rests.done:
         return None
     data, k = rests.data, list(rests.data.sweeps).index(sweep)
     w, A, F = data.tested_omega[k], data.tested_amplitude[k], data.tested_force[k]
+    A, F = (amplitude, force) if np.isfinite(amplitude) else (A, F)
     return float(w / (2.0 * pi)), float(F / (2.0 * rests.mode.mass * w**2 * A))
 
 

@@ -201,8 +201,9 @@ class ModeAnswer:
 
     @property
     def frequency(self) -> float:
-        """Frequency at the lowest level, Hz."""
-        return self.mode.frequency
+        """Frequency at the lowest tested level, Hz: of swept rows that of their steady states."""
+        tested = {at.level: at.frequency for at in self.places if at.tested}
+        return tested[min(tested)] if tested else self.mode.frequency
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:

@@ -4,13 +4,13 @@ The motion of a mode is the sensors' motion projected on its shape by the pseudo
 left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, pi
 
 import numpy as np
 import pandas as pd
-from scipy.signal import find_peaks, welch
+from scipy.signal import find_peaks, oaconvolve, welch
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import (
@@ -31,10 +31,10 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.formats.quantity import unit
+from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
-from damping.signals.histories import flat_window
-from damping.signals.ringdown import ring_down
+from damping.signals.ringdown import PERIODS, list_weights, ring_down
 
 PARTS = 8  #: parts of a record whose spectra are averaged
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
@@ -42,11 +42,11 @@ ABOVE = 30.0  #: least power of a peak, over the median of the spectrum
 #: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
 FOLLOWS = 0.9
 LEVELS = 8  #: levels that a decay is cut into
-PERIODS = 6.0
 _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
 _SAMPLES = 8.0  # a period must have more
 _HARMONIC = 0.02  # a multiple to the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
+_NO_PEAK = "no mode: no sensor has a peak in its spectrum above the noise"
 REACH = 30.0  #: amplitudes are answered up to this many times those of the test, or below: beyond no law is known
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
@@ -68,11 +68,14 @@ class DecayMode:
     mode: Mode
 
 
-def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[DecayMode]:
+def decay_modes(
+    runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), summary: Summary | None = None
+) -> list[DecayMode]:
     """The modes of free decays.
 
     Args:
         frequencies: Hz, where they are known; else the peaks of the spectrum of the smallest decay.
+        summary: grows by the peaks that are not used, and why.
 
     InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
@@ -86,11 +89,14 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
         x = np.array([np.asarray(channel.samples, dtype=float) * _find_factor(channel) for channel in run.channels])
         motions.append((run.x, x - np.mean(x, axis=1, keepdims=True)))
     size = [float(np.max(np.abs(x))) for _, x in motions]
-    at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])
-    if not at:
-        raise AnalysisError("no mode: no sensor has a peak in its spectrum above the noise")
     loudest = motions[int(np.argmax(size))]
-    shapes = [_shape(*loudest, frequency) for frequency in at]
+    at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])[0]
+    unused = (
+        {} if frequencies else dict.fromkeys(_peaks(*loudest)[1], f"a period must have more than {_SAMPLES:g} samples")
+    )
+    if not at:
+        raise AnalysisError("; ".join([_NO_PEAK, *_list_unused(unused)]))
+    shapes = [_shape(*loudest, frequency, [other for other in at if other != frequency]) for frequency in at]
     if not frequencies:
         own = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
         at, shapes = [at[k] for k in own], [shapes[k] for k in own]
@@ -116,9 +122,16 @@ def decay_modes(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) 
         modes.append(DecayMode(reference, np.where(kept, shape, np.nan), sd, tops, left_out, cautions, record, mode))
     if not modes:
         raise AnalysisError("; ".join(unusable.values()))
+    if summary is not None:
+        for note in _list_unused(unused | unusable):
+            summary.note(note)
     if unusable:  # their shapes have no part in telling the others apart
         return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
     return modes
+
+
+def _list_unused(peaks: Mapping[float, str]) -> list[str]:
+    return [f"the peak at {frequency:.4g} Hz is not used: {why}" for frequency, why in peaks.items()]
 
 
 def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
@@ -137,23 +150,32 @@ def _find_factor(sensor: Channel) -> float:
     return unit(sensor.unit or "1").factor
 
 
-def _peaks(t: FloatArray, x: FloatArray) -> list[float]:
-    """Frequencies of the peaks of the sum of all spectra: from four periods in a part to an eighth of the sampling."""
+def _peaks(t: FloatArray, x: FloatArray) -> tuple[list[float], list[float]]:
+    """Frequencies of the peaks of the sum of all spectra, of at least four periods in a part.
+
+    First those that a decay can be seen of, up to an eighth of the sampling, then those beyond.
+    """
     rate = (len(t) - 1) / (t[-1] - t[0])
     f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // PARTS * 2, axis=1)
     power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)
     places, _ = find_peaks(power, prominence=PROMINENCE)
     floor = np.median(power) + np.log(ABOVE)
-    return [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k] < rate / _SAMPLES]
+    found = [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k]]
+    return [at for at in found if at < rate / _SAMPLES], [at for at in found if at >= rate / _SAMPLES]
 
 
-def _shape(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape (sensors,), 1 where largest, its standard error, and how much of each sensor's motion there it explains."""
+def _shape(
+    t: FloatArray, x: FloatArray, frequency: float, others: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shape (sensors,), 1 where largest, its standard error, and how much of each sensor's motion there it explains.
+
+    ``others``: frequencies of the other modes, which are not in it.
+    """
     dt = float((t[-1] - t[0]) / (len(t) - 1))
     thin = max(int(1.0 / (20.0 * frequency * dt)), 1)
     x = x[:, : x.shape[1] // thin * thin].reshape(len(x), -1, thin).mean(axis=2)
-    window = flat_window(frequency, PERIODS, dt * thin)
-    z = np.array([window.analytic(row) for row in x])
+    weights = list_weights(frequency, others, dt * thin, x.shape[1] // PARTS)
+    z = oaconvolve(x, weights[np.newaxis, ::-1], mode="valid", axes=1)
     u, s, vh = np.linalg.svd(z, full_matrices=False)
     turned = u[:, 0] * np.exp(-1j * np.angle(u[np.argmax(np.abs(u[:, 0])), 0]))
     shape = turned.real
@@ -171,7 +193,7 @@ def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[
         if motion < DEAD * np.median(size):
             out[name] = "dead: it reads next to nothing"
         elif part < FOLLOWS:
-            out[name] = f"it does not move with this mode ({100.0 * part:.0f} % of its motion there)"
+            out[name] = f"only {100.0 * part:.0f} % of its motion there follows this mode"
     return out
 
 
@@ -201,10 +223,14 @@ def _mode(
 
 
 def answer_decays(
-    runs: Sequence[CampaignRun], design: Sequence[DesignLevel], frequencies: Sequence[float], seed: int
+    runs: Sequence[CampaignRun],
+    design: Sequence[DesignLevel],
+    frequencies: Sequence[float],
+    seed: int,
+    summary: Summary,
 ) -> Campaign:
-    """The answer of runs that are free decays, at every tested and design amplitude."""
-    answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies))
+    """The answer of runs that are free decays, at every tested and design amplitude; ``summary`` grows."""
+    answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies, summary))
     tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
     beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
     asked = tuple(float(level.level.max()) for level in design) or tuple(beyond)

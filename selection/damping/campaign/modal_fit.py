@@ -27,6 +27,7 @@ PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, 
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
 SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
 LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
+FEWEST_ROWS = 5  #: rows of which one in the middle may be a peak
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
@@ -55,15 +56,23 @@ class ModalFit(Poles):
         return np.asarray(H - self.local[mode] @ columns.T)
 
 
-def find_peaks_of(f: FloatArray, H: ComplexArray) -> list[float]:
+def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:
     """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise.
 
-    The noise is taken from second differences, in which a smooth curve leaves nothing.
+    H_s(low) is the motion of the base, which a force (``sign`` -1) has not: there it is 0, as the first rows may be the
+    flank of a mode. The noise is taken from second differences, in which a smooth curve leaves nothing.
     """
+<<<<<<< HEAD
     if len(f) < 5:  # no peak within
         return []
     rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1)
     moved = H - rigid[:, None]
+=======
+    if len(f) < FEWEST_ROWS:
+        return []
+    rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1, keepdims=True)
+    moved = H - (rigid if sign > 0.0 else 0.0)
+>>>>>>> 9ab292238119ceba033eae933f50cb26b00b85db
     rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
     floor = float(np.sum((_FLOOR * rough) ** 2))
     power = np.log(np.sum(np.abs(moved) ** 2, axis=0) + floor)

@@ -89,7 +89,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
         sign = 1.0 if run.is_base_driven else -1.0
         if not len(starts):
-            starts = find_peaks_of(f, H)
+            starts = find_peaks_of(f, H, sign)
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
         fit = fit_level(f, H, starts, sign, ratios)

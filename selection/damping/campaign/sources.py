@@ -125,10 +125,11 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
         if level is None or not level[0] > 0.0:
             raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
         drive_unit = sensors[0][1].of.denominator.unit or level[1]
-        return CampaignRun(label, level[0], drive_unit, x, np.full(len(x), level[0], dtype=complex), channels)
-    drive = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
+        drive = np.full(len(x), level[0], dtype=complex)
+        return source.make_sweep(CampaignRun(label, level[0], drive_unit, x, drive, channels))
+    control = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
     drive_unit = stated.of(drives[0][0]).unit or drives[0][1].of.numerator.unit or "g"
-    return source.set_level(CampaignRun(label, None, drive_unit, x, drive, channels), label)
+    return source.set_level(source.make_sweep(CampaignRun(label, None, drive_unit, x, control, channels)), label)
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
@@ -180,7 +181,8 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = source.stated.join_controls(list(rows))
-    return source.set_level(CampaignRun(group, None, drive_unit, f, control, tuple(channels)), group)
+    run = source.make_sweep(CampaignRun(group, None, drive_unit, f, control, tuple(channels)))
+    return source.set_level(run, group)
 
 
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:

@@ -25,7 +25,7 @@ from damping.formats.columns import DELIMITERS, Layout, find_layout, read_column
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary
-from damping.records.check_ceiling import Limits, find_limit
+from damping.records.check_ceiling import Limits, find_ceiling, find_limit
 from damping.records.text import describe_shortened, is_binary, read_bytes, recode
 from damping.signals.histories import track_sine
 
@@ -116,6 +116,15 @@ class Source:
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
         run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
+        return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
+
+    def make_sweep(self, run: CampaignRun) -> CampaignRun:
+        """The run of spectra without sensors whose amplitudes stand at a ceiling under one drive."""
+        assert run.drive is not None
+        drive, limits = np.abs(run.drive), {}
+        for channel in run.channels:
+            A = np.abs(channel.samples) * (drive if channel.per_drive else 1.0)
+            limits[channel.name] = find_ceiling(A, drive)
         return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
 
     def leave_clipped(self, limits: Mapping[str, float], run: CampaignRun) -> CampaignRun:

@@ -118,6 +118,8 @@ FEWEST_FLAT = 4  #: fewest rows of a top that is flat; three are of a table with
 STEEPEST = 10.0
 STEADY = 0.05  #: a force that varies by more, relative, belongs to a sweep that is controlled by its response
 DIGITS = 6  #: a table of as many digits or more is rounded to less than any noise
+LAST_DIGIT = 10.0 ** (1 - DIGITS)  #: amplitudes of complex values of that many digits agree to this
+SMOOTH = 1.5  #: rows near a top over those four times nearer, from which on it is round: a parabola has 2
 AS_LINEAR = 0.1  #: misfit of the wings by a parabola, and what it may fall short of the top: a mode, not a stop
 
 
@@ -130,9 +132,8 @@ def _is_flat(run: Run) -> bool:
     beside = min(int(wings[:first].sum()), int(wings[last:].sum()))
     if last - first < FEWEST_FLAT or np.ptp(np.log(run.F)) > STEADY:
         return False
-    repeated = np.sum(run.A[top] == run.A) >= FEWEST_FLAT and _count_digits(run.A) == DIGITS
-    if repeated and len(below) >= FEWEST_BESIDE:
-        return True  # no two measurements agree to the last digit, nor do four
+    if find_ceiling(run.A, run.F) is not None:
+        return True
     if beside < FEWEST_BESIDE:
         return False
     fitted = fit_parabola(run.omega[wings], (run.F / run.A)[wings])
@@ -144,6 +145,21 @@ def _is_flat(run: Run) -> bool:
     risen = float(fitted[0] * (0.5 * np.ptp(x[flat])) ** 2 * (run.A[top] / np.mean(run.F[flat])) ** 2)
     linear = np.median(np.abs(share[wings] - 1.0)) < AS_LINEAR and bool(np.all(share[flat] < 1.0 + AS_LINEAR))
     return bool(linear and risen > 2.0 * STEEPEST * fallen)
+
+
+def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
+    """The value at which amplitudes A (n,) of a sweep stand while the force F (n,) stays; None where there is none.
+
+    No two measurements agree to the last digit, nor do four. Of a smooth top twice as many rows lie four times as far
+    below its largest; a response that is held by its controller has a force that falls.
+    """
+    top = float(A.max(initial=0.0))
+    below = 1.0 - A / top if top > 0.0 else np.zeros(len(A))
+    near, beside = below <= LAST_DIGIT, int(np.sum(below <= 4.0 * LAST_DIGIT))
+    if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
+        return None
+    steady = np.ptp(F[near]) <= STEADY * F[near].max()
+    return top if steady and _count_digits(A) == DIGITS else None
 
 
 def _find_resolution(A: FloatArray) -> float:

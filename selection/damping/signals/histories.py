@@ -13,8 +13,9 @@ so that X is its amplitude in the middle although the amplitude grows, theta' th
 Samples are kept for the window at hand alone: a record of any length takes the memory of its longest block.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi
 from typing import NamedTuple
 
@@ -34,13 +35,14 @@ _FEWEST_OF_DECAY = 8  # samples a period of a decay must have
 MOST_KEPT = 20_000_000  #: samples of all channels within which a window must fit: as many as memory holds with ease
 CYCLES = 8  #: cycles of a window
 HOP = 4  #: cycles from one window to the next
-#: Rows whose frequency differs by less than this share are one: of a dwell the last counts, where it has settled.
+#: Windows whose frequency differs by less than this share are one row: of a dwell the last but one, when it has settled
 SAME_FREQUENCY = 5e-4
+DWELL = 4  #: windows of a row from which on its first and last are not used: they may reach beyond the dwell
 PURITY = 0.2  #: most that a window of the drive may hold beside its sine, as a share of it: more is no one frequency
 _HYSTERESIS = 0.1  # of the amplitude, by which a crossing of zero must be left again to count
 _FEWEST_SAMPLES = 4.0  # a cycle of a drive
 ROWS_A_SIDE = 5  #: rows before and after one over which the rate of a sweep is told
-STILL = 0.5  #: a row of several windows is a dwell if it drifts by less than this share of the rate from row to row
+STILL = 0.5  #: drift of a dwell of n windows over that of a sweep that leaves it after n, SAME_FREQUENCY f^2/(n HOP)
 _REFINED = 2  # times that the phase of a window is made exact
 
 
@@ -174,7 +176,8 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     """
     kept = np.empty((0, 0))
     rows: list[_Row] = []
-    start, anchor, began = 0, 0.0, 0.0
+    group: list[_Row] = []  # windows of the last row: its first, then its second, and its last
+    start = 0
     for block in blocks:
         if not np.isfinite(block).all():
             raise InputError("samples that are no numbers", expected="finite numbers in every channel")
@@ -185,19 +188,34 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
             window = crossings[first : first + CYCLES + 1]
             row = _fit_window(kept, drive, window, step, start)
             first += HOP
-            if row is not None and rows and abs(row.frequency / anchor - 1.0) < SAME_FREQUENCY:
-                rows[-1] = row._replace(drift=(row.frequency - anchor) / (row.time - began))
-            elif row is not None:
-                rows, anchor, began = [*rows, row], row.frequency, row.time
+            if row is None:
+                continue
+            if group and abs(row.frequency / group[0].frequency - 1.0) < SAME_FREQUENCY:
+                windows = rows[-1].windows + 1
+                until = group[-1] if windows >= DWELL else row
+                drift = (until.frequency - group[0].frequency) / (until.time - group[0].time)
+                rows[-1] = until._replace(drift=drift, windows=windows)
+                group = [row] if windows == 2 else [group[0], row]
+            else:
+                rows.append(row)
+                group = [row]
         if not first and kept.size > MOST_KEPT:
             raise AnalysisError(f"the drive does not rise through zero {CYCLES} times within {kept.shape[1]} samples")
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
         kept, start = kept[:, used:], start + used
     if not rows:
+<<<<<<< HEAD
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere: random and impact tests are not read")
     frequency, rate, time, size, response, third, drift = (np.array(values) for values in zip(*rows, strict=True))
     rate = _smooth_rate(time, frequency, np.where(np.isnan(drift), rate, drift))
     rate[np.abs(drift) < STILL * np.abs(rate)] = 0.0
+=======
+        raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
+    rows = _drop_passages(rows)
+    frequency, rate, time, size, response, third, drifts, _ = (np.array(part) for part in zip(*rows, strict=True))
+    rate = _smooth_rate(time, frequency, np.where(np.isnan(drifts), rate, drifts))
+    rate[[row.is_dwell for row in rows]] = 0.0
+>>>>>>> 9ab292238119ceba033eae933f50cb26b00b85db
     return TrackedSine(frequency, rate, time, size, response.T, third.T)
 
 
@@ -214,7 +232,7 @@ def _find_crossings(x: FloatArray) -> FloatArray:
 
 
 class _Row(NamedTuple):
-    """A row of a ``TrackedSine``; ``drift``: rate from the first to the last of its windows, NaN of one alone."""
+    """A row of a ``TrackedSine``; ``drift``: rate over its ``windows``, NaN of one alone."""
 
     frequency: float
     rate: float
@@ -223,6 +241,25 @@ class _Row(NamedTuple):
     response: ComplexArray
     third: ComplexArray
     drift: float = float("nan")
+    windows: int = 1
+
+    @property
+    def is_dwell(self) -> bool:
+        """Whether its frequency stays."""
+        slowest = SAME_FREQUENCY * self.frequency**2 / (self.windows * HOP)
+        return self.windows >= DWELL and bool(abs(self.drift) < STILL * slowest)
+
+
+def _drop_passages(rows: Sequence[_Row]) -> list[_Row]:
+    """The rows without those between two dwells that have fewer windows together than either of the two."""
+    dwells = [k for k, row in enumerate(rows) if row.is_dwell]
+    passages = {
+        k
+        for a, b in pairwise(dwells)
+        if sum(row.windows for row in rows[a + 1 : b]) < min(rows[a].windows, rows[b].windows)
+        for k in range(a + 1, b)
+    }
+    return [row for k, row in enumerate(rows) if k not in passages]
 
 
 def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, start: int) -> _Row | None:

@@ -18,6 +18,7 @@ which is the force amplitude that holds the amplitude A at phase resonance (C = 
 frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -30,6 +31,8 @@ from damping.records.check_ceiling import find_limit
 from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
+APART = 2.0  #: length of a window that tells two modes apart, over 1/(their distance), least
+NEIGHBOUR = 8.0  #: a mode nearer than this over the length of a window leaks into it
 LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
 ABOVE_NOISE = 10.0  #: least amplitude of a level that is kept, over the noise
 LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
@@ -274,3 +277,21 @@ def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> D
         noise=noise,
         notes=tuple(notes),
     )
+
+
+def list_weights(frequency: float, others: Sequence[float], dt: float, most: int) -> ComplexArray:
+    """Weights (n,) of samples whose sum is the complex amplitude of a sine of ``frequency`` in their middle.
+
+    Least squares under a Hann window, with every mode beside it as (a + b u + c u^2) exp(i omega u), so that it leaves
+    nothing though it decays. ``others``: modes, Hz. ``most``: samples, but for the periods that a window has.
+    """
+    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only several modes need it
+
+    nearest = min((abs(other - frequency) for other in others), default=frequency)
+    half = round(0.5 * max(PERIODS / (frequency * dt), min(APART / (nearest * dt), most)))
+    u, root = np.arange(-half, half + 1) / half, np.sqrt(hann(2 * half + 3)[1:-1])
+    near = [other for other in others if abs(other - frequency) * 2.0 * half * dt < NEIGHBOUR]
+    turn = 1j * RAD_S_PER_HZ * dt * half * u
+    waves = [np.exp(frequency * turn), *(u**power * np.exp(other * turn) for other in near for power in range(3))]
+    basis = np.array([*waves, *np.conj(waves)]).T * root[:, np.newaxis]
+    return np.asarray(np.linalg.pinv(basis)[0] * root)
