@@ -62,17 +62,10 @@ def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[flo
     H_s(low) is the motion of the base, which a force (``sign`` -1) has not: there it is 0, as the first rows may be the
     flank of a mode. The noise is taken from second differences, in which a smooth curve leaves nothing.
     """
-<<<<<<< HEAD
-    if len(f) < 5:  # no peak within
-        return []
-    rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1)
-    moved = H - rigid[:, None]
-=======
     if len(f) < FEWEST_ROWS:
         return []
     rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1, keepdims=True)
     moved = H - (rigid if sign > 0.0 else 0.0)
->>>>>>> 9ab292238119ceba033eae933f50cb26b00b85db
     rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
     floor = float(np.sum((_FLOOR * rough) ** 2))
     power = np.log(np.sum(np.abs(moved) ** 2, axis=0) + floor)

@@ -204,7 +204,10 @@ def predict_record(
     *,
     fresh: bool = True,
 ) -> tuple[Extrapolation, Rests]:
-    """Predictions at the forces, or, of none, at ``times`` the largest tested one; ``fresh`` as of `extrapolate_loads`."""
+    """Predictions at the forces, or, of none, at ``times`` the largest tested one.
+
+    ``fresh``: see :func:`extrapolate_loads`.
+    """
     measured = prepare(record, mode)
     mode, data = measured.mode or mode, near_resonance(measured.record)
     every, _ = observe_ranked(measured.record, findings)

@@ -204,18 +204,11 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
         kept, start = kept[:, used:], start + used
     if not rows:
-<<<<<<< HEAD
         raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere: random and impact tests are not read")
-    frequency, rate, time, size, response, third, drift = (np.array(values) for values in zip(*rows, strict=True))
-    rate = _smooth_rate(time, frequency, np.where(np.isnan(drift), rate, drift))
-    rate[np.abs(drift) < STILL * np.abs(rate)] = 0.0
-=======
-        raise AnalysisError(f"the drive is no sine over {CYCLES} cycles anywhere")
     rows = _drop_passages(rows)
     frequency, rate, time, size, response, third, drifts, _ = (np.array(part) for part in zip(*rows, strict=True))
     rate = _smooth_rate(time, frequency, np.where(np.isnan(drifts), rate, drifts))
     rate[[row.is_dwell for row in rows]] = 0.0
->>>>>>> 9ab292238119ceba033eae933f50cb26b00b85db
     return TrackedSine(frequency, rate, time, size, response.T, third.T)
 
 
