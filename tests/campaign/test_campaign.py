@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import tomllib
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -22,11 +23,11 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
+from damping.api import rank
 from damping.campaign import _find_input, analyse, find_notches
 from damping.campaign.answer import (
     At,
     Campaign,
-    DesignLevel,
     ModeAnswer,
     Response,
     SensorPrediction,
@@ -34,11 +35,12 @@ from damping.campaign.answer import (
 )
 from damping.campaign.decays import decay_modes
 from damping.campaign.records import Level, fit_levels, tie_modes
-from damping.campaign.runs import CampaignRun, read_corrections
+from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
+from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.campaign import _tabulate_modes
 from damping_pipelines.manifest import digest, verify
@@ -175,6 +177,38 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
     assert (out / "study.toml").exists()
     assert "mode-2" in (out / "report.html").read_text()
     assert max(widths) <= 1.6  # what is asked of a campaign
+
+
+def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch):
+    """80 columns: each row with its level and whole; the page with limits, every level, the law of a ranking."""
+    monkeypatch.setenv("COLUMNS", "80")
+    out, source = tmp_path / "out", written(tmp_path / "c.h5", "hdf5")
+    run = damping("campaign", source, "--out", out, "--design", 0.8, "--limit", "accelerations[0]=8", "--quiet")
+    table = run.out.split("modes of the campaign")[-1]
+    rows = [line.split() for line in table.splitlines() if line.startswith("mode-1 ") and line.split()[-1] != "-"]
+    rows = [row for row in rows if row[-1].replace(".", "").isdigit()]
+    assert [row[1] for row in rows if "(g)" not in row] == ["0.1", "0.2", "0.4", "0.8"]
+    assert [row[1:4] for row in rows if "(g)" in row] == [
+        ["accelerations[0]", "(g)", level] for level in ("0.1", "0.2", "0.4", "0.8")
+    ]
+    said = " ".join(run.out.split())
+    assert "below 0.8 g; at most" in said
+    assert "dB from the 0.4 g tested at this mode" in said
+    form = json.loads((out / "campaign.json").read_text())
+    page = (out / "report.html").read_text()
+    for mode in form["modes"]:
+        folder = out / "modes" / mode["name"]
+        ranked = rank(read_record(folder / "record.csv"), read_mode(folder / "mode.toml"))
+        assert mode["law"] == ranked.ranking.candidates[0].name
+        assert f"puts first: {mode['law']}." in page
+        assert sum(law["weight"] for law in mode["laws"]) == pytest.approx(1.0)
+        for at in mode["at"]:
+            for peak in at["response"]:
+                assert f"{peak['median']:.4g}" in page  # tested levels too
+        for notch in mode["notches"]:
+            assert (f"{notch['low']:.4g}" if notch["low"] else "none") in page
+    settings = tomllib.loads((out / "study.toml").read_text())
+    assert [record["design_levels"] for record in settings["records"]] == [["0.8 g"]] * 2
 
 
 def decayed(path: Path, start: float) -> Path:
@@ -543,7 +577,7 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
         np.testing.assert_allclose(20.0 * 2.0 / abs(1.0 - r**2 + 2j * z * r), limit, rtol=2e-3)
     none = find_notches("mode-1", places, 0.5, 0.6, {"tip": limit})[0]
     assert (none.low, none.depth_db) == (None, 0.0)
-    assert "no notch; at most +2.9 dB" in str(none)
+    assert "no notch; at most +2.9 dB from the 0.5 tested at this mode" in str(none)
 
 
 @pytest.mark.parametrize(("design", "ends"), [(30.0, (True, True)), (240.0, (False, True)), (1200.0, (False, False))])
