@@ -132,6 +132,19 @@ def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
         assert "dead" in mode.left_out[names[DEAD]]
 
 
+def test_the_word_for_a_level_is_no_part_of_a_name(tmp_path):
+    """'Level 0.1 g, response 1': the sensor is 'response 1', a ratio in its unit over that of the drive."""
+    sets = [
+        data_set(f"Level 0.1 g, response {s + 1}", 11 + s, row, True) for s, row in enumerate(motion(0.1, FREQUENCY))
+    ]
+    (tmp_path / "a.uff").write_text("".join(sets[:2]))
+    (run,), summary = read_runs([tmp_path / "a.uff"], 10 * SIZE)
+    assert run.names == ["response 1", "response 2"]
+    assert run.level == 0.1
+    said = {what: text for what, text, _ in summary.rows}
+    assert said["channel 'response 1'"] == "sensor of acceleration in g per g"
+
+
 @pytest.mark.parametrize("title", ["FRF at {} g", "{} g"])
 def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
     """Each (node, direction) is a sensor of its own over the levels; equal points are refused."""

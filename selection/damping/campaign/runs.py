@@ -245,7 +245,7 @@ def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
         span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
         summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
-    for channel in {channel.name: channel for run in runs for channel in run.channels}.values():
-        ratio = ", per drive" if channel.per_drive else ""
-        text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
-        summary.add(f"channel {channel.name!r}", text, "found in the file")
+    for name, (channel, drive_unit) in {c.name: (c, run.drive_unit) for run in runs for c in run.channels}.items():
+        per = f" per {drive_unit}" if channel.per_drive else ""
+        text = f"sensor of {channel.quantity} in {channel.unit or 'no unit'}{per}"
+        summary.add(f"channel {name!r}", text, "found in the file")
