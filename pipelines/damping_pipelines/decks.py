@@ -4,9 +4,9 @@ Modes are numbered by frequency, the same at every level: one that has no dampin
 
 A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
 force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of
-90 %): the one a load is sized with, and so the block that is live: at the largest level of the test or the largest
-that was asked for, whichever has less damping; the others are comments. Codes that take coefficients get those of c1 q' + c2 q' |q'| of equal
-dissipation,
+90 %): the one a load is sized with, and so the block that is live, at the largest level of the test or the largest
+that was asked for, whichever has less damping; the others are comments. Codes that take coefficients get those of
+c1 q' + c2 q' |q'| of equal dissipation,
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 

@@ -150,7 +150,7 @@ def read_live(text: str, code: str) -> list[float]:
 
 @pytest.mark.parametrize("code", ["abaqus", "ansys", "opensees", "nastran"])
 def test_the_live_block_is_the_low_end_at_the_level_that_is_sized(code, deck):
-    """Of loads the largest that was asked for; of a curve the largest within the test or beyond it, with less damping."""
+    """Of loads the largest asked for; of a curve the largest within the test or beyond it, with less damping."""
     rows = [
         {"force": F, "amplitude": A, "frequency": 1.6, "tested": F < 50.0, "damping_ratio": {"median": z, "low": low}}
         for F, A, z, low in ((20.0, 1.0, 0.02, 0.018), (40.0, 1.8, 0.022, 0.019), (80.0, 3.0, 0.025, 0.016))

@@ -135,7 +135,8 @@ class LocalEstimate:
 class PowerTrend:
     """How an estimate depends on amplitude: as A^``power``, better than a constant by ``gain`` in chi-square.
 
-    ``share``: the gain over the chi-square that a constant leaves. ``change`` is what it changes by from the smallest to the largest amplitude.
+    ``share``: the gain over the chi-square that a constant leaves. ``change`` is what it changes by from the smallest
+    to the largest amplitude.
     """
 
     power: float
