@@ -20,18 +20,17 @@ from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
+from damping.gap.weighing import KNOWN
 from damping.infer.doubt import LIKELY, JointEvidence
 from damping.predict import prepare
 from damping.predict.steady import phase_resonance
-from damping.ranking.verdict import FitVerdict
+from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Probability from which an explanation counts as alive, ...
+#: Probability from which an explanation counts as alive where the library is held to know the cause.
 ALIVE = 0.1
-#: ... where the chance that the library holds the cause is at least this.
-KNOWN = 0.5
 #: Effects whose damping force has a memory, as of a joint that softens as it slips.
 WITH_MEMORY = {
     name for name, effect in CATALOGUE.items() if effect.damping and FORCES[effect.damping].joints is not Force.joints
@@ -85,14 +84,17 @@ def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
         known = loads.force[np.isfinite(loads.force)]
         loads = predicted.predict_at(known) if known.size else loads
     amplitudes = describe_disagreement(loads, explained)
-    joint = predicted.plan.joint
-    return amplitudes or describe_misfit(predicted.plan.fit, explained) or describe_fall(joint, explained)
+    data, fit, joint = predicted.plan.data, predicted.plan.fit, predicted.plan.joint
+    one_each = len(data.A) == len(data.sweeps) < len(explained.setting.problem.rows)
+    resonances = len(data.A) if one_each else None
+    return amplitudes or describe_misfit(fit, explained, resonances) or describe_fall(joint, explained)
 
 
-def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
+def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | None = None) -> tuple[str, ...]:
     """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none.
 
-    What a simulation has of effects already no law can have: that none fits beside them is no conflict.
+    What a simulation has of effects already no law can have: that none fits beside them is no conflict. ``resonances``:
+    how many the p-value of a law that fits is of, None where it is of all rows.
     """
     effects, p = " and ".join(explained.leading.effects), f"(p = {fit.p_value:.2g})"
     beside = f" beside {effects}" if effects else ""
@@ -102,7 +104,11 @@ def describe_misfit(fit: FitVerdict, explained: Explained) -> tuple[str, ...]:
     if fit.verdict == "none fits" and not effects and not explained.mode.effects:
         said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
     elif fit.verdict == "fits" and explained.unexplained:
-        said = f"a law fits them {p}, while the diagnosis finds more than noise left{beside}"
+        weak = ", so few that they have little power" if resonances is not None and resonances < FEWEST_ROWS else ""
+        what, rows = (
+            ("them", "") if resonances is None else (f"their {resonances} resonances alone{weak}", " in all rows")
+        )
+        said = f"a law fits {what} {p}, while the diagnosis finds more than noise left{rows}{beside}"
     else:
         return ()
     return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)

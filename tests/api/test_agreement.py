@@ -210,6 +210,15 @@ def test_verdicts_that_differ_are_said(verdict, effects, unexplained, said):
     assert verdict == "fits" or effects or not describe_misfit(FitVerdict(verdict, 0.005, 6.6), explained)
 
 
+@pytest.mark.parametrize(("resonances", "few"), [(4, ", so few that they have little power"), (9, "")])
+def test_a_law_that_fits_resonances_alone_is_said_to(resonances, few):
+    """Fewer than 6 points are no test of a law of several coefficients."""
+    explained = SimpleNamespace(leading=SimpleNamespace(effects=("slip",)), unexplained=True, mode=None)
+    (said,) = describe_misfit(FitVerdict("fits", 0.97, 1.0), explained, resonances)
+    assert f"a law fits their {resonances} resonances alone{few} (p = 0.97), while the diagnosis finds" in said
+    assert said.endswith("more than noise left in all rows beside slip")
+
+
 @pytest.mark.parametrize(
     ("joint", "effects", "at_resonance", "said"),
     [

@@ -33,6 +33,8 @@ EFFECTS = {
     "velocity-squared": {"coefficient": 0.05},
     "displacement-velocity": {"coefficient": 0.3},
     "quadratic-displacement": {"coefficient": 0.3},
+    "velocity-power": {"coefficient": 0.1, "exponent": 1.65},
+    "displacement-velocity-power": {"coefficient": 0.1, "exponent": 1.3},
     "coulomb-friction": {"coefficient": 1.0},
     "slip": {"stiffness": 8.0, "limit": 0.1},
     "stiffness-hardening": {"coefficient": 3.0, "exponent": 2.0},

@@ -11,8 +11,9 @@ import pytest
 from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
 from damping.gap.corrected import corrected_mode, describe_effects
-from damping.gap.diagnose import MOST_ROWS, diagnose
-from damping.gap.problem import list_repeated, list_unread
+from damping.gap.diagnose import diagnose
+from damping.gap.driven import list_repeated
+from damping.gap.problem import MOST_ROWS, list_unread
 from damping.gap.rows import read_rows
 from damping.records.record import Record
 

@@ -15,7 +15,7 @@ from damping.gap.designs import DESIGNS, FLOOR
 from damping.gap.diagnose import diagnose
 from damping.gap.next_test import WORTH, name_command
 from damping.gap.rows import UNSEEN
-from damping.gap.size import Gap, HeldOut, HeldOutFold
+from damping.gap.size import Gap, HeldOut, HeldOutFold, describe_held_out
 from damping.gap.weighing import COVER, INDISTINCT, PER_BEYOND, distance
 from damping.records.reading import read_record
 from damping.records.record import Record
@@ -95,6 +95,7 @@ def test_the_mildest_test_that_settles_the_case_comes_first(lab):
     settle = [order.index(test.what) for test in pair.next_tests if test.probability >= COVER]
     others = [test.probability for test in pair.next_tests if test.probability < COVER]
     assert settle
+    assert pair.next_test == pair.next_tests[0]
     assert settle == sorted(settle)
     assert others == sorted(others, reverse=True)
     assert all(test.probability >= COVER for test in pair.next_tests[: len(settle)])
@@ -120,6 +121,20 @@ def test_two_runs_are_proposed_where_none_settles_the_case_alone(lab):
         assert first.expected_log_odds >= part.expected_log_odds
         assert set(part.columns) <= set(first.columns)
         assert part.rows[0] in first.rows
+
+
+def test_a_test_that_settles_nothing_is_told_and_is_no_next_test(lab):
+    """The sweep at the highest force, run again, is all that can be measured: it leaves what it leaves."""
+    found = lab.diagnosed("velocity-squared")
+    pair = replace(found, explanations=found.explanations[:2], hypotheses=found.explanations[:2], in_library=0.1)
+    again = next(own for own in DESIGNS if own.columns == ("amplitude_3", "phase_3"))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("damping.gap.next_test.DESIGNS", [again])
+        (only,) = pair.next_tests
+        assert only.probability < COVER
+        assert pair.next_test is None
+        words = describe_diagnosis(pair)["following"][0]
+    assert words.startswith("No test that a record can hold is expected to settle this; most would be told by a sweep")
 
 
 def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
@@ -242,7 +257,7 @@ def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
     def said(effects):
         fold = HeldOutFold(("A",), effects, 20, 400.0, 300.0, 900.0)
         held_out = HeldOut(9.0, 8.0, 13.0, -1.4, -1.9, -1.0, "each", (fold,))
-        (caution,) = weighing.describe_held_out(Known(("velocity-squared",), 0.0), gap, held_out)
+        (caution,) = describe_held_out(Known(("velocity-squared",), 0.0), gap, held_out)
         return caution
 
     assert said(("velocity-squared",)) == (

@@ -20,7 +20,7 @@ from damping.effects.terms import predict, third_harmonic
 from damping.errors import InputError
 from damping.forces import make
 from damping.forces.joints import Slip
-from damping.gap.corrected import effect_intervals, effect_values, refitted_values
+from damping.gap.corrected import describe_effects, effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
@@ -290,12 +290,47 @@ def test_a_damping_many_times_wrong_is_sized(lab, factor):
     np.testing.assert_allclose(1.0 + relative, factor, rtol=0.1)
 
 
-def heavier(lab, added, viscous):
+def heavier(lab, added, viscous, seed=5):
     """Viscous damping with a known mass added; the sweep follows the resonance."""
     rows = lab.bench(levels=2, points=12).rows
     omega = rows.omega / np.sqrt(1.0 + added / lab.mass)
     Y = lab.mass * lab.omega**2 - (lab.mass + added) * omega**2 + 1j * viscous * omega
-    return lab.record(replace(rows, omega=omega), lab.cells(rows.force / np.abs(Y), np.angle(Y)), 5)
+    return lab.record(replace(rows, omega=omega), lab.cells(rows.force / np.abs(Y), np.angle(Y)), seed)
+
+
+@pytest.mark.parametrize(
+    ("effect", "true"),
+    [("", {}), ("level-offset", {"factor": 0.88, "state": 2.0}), ("phase-lag", {"lag": 0.12, "state": 2.0})],
+)
+def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true):
+    """Three masses, one damping, which their files state 3 and 4 % apart: tolerance 5 %; a sensor mounted anew."""
+    added, stated = (0.0, 2.0, 5.0), np.array([1.04, 1.0, 1.01]) * lab.viscous
+    records = [heavier(lab, mass, lab.viscous, seed) for seed, mass in enumerate(added)]
+    table = records[1].table
+    table["amplitude"] *= true.get("factor", 1.0)
+    table["phase"] += true.get("lag", 0.0)
+    modes = [
+        replace(
+            lab.mode(damping={"viscous": {"coefficient": c}}),
+            mass=lab.mass + mass,
+            frequency=3.0 / np.sqrt(1.0 + mass / lab.mass),
+        )
+        for mass, c in zip(added, stated, strict=True)
+    ]
+    found = explain(records[0], modes[0], states=list(zip(records[1:], modes[1:], strict=True)))
+    assert found.leading.key == {effect} - {""}
+    values, places = describe_effects(found.leading.best)
+    for name, value in true.items():  # 1 % noise of 48 values of that state, four standard errors, and the mass beside
+        np.testing.assert_allclose(values[effect][name], value, rtol=0.0, atol=0.02)
+    what = ("phases",) if effect == "phase-lag" else ("readings", "force")  # which a linear mode does not tell
+    assert places.keys() == found.leading.key
+    assert places.get(effect) in (None, *(f"{word} of state 2" for word in what))
+    if effect:  # in a corrected model of the first state it changes nothing
+        rows = lab.bench(levels=2, points=12).rows
+        drive = Drive(rows.force, rows.omega)
+        alone = with_effects(TERMS, effect_values(found.leading.best))
+        own, plain = (predict(terms, np.zeros(24), drive).P for terms in (alone, TERMS))
+        np.testing.assert_allclose(own, plain, rtol=1e-14)
 
 
 def test_states_share_what_is_wrong(lab):

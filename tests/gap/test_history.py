@@ -95,4 +95,4 @@ def test_configuration_2_is_that_of_the_report(second, saturn):
 
 def test_the_next_test_of_tables_is_read_from_files_yet_to_be_named(first):
     """Table 3.III is no file: the command that would read the next test has the names of no other."""
-    assert "damping gap MODEL.toml RECORD.csv" in first.next_test.command
+    assert "damping gap MODEL.toml RECORD.csv" in first.next_tests[0].command

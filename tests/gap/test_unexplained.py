@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import expit
 
 from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
+from damping.gap.corrected import describe_shortfall
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
@@ -20,12 +23,17 @@ from damping.gap.weighing import (
     Explanation,
     blend_probabilities,
     count_beyond,
+    cover_probability,
     describe_doubts,
     describe_foreign,
+    estimate_in_library,
+    order_by_probability,
     weigh_hypotheses,
 )
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Rig
 from damping.records.record import Record
+from damping.report import format_share
+from damping.report.gap import describe_diagnosis
 
 #: One group: what was integrated is shared with other files.
 pytestmark = pytest.mark.usefixtures("no_folds")
@@ -185,6 +193,91 @@ def test_an_explanation_that_names_the_same_and_more_is_no_imitation(ranked, bey
     assert given[0] == pytest.approx(0.8 * weighed[0].probability + 0.2 * share, rel=1e-12)
     if 1 not in imitations:  # it keeps what it has itself
         assert given[1] == pytest.approx(0.8 * weighed[1].probability, rel=1e-12)
+
+
+def test_answers_are_in_the_order_of_the_probabilities_that_are_staked():
+    """Log odds of 0, -2, -3: in_library p, and (1 - in_library)/(1 + e^(-3/6)) e^(-3/6) more for the one imitation."""
+    ranked = [hypothesis(0.0, "slip"), hypothesis(-2.0, "slip", "drift"), hypothesis(-3.0, "drift")]
+    blended = blend_probabilities(weigh_alike(ranked), 0.2, 1)
+    assert blended[1].probability < blended[2].probability
+    answer = order_by_probability(blended)
+    assert [own.effects for own in answer] == [("slip",), ("drift",), ("slip", "drift")]
+    assert cover_probability(answer) == answer[:2]
+    log_odds = -np.sort(np.random.default_rng(4).exponential(3.0, (50, 6)))
+    names = [("slip",), ("slip", "drift"), (), ("lag",), ("slip", "lag"), ("drift",)]
+    for own in log_odds - log_odds[:, :1]:
+        for effects, beyond, known in product((names, [(), *names[:2], *names[3:]]), (0, 1, 2), (0.0, 0.4, 1.0)):
+            weighed = weigh_alike([hypothesis(odds, *named) for odds, named in zip(own, effects, strict=False)])
+            blended = blend_probabilities(weighed, known, beyond)
+            assert order_by_probability(blended)[0] is blended[0]  # the leading one leads still
+
+
+@pytest.mark.parametrize(
+    ("effects", "unexplained", "chance"),
+    [
+        (("slip",), False, expit(1.71)),
+        (("slip",), True, expit(1.71)),
+        ((), False, expit(2.11)),
+        ((), True, 0.1 * expit(1.71)),
+    ],
+)
+def test_what_no_effect_is_blamed_for_and_is_there_is_hardly_in_the_library(effects, unexplained, chance):
+    """In closed form, of an explanation of probability .9 without doubts: the effects have .1 together."""
+    leading = Explanation(effects, 0.9, hypothesis(0.0, *effects).hypothesis)
+    given = estimate_in_library(np.zeros(4), leading, 1.0, 0, unexplained=unexplained)
+    assert given == pytest.approx(chance, rel=1e-12)
+
+
+def test_a_record_that_fits_only_where_its_levels_scatter_says_so_first(lab):
+    """Gains of 0, 3, 8 and 14 %: their mean is a mass within its tolerance or a scatter of 5 %, the largest tried."""
+    rows = lab.bench(levels=4, points=15).rows
+    gain = np.exp(np.array([0.0, 0.03, 0.08, 0.14])[rows.sweep])
+    found = diagnose(lab.record(rows, lab.linear(rows, gain=gain), 3), lab.mode(None, None))
+    assert found.leading.effects == ()
+    assert found.unexplained
+    assert found.gap.before < 1.2
+    assert found.in_library < 0.5
+    told = describe_diagnosis(found)
+    assert "only if the readings of its levels scatter by 5.00%" in told["verdict"][0]
+    assert "in sweep A to" in told["verdict"][0]
+    assert "in sweep D: a fault of one level" in told["verdict"][0]
+    assert f"in the library at all is {format_share(found.in_library)}." in told["verdict"][0]
+
+
+def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_stays(lab):
+    found = lab.diagnosed("stiffness-hardening")
+    (sure,) = describe_diagnosis(found)["verdict"]
+    (doubted,) = describe_diagnosis(replace(found, in_library=0.49))["verdict"]
+    gap = replace(found.gap, before=8.78, after=9.29, shrinkage=-0.12)
+    (useless,) = describe_diagnosis(replace(found, gap=gap))["verdict"]
+    assert "sigma: " in sure
+    assert "sigma, probably by no cause that the library knows. Of what is known here this comes nearest" in doubted
+    assert "8.78 sigma, and no explanation that is known here makes that less" in useless
+    assert "with 9.29 sigma left" in useless
+
+
+@pytest.mark.parametrize(("power", "what"), [(1, "velocity"), (2, "acceleration")])
+def test_another_quantity_entered_as_displacement_is_said(lab, power, what):
+    """Amplitudes times (omega/omega_n)^k, in closed form: over 6 half-power half-widths 6 % times k to either side."""
+    rows = lab.bench().rows
+    cells = lab.linear(rows, gain=(rows.omega / lab.omega) ** power)
+    found = diagnose(lab.record(rows, cells, 5), lab.mode())
+    assert found.leading.effects
+    said = [caution for caution in found.cautions if "entered as displacement" in caution]
+    assert [caution.split()[0] for caution in said] == [what]
+    assert not any("entered as displacement" in caution for caution in lab.diagnosed("residual-modes").cautions)
+
+
+def test_a_force_that_is_not_measured_may_be_what_saturates(lab):
+    """A = g F/|Z| of a linear mode, whichever of the two g is of."""
+    explanations = lab.diagnosed("slip").hypotheses
+    fit = next(own.hypothesis.best for own in explanations if own.effects == ("sensor-saturation",))
+    assert len(describe_shortfall(fit)) == 1
+    simulation = fit.model.problem.simulation
+    measured = replace(simulation, mode=replace(simulation.mode, rig=Rig(force="measured")))
+    model = replace(fit.model, problem=replace(fit.model.problem, simulation=measured))
+    assert describe_shortfall(replace(fit, model=model)) == []
+    assert describe_shortfall(explanations[0].hypothesis.best) == []
 
 
 def weigh_alike(ranked):

@@ -282,7 +282,7 @@ def test_an_offset_of_phases_turns_added_mass_too():
     assert implied is not None
     assert abs(implied.mass) == pytest.approx(M, rel=2e-3)  # pairs of like amplitude are of rows, not between them
     assert implied.offset == pytest.approx(offset, abs=2e-3)
-    assert classify_phase(implied) == ""
+    assert classify_phase(run, implied) == ""
 
 
 def test_a_level_that_stops_below_its_resonance_is_named():
@@ -377,3 +377,20 @@ def test_a_phase_that_falls_through_an_antiresonance_is_a_lag(noise, points):
     assert not named(swept(own + of_absorber, lead=False))
     assert named(swept(own, lead=True))
     assert not named(swept(own, lead=False))
+
+
+def test_lags_that_fall_between_a_resonance_and_an_antiresonance_keep_their_sign():
+    """H = 1/(w_n^2 - w^2 + 2 i xi w_n w) + R, w_n < w: every lag falls, and its sine is above 0."""
+    f = np.linspace(30.3, 32.2, 13)
+    w, w_n, w_a = 2.0 * np.pi * f, 2.0 * np.pi * 29.0, 2.0 * np.pi * 33.5
+    response = 1.0 / (w_n**2 - w**2 + 0.016j * w_n * w) + (1.0 - 0.35j) / (w_a**2 - w_n**2)
+    lag = np.tile(-np.angle(response), 3)
+    assert np.sin(lag).min() > 0.0 > np.diff(lag[:13]).max()
+    force = np.repeat([0.5, 1.0, 2.0], 13)
+    table = pd.DataFrame(
+        {"force": force, "frequency": np.tile(f, 3), "amplitude": force * np.tile(np.abs(response), 3)}
+    )
+    table = table.assign(sweep=force.astype(str))
+    checks = {own.check for own in audit(record_of(table.assign(phase=lag))).findings}
+    assert "edge-of-sweep" in checks
+    assert "phase-sign" not in checks

@@ -13,6 +13,7 @@ CATALOGUE: dict[str, Effect] = {
     for effect in (
         structure.VISCOUS_COEFFICIENT,
         *forces.OF_ONE_COEFFICIENT,
+        *forces.ONLY_SIMULATED,
         forces.SLIP,
         *forces.SPRINGS,
         structure.NATURAL_FREQUENCY,

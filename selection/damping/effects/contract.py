@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, log
 from typing import Any, Literal, NamedTuple
 
@@ -85,11 +85,12 @@ class Terms(NamedTuple):
         M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
             ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
         compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
-            phase. received: ln of the part of the recorded force that arrives. detuned, damped: ln of the factor on
-            omega_n, and on the damping. offset: ln of the factor of the reading, complex. readings: instruments that
-            are not linear. moving: d omega/dt beside the known one, rad/s^2. law: power of omega/omega_n with which the
-            known one goes. ringing: how what rings is read, see `damping.effects.moving.hurried`. begun: how a moving
-            frequency began, 0 long before the first row of each sweep, 1 there, where it was held.
+            phase. received: ln of the part of the recorded force that arrives. detuned, weighed, damped, stated: ln of
+            the factor on omega_n, M, all damping, and the simulation's. offset: ln of the factor of the reading,
+            complex. readings: instruments that are not linear. moving: d omega/dt beside the known one, rad/s^2. law:
+            power of omega/omega_n with which the known one goes. ringing: how what rings is read, see
+            `damping.effects.moving.hurried`. begun: how a moving frequency began, 0 long before the first row of each
+            sweep, 1 there, where it was held.
     """
 
     M: Floats
@@ -102,7 +103,9 @@ class Terms(NamedTuple):
     lag: Floats = 0.0
     received: tuple[OfDrive, ...] = ()
     detuned: tuple[OfDrive, ...] = ()
+    weighed: tuple[OfDrive, ...] = ()
     damped: tuple[OfDrive, ...] = ()
+    stated: tuple[OfDrive, ...] = ()
     offset: tuple[OfDrive, ...] = ()
     readings: tuple[Reading, ...] = ()
     beside: tuple[OfDrive, ...] = ()
@@ -117,10 +120,11 @@ class Terms(NamedTuple):
         return self._replace(**longer)
 
     def tuned(self, drive: Drive) -> Terms:
-        """The terms with omega_n as it is at each row: of its state, and drifting."""
-        if not self.detuned and not differs(drive.ratio, 1.0):
+        """The terms with omega_n and M as they are at each row: of its state, and drifting."""
+        if not self.detuned and not self.weighed and not differs(drive.ratio, 1.0):
             return self
-        return self._replace(omega_n=self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive)), detuned=())
+        omega_n = self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive))
+        return self._replace(omega_n=omega_n, M=self.M * np.exp(add_parts(self.weighed, drive)), detuned=(), weighed=())
 
     @property
     def viscous(self) -> tuple[Force, ...]:
@@ -142,8 +146,8 @@ class Scales:
         A_low, A_high: 10 % point and largest of the measured amplitudes.
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
-        reach: largest |omega/omega_n - 1| measured.
-        frequency, damping: the simulation's tolerances. sweeps: of the record.
+        reach: largest |omega/omega_n - 1| measured. sweeps, states: of the record.
+        frequency, damping: the simulation's tolerances. simulated: parameters of its damping forces, by name.
     """
 
     A_low: float
@@ -156,6 +160,8 @@ class Scales:
     frequency: float
     damping: float
     sweeps: int = 1
+    states: int = 1
+    simulated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def stiffness(self) -> float:
@@ -182,9 +188,8 @@ class FormVariable:
 
     def value(self, x: Floats) -> Floats:
         """The value at the standard normal variable x."""
-        if self.linear:
-            return self.centre + self.width * np.asarray(x)
-        return self.centre * np.exp(self.width * np.asarray(x))
+        step = self.width * np.asarray(x)
+        return self.centre + step if self.linear else self.centre * np.exp(step)
 
     @staticmethod
     def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> FormVariable:

@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from damping.arrays import RAD_S_PER_HZ, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
+from damping.effects.rig import list_states
 from damping.forces.shapes import TIME, Shape
 
 #: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
@@ -123,39 +124,54 @@ DRIFT = Effect(
 
 
 def offset_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln(factor)| of the readings, or of the force, of one sweep."""
+    """Strength: |ln(factor)| of the readings, or of the force, of one sweep, or of one of several states."""
     if scales.sweeps < 2:
         return ()
     channels = (False,) if scales.sweeps > _MANY_SWEEPS else (False, True)
-    return tuple(
-        chain.from_iterable(_offset_side(sweep, force) for sweep in range(1, scales.sweeps + 1) for force in channels)
-    )
+    places = [*(("sweep", k) for k in range(1, scales.sweeps + 1)), *(("state", k) for k in list_states(scales))]
+    return tuple(chain.from_iterable(_offset_side(*place, force) for place in places for force in channels))
 
 
-def _offset_side(sweep: int, force: bool) -> tuple[Form, Form]:
+def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
     def change(terms: Terms, size: Floats) -> Terms:
-        return one_sweep(terms, sweep, size, force)
+        return in_place(terms, of, number, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": float(sweep)}
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": 0.0}
+        values[of] = float(number)
         return values | ({"force": 1.0} if force else {})
 
-    label = f"{'force' if force else 'readings'} of sweep {sweep}"
+    label = f"{'force' if force else 'readings'} of {of} {number}"
     return LEVEL_OFFSET.either_sign(report, label, change, largest=log(3.0))
 
 
-def one_sweep(terms: Terms, sweep: float, size: Floats, force: bool) -> Terms:
-    """ln of the readings, or of the force, of one sweep changed by ``size``."""
-    return terms.plus(**{"received" if force else "offset": lambda drive: size * (drive.sweep == sweep)})
+def in_place(terms: Terms, of: str, number: float, size: Floats, force: bool) -> Terms:
+    """ln of the readings, or of the force, of one sweep or state (``of``) changed by ``size``."""
+
+    def part(drive: Drive) -> Floats:
+        own = drive.sweep if of == "sweep" else np.asarray(drive.state) + 1.0
+        return np.asarray(size * (own == number))
+
+    return terms.plus(**{"received" if force else "offset": part})
+
+
+def simulate_offset(terms: Terms, table: Mapping[str, float]) -> Terms:
+    """The readings, or the ``force``, of one ``sweep``, or of one ``state``, times ``factor``."""
+    of = "state" if table["state"] else "sweep"
+    return in_place(terms, of, table[of], log(table["factor"]), table["force"] != 0.0)
 
 
 LEVEL_OFFSET = Effect(
     name="level-offset",
     kind="instrument",
-    sentence="the readings or the force of one level are off by a factor",
+    sentence="the readings or the force of one level, or of one state, are off by a factor",
     forms=offset_forms,
-    simulate=lambda terms, table: one_sweep(terms, table["sweep"], log(table["factor"]), table["force"] != 0.0),
-    shapes=(Shape("factor", above=0.0), Shape("sweep", above=0.0), Shape("force", least=0.0, default=0.0)),
+    simulate=simulate_offset,
+    shapes=(
+        Shape("factor", above=0.0),
+        Shape("sweep", least=0.0),  # 0 where it is of a state
+        *(Shape(name, least=0.0, default=0.0) for name in ("state", "force")),
+    ),
     need="sweep",
 )
 

@@ -3,11 +3,12 @@ a force that drops out near resonance, a frequency that moves too fast.
 """
 
 from collections.abc import Callable, Mapping
+from itertools import chain
 from math import log
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, add_parts
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
@@ -45,14 +46,36 @@ AMPLITUDE_SCALE: Effect = Effect(
     shapes=(Shape("factor", above=0.0),),
 )
 
+
+def list_states(scales: Scales) -> range:
+    """Numbers, from 1, of states that may be read otherwise than others: of several, not of a sweep each."""
+    return range(1, scales.states + 1) if 1 < scales.states < scales.sweeps else range(0)
+
+
+def lag_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |lag|, at most 1 rad, of all phases or of those of one of several states."""
+    every = PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0)
+    return (*every, *chain.from_iterable(_lag_side(state) for state in list_states(scales)))
+
+
+def _lag_side(state: int) -> tuple[Form, Form]:
+    return PHASE_LAG.either_sign(lambda lag: {"lag": lag, "state": float(state)}, f"of state {state}", largest=1.0)
+
+
+def simulate_lag(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """All phases later by ``lag``, or those of one ``state``, from 1."""
+    if not differs(table["state"], 0.0):
+        return terms._replace(lag=terms.lag + table["lag"])
+    return terms.plus(offset=lambda drive: -1j * table["lag"] * (np.asarray(drive.state) == table["state"] - 1.0))
+
+
 PHASE_LAG: Effect = Effect(
     name="phase-lag",
     kind="instrument",
-    sentence="all phases are off by one constant",
-    # strength: |lag|, at most 1 rad
-    forms=lambda scales: PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0),
-    simulate=lambda terms, table: terms._replace(lag=terms.lag + table["lag"]),
-    shapes=(Shape("lag"),),
+    sentence="all phases, or those of one state, are off by one constant",
+    forms=lag_forms,
+    simulate=simulate_lag,
+    shapes=(Shape("lag"), Shape("state", least=0.0, default=0.0)),
     need="phase",
 )
 

@@ -7,22 +7,17 @@ the rows; residual modes lie beside them and add an all but in-phase part (secti
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, log1p, tan
+from math import inf, tan
 from typing import Any
 
 import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
+from damping.effects.forces import RELATIVE, factor_forms
 from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: True value over the simulated one, less 1; the value itself is positive.
-RELATIVE = Shape("relative", above=-1.0)
-#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
-_FACTORS = (0.3, 1.0, 2.0, 4.0)
-#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
-_MOST_FACTOR = 12.0
 #: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
 DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
 #: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
@@ -50,20 +45,9 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln| of the factor beyond that of 3 tolerances; the coefficient where none is simulated."""
-    least = log1p(3.0 * scales.damping)
     if scales.viscous == 0.0:
         return (VISCOUS_COEFFICIENT.form(lambda c: {"coefficient": c}, scales.loss / scales.omega_n),)
-
-    def change(terms: Terms, beyond: Floats) -> Terms:
-        c = Viscous(scales.viscous * np.exp(beyond + np.copysign(least, beyond)))
-        return terms._replace(forces=(c, *(f for f in terms.forces if not isinstance(f, Viscous))))
-
-    def report(beyond: Floats) -> dict[str, Floats]:
-        return {"relative": np.expm1(beyond + np.copysign(least, beyond))}
-
-    # neither side mirrors the other: both begin at 3 tolerances
-    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": Viscous.name, "sizes": _FACTORS, "mirror": ""}
-    return VISCOUS_COEFFICIENT.either_sign(report, change=change, **options)
+    return factor_forms(VISCOUS_COEFFICIENT, {"coefficient": scales.viscous}, scales)
 
 
 VISCOUS_COEFFICIENT = Effect(

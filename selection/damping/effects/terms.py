@@ -123,8 +123,9 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
     slope_imaginary: Floats = 0.0
+    stated = drive.own * np.exp(add_parts(terms.stated, drive))
     for number, force in enumerate(terms.forces):
-        own = drive.own if number < terms.simulated else 1.0
+        own = stated if number < terms.simulated else 1.0
         C, slope, S, in_phase_slope = force.averages(A, drive.omega)
         imaginary = imaginary + C * own
         slope_imaginary = slope_imaginary + (slope - C) * own

@@ -29,6 +29,10 @@ CONTENT = 0.9
 #: counts as one at the end of its range.
 _FAR = 2.5
 _FULL = 0.9
+#: Share of a simulated damping force below which it counts as none: it is known to a tolerance of this order at best.
+_GONE = 0.05
+#: What an effect of one sweep or state acts on where it is not the readings or the force, by a parameter that it has.
+_ACTS_ON = {"frequency": "frequency", "lag": "phases"}
 
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
@@ -50,13 +54,16 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
 
 
 def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Parameters of every effect, and in words what one of a single sweep acts on, such as ``force of sweep B``."""
+    """Parameters of every effect, and in words what one of a single place acts on, such as ``force of sweep B``."""
     sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
     for effect, own in values.items():
-        if "sweep" in own:
-            sweep = sweeps[int(own.pop("sweep")) - 1]
-            what = "frequency" if "frequency" in own else "force" if own.pop("force", 0.0) else "readings"
-            places[effect] = f"{what} of sweep {sweep}"
+        of = "state" if "state" in own else "sweep"
+        number = int(own.get("state", own.pop("sweep", 0.0)))
+        if number:
+            forced = own.pop("force", 0.0) > 0.0
+            other = "force" if forced else "readings"
+            what = next((word for name, word in _ACTS_ON.items() if name in own), other)
+            places[effect] = f"{what} of {of} {number if of == 'state' else sweeps[number - 1]}"
     return values, places
 
 
@@ -73,6 +80,11 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
             of, name = key.split(": ")
             intervals[of][name] = float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail))
     return intervals
+
+
+def is_gone(values: Mapping[str, float]) -> bool:
+    """Whether an effect with these parameters leaves nothing of the simulated force that it corrects."""
+    return values.get("relative", 0.0) < _GONE - 1.0
 
 
 def list_ends(fit: ModelFit) -> list[str]:
@@ -104,12 +116,25 @@ def describe_gain(fit: ModelFit) -> list[str]:
     ]
 
 
+def describe_shortfall(fit: ModelFit) -> list[str]:
+    """What readings that saturate cannot be told from, in words: g F/|Z| of a linear mode is that of the force g F.
+
+    Not where the force was measured.
+    """
+    if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
+        return []
+    return [
+        "a force that falls short of the recorded one where the motion is large (a shaker at its limit) reads like "
+        "this saturation where the structure is linear; a measured force tells them apart"
+    ]
+
+
 @np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
 def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
-    Damping forces go to ``damping`` (beside one of the same name, its coefficients add), corrected parameters take the
-    place of the nominal ones, everything else goes to ``effects``.
+    Damping forces go to ``damping`` (beside one of the same name, its coefficients add; one of which nothing is left is
+    removed), corrected parameters take the place of the nominal ones, everything else goes to ``effects``.
     """
     mode = fit.model.problem.simulation.mode
     relative = refitted_values(fit)
@@ -119,7 +144,7 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         effect = effects[name]
         if effect.corrects and "relative" in values:
             relative[effect.corrects] = values["relative"]
-        elif effect.damping and set(values) <= set(list_parameter_names(effect.damping)):
+        elif effect.damping and values.keys() - {"relative"} <= {*list_parameter_names(effect.damping)}:
             added[effect.damping] = values
         else:
             others[name] = values
@@ -127,8 +152,11 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     for name, table in damping.items():  # the leading coefficient changed by a share of itself
         table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
     for name, own in added.items():
-        leading = next(iter(own))
-        damping[name] = {**own, leading: own[leading] + damping.get(name, {}).get(leading, 0.0)}
+        leading, *rest = (parameter for parameter in own if parameter != "relative")
+        whole = own[leading] + damping.get(name, {}).get(leading, 0.0)
+        damping[name] = {leading: whole} | {parameter: own[parameter] for parameter in rest}
+        if is_gone(own):
+            del damping[name]
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
     if slip := damping.get("slip"):  # no joint loses more than there is

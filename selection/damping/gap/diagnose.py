@@ -9,26 +9,24 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.contract import Effect
+from damping.effects.foreign import OTHER_MASS
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
-from damping.gap.corrected import corrected_mode, describe_gain, list_ends
+from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import as_given, drive_by_forces
+from damping.gap.driven import as_given, drive_by_forces, list_repeated
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.problem import (
-    NOISE_ERROR,
     Setting,
     State,
     exclude_effects,
-    list_repeated,
     list_unread,
     record_cautions,
-    refuse_other_mode,
+    refuse_rows,
     setting,
 )
-from damping.gap.rows import read_rows
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import spread
@@ -41,7 +39,7 @@ from damping.gap.where import (
     footprint_cells,
     local_estimates,
     residual_cells,
-    trend,
+    trend_of,
 )
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -51,10 +49,10 @@ DISPERSED = 4.0
 MOST_DISPERSIONS = 3
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
-#: With fewer rows, noise that is not stated is not looked at again in the light of an effect.
+#: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
 FEW_ROWS = 40
-#: Rows that are diagnosed at most: it takes minutes, not hours.
-MOST_ROWS = 5_000
+#: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
+MOST_NOISES = 3
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,8 @@ class Explained:
             repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. unexplained: more than noise is left.
+        in_library: chance that the library holds the cause at all. unexplained: more than noise is left; ``rest``: in
+            the rows, and not only in how the levels scatter.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -80,6 +79,7 @@ class Explained:
     doubts: FloatArray
     in_library: float
     unexplained: bool
+    rest: bool
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -129,8 +129,8 @@ class Diagnosis(Explained):
 
     @property
     def next_test(self) -> NextTest | None:
-        """The best of the candidate tests."""
-        return self.next_tests[0] if self.next_tests else None
+        """The first of the candidate tests where it is expected to settle the case; else None."""
+        return next((test for test in self.next_tests[:1] if test.probability >= weighing.COVER), None)
 
 
 @np.errstate(all="ignore")  # a search passes through impossible models, which what it gives says
@@ -177,13 +177,14 @@ def explain(
     tests = tuple(directed_tests(leading.best))
     foreign = fit_foreign(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, foreign)
-    beyond = weighing.count_beyond(hypotheses)
-    in_library = weighing.estimate_in_library(doubts, leading, known.dispersion, beyond)
-    weighed = weighing.blend_probabilities(hypotheses, in_library, beyond)
     cautions += weighing.describe_foreign(leading, foreign)
-    left = unexplained(leading.best, tests, library) or bool(size.describe_repeatability(known, leading.best))
-    left = left or known.dispersion > 1.0
-    found = (known, search, library, weighed, tests, doubts, in_library, left, tuple(cautions))
+    rest = unexplained(leading.best, tests, library) or known.dispersion > 1.0
+    left = rest or bool(size.describe_repeatability(known, leading.best))
+    beyond = weighing.count_beyond(hypotheses)
+    in_library = weighing.estimate_in_library(doubts, hypotheses[0], known.dispersion, beyond, unexplained=left)
+    blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
+    weighed = weighing.order_by_probability(blended)
+    found = (known, search, library, weighed, tests, doubts, in_library, left, rest, tuple(cautions))
     return Explained(record, mode, *found, tuple(states), simulate, driven.unit)
 
 
@@ -206,9 +207,12 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
+        *size.describe_noise(known, leading.best),
         *list_ends(leading.best),
         *describe_gain(leading.best),
-        *weighing.describe_held_out(leading, gap, held_out),
+        *describe_shortfall(leading.best),
+        *weighing.describe_quantity(explained.search, leading),
+        *size.describe_held_out(leading, gap, held_out),
     ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
     return Diagnosis(
@@ -223,26 +227,9 @@ def diagnose(
         footprint=footprint_cells(leading.best),
         held_out=held_out,
         local=local,
-        damping_trend=_trend(local, "damping"),
-        frequency_trend=_trend(local, "frequency"),
+        damping_trend=trend_of(local, "damping"),
+        frequency_trend=trend_of(local, "frequency"),
     )
-
-
-def _trend(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
-    """How local estimates of a quantity go with amplitude."""
-    columns = ("amplitude", quantity, f"{quantity}_sd")
-    return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
-
-
-def refuse_rows(states: Sequence[State]) -> None:
-    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
-    count = sum(len(record) for record, _ in states)
-    if count > MOST_ROWS:
-        raise AnalysisError(
-            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
-        )
-    for record, mode in states:
-        refuse_other_mode(read_rows(record, mode), mode)
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
@@ -268,34 +255,44 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
 def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
 
-    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior.
+    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
+    mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
     """
     if not leading.effects:
         return None
-    own = {name: search.effects[name] for name in leading.effects}
-    fitted = {key: hypothesis for key, hypothesis in search.hypotheses.items() if key <= leading.key}
+    masses = np.ptp(search.problem.rows.added)
+    of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
+    parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
+    fitted = {key: own for key, own in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
+    own = {name: search.effects[name] for name in frozenset().union(*fitted)}
     beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
     beside.singles()
-    for replaced in leading.effects if len(own) > 1 else ():
+    for replaced in leading.effects if len(leading.effects) > 1 else ():
         beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+    if parameters:
+        beside.extend(parameters[0], OTHER_MASS.name)
     return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the noise as stated; else with that of what the simulation alone leaves, or the best single effect.
+    """A search with the noise as stated; else with that of what its own leading explanation leaves.
 
-    A combination of effects could take in some of the noise itself.
+    It begins with the noise that the simulation alone leaves, which a wrong one makes too large, and begins anew with
+    that of the leading explanation, which is tried again, until it stands.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search = Search(start.problem, effects, start.unknowns)
-    search.singles()
-    better = start if len(start.problem.rows) < FEW_ROWS else start.with_noise_of(search.ranked()[0].best)
-    a, b = start.problem.rows, better.problem.rows
-    changes = np.concatenate([np.log(b.sd_amplitude / a.sd_amplitude), np.log(b.sd_phase / a.sd_phase)])
-    if np.sqrt(np.mean(changes**2)) >= NOISE_ERROR:  # beyond what is integrated over anyway
-        return better, Search(better.problem, effects, better.unknowns).run()
-    search.combine()
+    search = Search(start.problem, effects, start.unknowns).run()
+    for _ in range(MOST_NOISES):
+        better = start.with_noise_of((leading := search.ranked()[0]).best)
+        if better.has_noise_of(start):
+            break
+        start, search = better, Search(better.problem, effects, better.unknowns)
+        search.singles()
+        for k in range(1, len(leading.effects)):
+            if base := search.hypotheses.get(frozenset(leading.effects[:k])):
+                search.extend(base, leading.effects[k])
+        search.combine()
     return start, search

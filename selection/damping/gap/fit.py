@@ -78,6 +78,11 @@ class ModelFit:
         return self.r[self.model.problem.rows.seen]
 
     @property
+    def freedom(self) -> float:
+        """Degrees of freedom left, at least 1: measured values less the variables that they, not priors, determine."""
+        return max(self.measured.size - len(self.y) + float(np.trace(self.covariance)), 1.0)
+
+    @property
     def many_wild(self) -> bool:
         """Whether more values are taken for wild than errors of measurement are, or than are not."""
         wild = self.weights[self.model.problem.rows.seen] < WILD_WEIGHT

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from math import pi
 
 import numpy as np
@@ -19,11 +18,13 @@ from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
 from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
-from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator
+from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator, list_of_states
 from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
 from damping.records.record import Record
 
+#: Rows that are diagnosed at most: it takes minutes, not hours.
+MOST_ROWS = 5_000
 #: Standard deviation of the ln of a noise that was estimated from roughness, at least.
 NOISE_ERROR = 0.2
 #: A resonance farther from the simulated one than this, relative, is that of another mode ...
@@ -31,10 +32,6 @@ _ANOTHER_MODE = 0.12
 #: ... unless the response between the two stays above this share of the largest, at more than ``_BROAD_ROWS`` rows.
 _BROAD = 0.5
 _BROAD_ROWS = 2
-#: Columns of a row that two measurements do not share to the last digit, and the share of rows that do where one is a
-#: copy: rounded peaks may agree once.
-_MEASURED = ("force", "frequency", "amplitude", "phase")
-_COPIED = 0.5
 #: Rows without which a sweep says nothing of a resonance.
 _FEW_ROWS = 3
 
@@ -56,12 +53,16 @@ class Setting:
     dispersion: float = 1.0
 
     @property
-    def unknowns(self) -> Unknowns:
-        """What repeatability and noise may be; noise that was estimated from n rows is known to sqrt(2/n) at best."""
+    def noise_error(self) -> float:
+        """Standard deviation of the ln of the noise; one estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
         of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # there it is no more than a guess
-        error = 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
-        return list_unknowns(self.scatter, self.problem.scales.bandwidth, error, self.dispersion)
+        return 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """What repeatability and noise may be."""
+        return list_unknowns(self.scatter, self.problem.scales.bandwidth, self.noise_error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:
@@ -69,15 +70,25 @@ class Setting:
         return self.amplitude_noise and (self.phase_noise or not self.problem.rows.has_phase)
 
     def with_noise_of(self, reference: ModelFit) -> Setting:
-        """The setting with noise that is not stated taken from the roughness of a fit's residuals."""
-        rows, factor = reference.model.problem.rows, reference.model.scatter.factor
-        n = len(rows)
+        """The setting with noise that is not stated taken from the roughness of a fit's residuals.
+
+        They are smaller than the noise by what the fit takes in of it: their mean square by 1 - k/m, of k variables
+        that m values determine.
+        """
+        rows, n = reference.model.problem.rows, len(reference.model.problem.rows)
+        factor = reference.model.scatter.factor * np.sqrt(reference.measured.size / reference.freedom)
         if not self.amplitude_noise:
             rows = replace(rows, sd_amplitude=roughness(rows, reference.r[:n] * rows.sd_amplitude * factor))
         if rows.has_phase and not self.phase_noise:
             rough = roughness(rows, reference.r[n : 2 * n] * rows.sd_phase * factor)
             rows = replace(rows, sd_phase=np.where(rows.sd_phase < UNSEEN, rough, UNSEEN))
         return replace(self, problem=replace(self.problem, rows=rows))
+
+    def has_noise_of(self, other: Setting) -> bool:
+        """Whether the noise is that of another setting, within what is integrated over anyway."""
+        a, b = self.problem.rows, other.problem.rows
+        changes = np.log([a.sd_amplitude / b.sd_amplitude, a.sd_phase / b.sd_phase])
+        return bool(np.sqrt(np.mean(changes**2)) < self.noise_error)
 
 
 #: A further state of the structure: its record and the mode that simulates it.
@@ -105,10 +116,9 @@ def setting(
     if shaken:
         rows = [on_base(own, masses[own.row]) for own, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
-    further = tuple(int(k) for k in np.unique(joined.state[joined.ratio != 1.0]))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
     swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # the law of a rate that a column has is its own
-    simulation = Simulation(mode, further, swept if np.any(joined.rate) else (), simulator, groups)
+    simulation = Simulation(mode, list_of_states(joined), swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(own) for own, _ in ((record, mode), *states)]
     own = mode.repeatability
@@ -149,7 +159,20 @@ def scales(rows: Rows, mode: Mode) -> Scales:
         frequency=mode.tolerance.frequency,
         damping=mode.tolerance.viscous,
         sweeps=len(rows.sweeps),
+        states=1 + int(rows.state.max()),
+        simulated=mode.damping,
     )
+
+
+def refuse_rows(states: Sequence[State]) -> None:
+    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
+    count = sum(len(record) for record, _ in states)
+    if count > MOST_ROWS:
+        raise AnalysisError(
+            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+        )
+    for record, mode in states:
+        refuse_other_mode(read_rows(record, mode), mode)
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:
@@ -239,21 +262,6 @@ def list_unread(states: Sequence[State]) -> list[str]:
 def _is_filled(record: Record, name: str) -> BoolArray:
     """Which rows hold a number in a column, (n,)."""
     return np.isfinite(record.column(name, np.nan))
-
-
-def list_repeated(states: Sequence[State]) -> list[str]:
-    """States that share rows to the last digit, which no measurement does."""
-    cautions = []
-    for (j, (one, _)), (k, (two, _)) in combinations(enumerate(states, 1), 2):
-        columns = [name for name in _MEASURED if name in one.table and name in two.table]
-        rows = [set(record.table[columns].itertuples(index=False, name=None)) for record in (one, two)]
-        shared, fewer = len(rows[0] & rows[1]), min(map(len, rows))
-        if shared >= _COPIED * fewer:
-            which = "the rows" if shared == fewer else f"{shared} rows"
-            cautions.append(
-                f"{which} of states {j} and {k} are identical, as those of two measurements never are: they count twice"
-            )
-    return cautions
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:

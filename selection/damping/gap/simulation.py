@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from inspect import signature
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from damping.effects.course import BETWEEN
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
+from damping.gap.rows import Rows
 from damping.records import audit
 from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
@@ -37,19 +38,41 @@ def within_tolerance(x: FloatArray) -> FloatArray:
     return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
 
 
+class OfState(NamedTuple):
+    """A ``quantity`` (frequency, mass, damping) of one ``state``, from 0, and by how much it is ``apart``, |ln|."""
+
+    quantity: str
+    state: int
+    apart: float
+
+
+def list_of_states(rows: Rows) -> tuple[OfState, ...]:
+    """What is uncertain of each further state by itself, beside what all share.
+
+    The frequency where the stiffness is its own; mass and damping where its file's are not those of the first, by no
+    more than they differ: files that say the same say that nothing has changed.
+    """
+    values = []
+    for state in np.unique(rows.state[rows.state > 0.0]).astype(int):
+        ratio, own, mass = (float(getattr(rows, name)[rows.state == state][0]) for name in ("ratio", "own", "mass"))
+        values += [OfState("frequency", state, np.inf), OfState("mass", state, abs(np.log(mass)))] * (ratio != 1.0)
+        values.append(OfState("damping", state, abs(np.log(own))))
+    return tuple(value for value in values if value.apart > 0.0)
+
+
 @dataclass(frozen=True)
 class Simulation:
     """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
 
     The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
-    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), the frequency of
-    each of the ``further`` states (numbers from 1) whose stiffness is its own, the participation of each group of
-    states (numbers from 0) that a base has ``shaken``, what is not known of a ``swept`` record's rates (fields of
-    `Terms`, see `damping.effects.course.BETWEEN`), and the parameters of a simulator.
+    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), what is uncertain
+    ``of_states`` each by itself, the participation of each group of states (numbers from 0) that a base has ``shaken``,
+    what is not known of a ``swept`` record's rates (fields of `Terms`, see `damping.effects.course.BETWEEN`), and the
+    parameters of a simulator.
     """
 
     mode: Mode
-    further: tuple[int, ...] = ()
+    of_states: tuple[OfState, ...] = ()
     swept: tuple[str, ...] = ()
     simulator: Simulator | None = None
     shaken: tuple[tuple[int, ...], ...] = ()
@@ -58,7 +81,7 @@ class Simulation:
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
         own = () if self.simulator is None else tuple(self.simulator.values)
-        states = (f"frequency of state {number + 1}" for number in self.further)
+        states = (f"{value.quantity} of state {value.state + 1}" for value in self.of_states)
         shaken = ("participation of state " + "+".join(str(number + 1) for number in group) for group in self.shaken)
         return ("frequency", "mass", *self.mode.damping, *states, *shaken, *self.swept, *own)
 
@@ -72,7 +95,9 @@ class Simulation:
         own = [] if self.simulator is None else list(self.simulator.tolerances.values())
         if own:  # what the simulator's own parameters leave open is theirs
             frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
-        states, swept = [frequency] * len(self.further), [BETWEEN.width] * len(self.swept)
+        stated_of = {"frequency": frequency, "mass": mass, "damping": damping}
+        states = [min(stated_of[value.quantity], value.apart) for value in self.of_states]
+        swept = [BETWEEN.width] * len(self.swept)
         shaken = [UNKNOWN_SPREAD] * len(self.shaken)  # it was taken from these very rows
         return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *shaken, *swept, *own])
 
@@ -91,11 +116,10 @@ class Simulation:
             for number, (build, leading, parameters) in enumerate(self._damping)
         ]
         first = 2 + len(forces)
-        detuned = tuple(
-            lambda drive, of=state, by=deviation[:, first + k]: by * (drive.state == of)
-            for k, state in enumerate(self.further)
-        )
-        first += len(self.further)
+        of_states: dict[str, tuple[OfDrive, ...]] = {"frequency": (), "mass": (), "damping": ()}
+        for k, value in enumerate(self.of_states):
+            of_states[value.quantity] += (partial(_deviate, value.state, deviation[:, first + k]),)
+        first += len(self.of_states)
         received = tuple(_received(group, deviation[:, first + k]) for k, group in enumerate(self.shaken))
         first += len(self.shaken)
         rates: dict[str, Any] = {name: BETWEEN.centre + deviation[:, first + k] for k, name in enumerate(self.swept)}
@@ -106,12 +130,19 @@ class Simulation:
             forces=tuple(forces),
             simulated=len(forces),
             received=received,
-            detuned=detuned,
+            detuned=of_states["frequency"],
+            weighed=of_states["mass"],
+            stated=of_states["damping"],
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
             law=rates.get("law", 0.0),
             ringing=rates.get("ringing", 0.0),
             begun=rates.get("begun", 0.0),
         )
+
+
+def _deviate(state: int, deviation: FloatArray, drive: Drive) -> FloatArray:
+    """A ln deviation (batch, 1) in the rows of one state, none in others."""
+    return np.asarray(deviation * (drive.state == state))
 
 
 def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:

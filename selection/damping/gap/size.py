@@ -11,15 +11,23 @@ from scipy.special import ndtri
 from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Terms
 from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
 #: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
 OUTLYING = 3.3
+#: What an explanation leaves, with two standard errors of it, over a noise that is plainly too large.
+_QUIET = 0.8
 #: Most levels held out, the highest first; content of the interval.
 MOST_FOLDS = 3
 CONTENT = 0.9
+#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
+_CLOSED = 0.8
+_FAILED = 0.5
+#: Effects that speak of single sweeps: those that are held out cannot be predicted.
+_OF_ONE_SWEEP = {"drift", "level-offset"}
 
 
 @dataclass(frozen=True)
@@ -134,8 +142,8 @@ def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
 
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     """What the deviations of the sweeps say: levels that are outlying, estimates that end at the edge of their grid."""
-    repeatability = []
-    for level in list_levels(fit):
+    repeatability, levels = [], list_levels(fit)
+    for level in levels:
         for what, size, sigma in (
             ("readings", level.gain, level.gain_sigma),
             ("frequency", level.frequency, level.frequency_sigma),
@@ -146,14 +154,26 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
                 )
     unknown = setting.unknowns
     if len(unknown.scatters) > 1:
-        largest = np.max(unknown.scatters, axis=0)
-        for what, own, most in zip(("amplitude", "frequency"), vars(fit.model.scatter).values(), largest, strict=False):
-            if own >= most:
+        own, largest = fit.model.scatter, np.max(unknown.scatters, axis=0)
+        of_kinds = (("readings", "gain", own.amplitude), ("frequencies", "frequency", own.frequency))
+        for (what, name, scatter), most in zip(of_kinds, largest, strict=True):
+            if scatter >= most:
+                first, *_, last = sorted((getattr(level, name), level.sweep) for level in levels)
                 repeatability.append(
-                    f"the repeatability of the {what} was estimated at the edge of what is usual ({own:.2g}): "
-                    "something else may hide in it"
+                    f"the {what} of its levels scatter by {scatter:.2%}, the edge of what is usual, from "
+                    f"{first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}: "
+                    "a fault of one level, or another cause, may hide there"
                 )
     return repeatability
+
+
+def describe_noise(setting: Setting, fit: ModelFit) -> list[str]:
+    """The caution where an explanation leaves less than noise: noise that is too large hides what is as small."""
+    left = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
+    if setting.problem.rows.at_resonance or left * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
+        return []
+    how = "stated" if setting.noise_known else "estimated"
+    return [f"the noise is {how} too large: rows scatter {left:.2g} of it, and effects as small as the rest are hidden"]
 
 
 @dataclass(frozen=True)
@@ -179,6 +199,20 @@ class HeldOut(Gap):
     high: float | None
     scheme: str
     folds: tuple[HeldOutFold, ...]
+
+
+def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
+    """The caution where an explanation that closes the gap does not on levels that did not choose it."""
+    if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+        return []
+    if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
+        return []
+    closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "nothing"
+    others = {" + ".join(fold.effects) or "no effect" for fold in held_out.folds if set(fold.effects) != leading.key}
+    if others:
+        chosen = f"without one {' or '.join(sorted(others))} is chosen"
+        return [f"the explanation hangs on single levels: {chosen}, which closes {closed} of the gap there"]
+    return [f"the explanation fails on levels that did not choose it: it closes {closed} of their gap"]
 
 
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:

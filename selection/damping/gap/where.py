@@ -10,6 +10,7 @@ whatever the law. A constant zeta is viscous damping; a change with amplitude as
 same for the stiffness: p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -199,3 +200,9 @@ def _chi_square(design: FloatArray, value: FloatArray, sd: FloatArray) -> tuple[
     scaled = design / sd[:, np.newaxis]
     coefficients = np.linalg.lstsq(scaled, value / sd)[0]
     return float(np.sum((value / sd - scaled @ coefficients) ** 2)), np.asarray(coefficients)
+
+
+def trend_of(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
+    """How local estimates of a quantity go with amplitude."""
+    columns = ("amplitude", quantity, f"{quantity}_sd")
+    return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))

@@ -194,12 +194,18 @@ AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-def classify_phase(turn: Implied) -> str:
-    """What a phase is that is no lag: negated, minus pi, the lead of the acceleration; nothing where it may be one."""
+def classify_phase(run: Run, turn: Implied) -> str:
+    """What a phase is that is no lag: negated, minus pi, the lead of the acceleration; nothing where it may be one.
+
+    Lags between 0 and pi are negative once negated, and so are they less pi: a phase whose sine is positive at every
+    row is none of these two, whatever line its rows follow beside the resonance.
+    """
+    assert run.phase is not None
     half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is half a turn rather than a quarter or none
-    if turn.taken < -CERTAIN:
-        return "acceleration" if half else "negated"
-    return "minus pi" if half and turn.taken > CERTAIN else ""
+    kind = ("acceleration" if half else "negated") if turn.taken < -CERTAIN else ""
+    if half and turn.taken > CERTAIN:
+        kind = "minus pi"
+    return "" if kind != "acceleration" and bool(np.all(np.sin(run.phase) > 0.0)) else kind
 
 
 def has_antiresonance(run: Run) -> bool:

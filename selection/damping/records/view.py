@@ -140,7 +140,7 @@ class View:
                 sine = float(np.mean(np.sin(run.phase)))
                 kind = "" if sine > -0.5 else "negated"
             else:
-                kind = "" if has_antiresonance(run) else classify_phase(turn)
+                kind = "" if has_antiresonance(run) else classify_phase(run, turn)
             if kind:
                 kinds[run.sweep] = kind
         return kinds

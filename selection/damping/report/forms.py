@@ -22,6 +22,7 @@ from damping.records.mode import Mode
 if TYPE_CHECKING:
     from damping.gap.corrected import EffectPosterior
     from damping.gap.diagnose import Diagnosis
+    from damping.gap.next_test import NextTest
 
 Form = dict[str, Any]
 
@@ -232,12 +233,17 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
             effect: {name: list(interval) for name, interval in values.items()}
             for effect, values in effect_intervals(leading.best).items()
         },
-        "next_test": (test := diagnosis.next_test) and asdict(test) | {"expected_log_odds": test.told},
+        "next_test": _tell_test(diagnosis.next_test) if diagnosis.next_test else None,
+        "candidate_tests": [_tell_test(test) for test in diagnosis.next_tests],
         "tests": [asdict(test) for test in diagnosis.tests],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
         "cautions": list(diagnosis.cautions),
     }
+
+
+def _tell_test(test: NextTest) -> Form:
+    return asdict(test) | {"expected_log_odds": test.told}
 
 
 def _posterior(sampled: EffectPosterior) -> Form:

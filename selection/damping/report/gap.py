@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,13 +16,21 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
-from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
+from damping.gap.corrected import EffectPosterior, describe_effects, is_gone, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
-from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
+from damping.gap.size import (
+    HeldOutFold,
+    describe_repeatability,
+    fitted_terms,
+    nominal_residuals,
+    refitted,
+    regular_values,
+)
+from damping.gap.weighing import KNOWN
 from damping.gap.where import by_quantity, footprint
 from damping.report.page import Block, FigureBlock, Footer, List, Table, Text, render_page, write_sections
 
@@ -48,21 +56,35 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     cannot be told apart), ``trends`` (of local damping and frequency with amplitude), ``reach`` (how far the gap
     shrinks where it did not choose the explanation), ``following`` (what to test next).
     """
-    leading, (_, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
+    leading, (parameters, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
     named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
     trends = (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend))
     values = {
         **vars(diagnosis),
         "leading": leading,
-        "effects": [f"{CATALOGUE[name].sentence} ({named[name]})" if name in CATALOGUE else name for name in named],
+        "effects": [
+            f"{_say_effect(name, parameters[name])} ({named[name]})" if name in CATALOGUE else name for name in named
+        ],
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
         "trend_fits": TREND_FITS,
-        "test": diagnosis.next_test,
+        "test": next(iter(diagnosis.next_tests), None),
+        "settles": diagnosis.next_test is not None,
+        "apart": [] if diagnosis.rest else describe_repeatability(diagnosis.setting, diagnosis.leading.best),
+        "known": KNOWN,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in _list_sentences(block)] for section in sections}
+
+
+def _say_effect(name: str, values: Mapping[str, float]) -> str:
+    """What an effect says of structure or test; of one that takes from a simulated force, how much of that is there."""
+    effect, relative = CATALOGUE[name], values.get("relative", 0.0)
+    if effect.corrects or relative >= 0.0:
+        return effect.sentence
+    there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is there"
+    return f"the simulated {effect.damping} force is {there}"
 
 
 def _list_sentences(block: Block) -> list[str]:
