@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from damping.campaign import analyse
-from damping.campaign.answer import At, Campaign, DesignLevel, ModeAnswer, SensorPrediction
-from damping.campaign.runs import read_corrections
+from damping.campaign.answer import At, Campaign, ModeAnswer, SensorPrediction
+from damping.campaign.runs import DesignLevel, read_corrections
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
 from damping.plots import to_svg
@@ -59,12 +59,24 @@ def campaign(
     title = f"Campaign: {', '.join(file.name for file in sources)}"
     written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
     written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
-    settings = {"title": title.replace("\\", "/").replace('"', "'"), "seed": seed, "modes": answer.modes}
+    asked = {mode.name: _name_forces(mode, answer) for mode in answer.modes}
+    settings = {
+        "title": title.replace("\\", "/").replace('"', "'"),
+        "seed": seed,
+        "modes": answer.modes,
+        "asked": asked,
+    }
     written["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings).encode()
     written["campaign.json"] = to_json(answer.to_json()).encode()
     written["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs)).encode()
     publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(answer, out)
+
+
+def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
+    """The levels that the design forces of a mode stand for, as they were asked; none where they are forces."""
+    levels = [f"{at.level:.4g} {answer.unit}".rstrip() for at in mode.places if not at.tested]
+    return levels if answer.level_name != "force" and len(levels) == len(mode.design_forces) else []
 
 
 def _read_design(word: str) -> DesignLevel:
@@ -121,16 +133,61 @@ def _write_page(answer: Campaign) -> list[Section]:
     """The page: modes, their damping against level, and the response of every sensor at the design levels."""
     parts: dict[str, Block] = {
         "modes": Table(_tabulate_modes(answer), ""),
+        "limits": Table(_tabulate_notches(answer), ""),
         "outcomes": Table(_tabulate_outcomes(answer), ""),
         "files": Table(answer.summary.table, ""),
     }
     for mode in answer.modes:
         parts |= _draw_levels(mode, answer.unit)
-        for at in mode.places:
-            rows = [(peak.sensor, *peak.band, peak.unit) for peak in at.response]
-            peaks = pd.DataFrame(rows, columns=["sensor", "median", "low", "high", "unit"])
-            parts[f"{mode.name} at {at.level}"] = Table(peaks, "")
-    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer), parts)
+        parts[f"{mode.name} peaks"] = Table(_tabulate_peaks(mode, answer.unit), "")
+    said = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
+    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer) | {"cautions": said}, parts)
+
+
+def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
+    """The peak of every sensor at every tested and design level; levels of another input at the mode say so."""
+    return pd.DataFrame(
+        {
+            "level": _describe_level(at, unit),
+            "": "measured" if at.tested else "predicted",
+            "sensor": peak.sensor,
+            **dict(zip(("median", "low", "high"), peak.band, strict=True)),
+            "unit": peak.unit,
+        }
+        for at in mode.places
+        for peak in at.response
+    )
+
+
+def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
+    """Each caution of a mode once, with the levels it is said of where it is not said of all."""
+    levels: dict[str, list[str]] = {}
+    for at in mode.places:
+        for caution in dict.fromkeys(at.cautions):
+            levels.setdefault(caution, []).append(f"{at.level:.4g} {unit}".rstrip())
+    everywhere = len(mode.places)
+    return [said if len(of) == everywhere else f"at {', '.join(of)}: {said}" for said, of in levels.items()]
+
+
+def _tabulate_notches(answer: Campaign) -> pd.DataFrame:
+    """What the limits of sensors ask at each mode."""
+    unit = answer.unit
+    return pd.DataFrame(
+        {
+            "mode": notch.mode,
+            "sensor": notch.sensor,
+            "limit": f"{notch.limit:g} {notch.unit}",
+            f"design level, {unit}": notch.design,
+            f"largest input, {unit}": notch.level,
+            "notch, dB": f"{notch.depth_db:.1f}" if notch.low else "none",
+            "from, Hz": notch.low,
+            "to, Hz": notch.high,
+            f"top level tested at the mode, {unit}": notch.tested,
+            "next level, dB above it at most": f"{notch.more_db:+.1f}",
+        }
+        for mode in answer.modes
+        for notch in mode.notches
+    )
 
 
 def _tabulate_modes(answer: Campaign) -> pd.DataFrame:
@@ -178,14 +235,14 @@ def _describe_level(at: At, unit: str) -> str:
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none where one level has an answer."""
     levels = pd.DataFrame(
-        {"level": at.level, "tested": at.tested, "frequency": at.frequency}
+        {"level": at.driven, "tested": at.tested, "frequency": at.frequency}
         | dict(zip(("median", "low", "high"), at.ratio, strict=True))
-        for at in sorted(mode.places, key=lambda at: at.level)
+        for at in sorted(mode.places, key=lambda at: at.driven)
         if at.ratio
     )
     if len(levels) < 2:
         return {}
-    words = f"Damping ratio and frequency of {mode.name} against the level in {unit}."
+    words = f"Damping ratio and frequency of {mode.name} against the input at the mode in {unit}."
     return {
         mode.name: FigureBlock(to_svg(mode_over_level(levels, unit), f"{mode.name}-levels", mode.name, words), words)
     }
@@ -199,16 +256,18 @@ def _show(answer: Campaign, out: Path) -> None:
     for note in answer.summary.notes:
         to.print(f"- {note}")
     level = f"{answer.level_name} [{answer.unit}]" if answer.unit else answer.level_name
-    right = ("Hz", level, "damping %", "low", "high", "peak", "low", "high")
-    table = PlainTable("modes; peak of the sensor that moves most", right, ("mode", "sensor"))
+    damping = PlainTable("damping of each mode", (level, "Hz", "damping %", "low", "high"), ("mode",))
+    peaks = PlainTable("peak of the sensor that moves most", (level, "peak", "low", "high"), ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
             ratio = [number(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
             largest = max(at.response, key=lambda response: response.band[0], default=None)
             peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            table.add_row(mode.name, sensor, number(at.frequency), number(at.level), *ratio, *peak)
-    to.print(table)
+            damping.add_row(mode.name, number(at.level), number(at.frequency), *ratio)
+            peaks.add_row(mode.name, sensor, number(at.level), *peak)
+    to.print(damping)
+    to.print(peaks)
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
         notched = [f"{mode.name} at {_describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]

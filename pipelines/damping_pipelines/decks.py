@@ -4,9 +4,9 @@ Modes are numbered by frequency, the same at every level: one that has no dampin
 
 A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
 force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of
-90 %): the one a load is sized with, and so the block that is live, at the largest level of the test or of the loads
-that were asked for; the others are comments. Codes that take coefficients get those of c1 q' + c2 q' |q'| of equal
-dissipation,
+90 %): the one a load is sized with, and so the block that is live, at the largest level of the test or the largest
+that was asked for, whichever has less damping; the others are comments. Codes that take coefficients get those of
+c1 q' + c2 q' |q'| of equal dissipation,
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 
@@ -134,14 +134,20 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
 def choose_live(
     levels: Mapping[float, Sequence[Point]], number: Mapping[str, int], *, whole: bool
 ) -> tuple[float, str] | None:
-    """The level and bound of the block that stands as no comment: the low end at the largest level within the test.
+    """The level and bound of the block that stands as no comment: a low end.
 
-    At the largest of all where none is, as of loads that were asked for. ``whole``: only levels at which no mode lacks
-    its damping can be written; None where there is none.
+    Of the largest level within the test and the largest of all, as it was asked for, the one with less damping (in the
+    geometric mean of its modes). ``whole``: only levels at which no mode lacks its damping can be written; None where
+    there is none.
     """
     written = [level for level, points in levels.items() if not whole or len(points) == number[points[-1].mode]]
     tested = [level for level in written if all(point.tested for point in levels[level])]
-    return (max(tested or written), BOUNDS[1]) if written else None
+    ends = sorted({max(of) for of in (tested, written) if of})
+
+    def weigh(level: float) -> float:
+        return float(np.mean([np.log(point.low) for point in levels[level]]))
+
+    return (min(ends, key=weigh), BOUNDS[1]) if ends else None
 
 
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:

@@ -267,6 +267,7 @@ def _record_result(
         findings=record.audit.findings,
         backbone=record.backbone,
         note=record.settings.note,
+        design_levels=record.settings.design_levels,
         **predicted.result(),
     )
 

@@ -7,11 +7,11 @@ from concurrent.futures import Executor
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Protocol, cast
+from typing import Annotated, Any, Protocol, Self, cast
 
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import BaseModel, Field, field_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from damping.arrays import plain
 from damping.errors import InputError
@@ -47,8 +47,15 @@ class RecordSettings(BaseModel, extra="forbid", frozen=True):
     design_forces: tuple[
         Annotated[float, Field(gt=0.0, strict=True, allow_inf_nan=False)], ...
     ] = ()  #: where amplitudes are predicted
+    design_levels: tuple[str, ...] = ()  #: what each design force stands for, in words such as "0.8 g"
     laws: tuple[tuple[str, ...], ...] = ()  #: always sampled, whatever their weight
     note: Annotated[str, Field(max_length=400)] = ""  #: what to know of the record, said with the answer
+
+    @model_validator(mode="after")
+    def _level_a_force(self) -> Self:
+        if self.design_levels and len(self.design_levels) != len(self.design_forces):
+            raise ValueError(f"{len(self.design_levels)} design_levels of {len(self.design_forces)} design_forces")
+        return self
 
     @field_validator("laws")
     @classmethod

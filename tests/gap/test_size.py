@@ -135,3 +135,13 @@ def test_one_level_can_hold_nothing_out(lab):
     rows = lab.bench(levels=1).rows
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode())
     assert hold_levels_out(known, None, None) is None
+
+
+def test_a_power_says_how_much_of_the_changes_it_takes():
+    """A line of amplitude takes all; values that jump take next to nothing, though by more than noise."""
+    amplitude, sd = np.linspace(1.0, 2.0, 40), np.full(40, 0.01)
+    line = trend(amplitude, 1.0 + 0.3 * amplitude, sd)
+    jumps = trend(amplitude, 1.0 + 0.3 * (-1.0) ** np.arange(40) - 0.05 * amplitude, sd)
+    assert line.share == pytest.approx(1.0)
+    assert jumps.gain > 16.0
+    assert jumps.share < 0.1

@@ -150,14 +150,14 @@ def read_live(text: str, code: str) -> list[float]:
 
 @pytest.mark.parametrize("code", ["abaqus", "ansys", "opensees", "nastran"])
 def test_the_live_block_is_the_low_end_at_the_level_that_is_sized(code, deck):
-    """Of loads the largest that was asked for; of a curve the largest within the test, not what lies beyond it."""
+    """Of loads the largest asked for; of a curve the largest within the test or beyond it, with less damping."""
     rows = [
         {"force": F, "amplitude": A, "frequency": 1.6, "tested": F < 50.0, "damping_ratio": {"median": z, "low": low}}
         for F, A, z, low in ((20.0, 1.0, 0.02, 0.018), (40.0, 1.8, 0.022, 0.019), (80.0, 3.0, 0.025, 0.016))
     ]
     beyond = {"format": "curve/1", "level": 0.9, "rows": rows[2:]}
     for form, at, ratio, table in (
-        (FORM, "force 90", 0.0211, 4), ({**beyond, "rows": rows}, "force 40", 0.019, 4), (beyond, "force 80", 0.016, 2)
+        (FORM, "force 90", 0.0211, 4), ({**beyond, "rows": rows}, "force 80", 0.016, 6), (beyond, "force 80", 0.016, 2)
     ):  # fmt: skip
         text = deck(form, code)
         if code == "nastran":
@@ -166,6 +166,19 @@ def test_the_live_block_is_the_low_end_at_the_level_that_is_sized(code, deck):
         else:
             assert f"live: the low end at {at};" in text
             assert read_live(text, code) == [ratio]
+
+
+@pytest.mark.parametrize(("beyond", "live"), [(1.2, "0.6"), (0.8, "1.2")])
+def test_the_live_level_is_the_safer_one(deck, beyond, live):
+    """Damping 0.006 at the top tested level and 1.2 or 0.8 times as much at twice it: the block with less is live."""
+    at = [
+        {"level": level, "tested": tested, "frequency": 32.0, "damping_ratio": {"median": z, "low": 0.9 * z}}
+        for level, tested, z in ((0.6, True, 0.006), (1.2, False, 0.006 * beyond))
+    ]
+    text = deck({"format": "campaign/1", "modes": [{"name": "first", "at": at}]}, "abaqus")
+    assert f"live: the low end at level {live}; of the largest level tested and the largest asked" in text
+    assert read_live(text, "abaqus") == [pytest.approx(0.0054 * min(beyond, 1.0))]
+    assert "** mode numbers: 1, 2, ... are the tested modes by frequency; put the numbers" in text
 
 
 def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
@@ -196,7 +209,9 @@ def test_coefficients_carry_the_forces_they_came_from(deck):
     np.testing.assert_allclose((found.linear, found.quadratic), (c1, c2), rtol=1e-9)  # linear algebra of two columns
     assert abs(found.miss) < 1e-9
     text = deck(FORM, "openfast")
-    assert text.count("AddBLin") == 2
+    assert len(re.findall(r"^\S+  AddBLin$", text, re.MULTILINE)) == 1  # two pairs of scalars would both be read
+    assert len(re.findall(r"^! \S+  AddBLin$", text, re.MULTILINE)) == 1
+    assert "6 x 6" in text
 
 
 def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):

@@ -605,3 +605,9 @@ def test_copies_are_told_and_laws_that_lead_alike_are_all_named(few, tmp_path, c
 def test_the_card_names_every_law_that_leads(laws, name, text):
     table = pd.DataFrame({"law": laws})
     assert (name, text) in collect_facts(table, table, np.array([])).items
+
+
+@pytest.mark.parametrize(("count", "said"), [(4, "in all of them"), (40, "in nine records of ten")])
+def test_few_records_have_a_range_and_no_tenths(count, said):
+    table = pd.DataFrame({"law": ["viscous"] * count})
+    assert said in [text for _, text in collect_facts(table, table, np.linspace(5.0, 30.0, count)).items]

@@ -57,6 +57,7 @@ def test_default_study_reads_all_its_files():
         ('name = "a"', 'name = "../a"', ("line 5, column records 1, name: '../a'; expected letters, digits, - and _",)),
         ('name = "a"', "", ("line 4", "name", "missing")),
         ('mode = "a.toml"', 'modes = "a.toml"', ("line 7", "modes", "mode")),
+        ("[1, 2.5]", '[1, 2.5]\ndesign_levels = ["1 g"]', ("1 design_levels of 2 design_forces",)),
         ("[1, 2.5]", "[0]", ("line 8", "design_forces")),
         ("[1, 2.5]", "[inf]", ("line 8, column records 1, design_forces 1: inf; expected a finite number",)),
         ("seed = 3", "level = 1.5", ("line 2, column level: 1.5; expected a number less than 1",)),

@@ -10,7 +10,7 @@ import pytest
 from damping import api, extrapolation
 from damping.infer.law import Law
 from damping_pipelines.cli import app
-from damping_pipelines.terminal import PlainTable
+from damping_pipelines.terminal import Notes, PlainTable
 
 LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
 #: A number that was cut: a digit beside what stands for the rest.
@@ -107,3 +107,9 @@ def test_the_other_way_round(damping, saturn_data, tmp_path):
 def test_every_help_ends_with_an_example(command, damping):
     said = " ".join(damping(command, "--help").out.split())
     assert f"Example: damping {command} " in said
+
+
+def test_numbers_of_notes_rise():
+    notes = Notes()
+    assert notes.numbers(["a", "b", "c"]) == "1 2 3"
+    assert notes.numbers(["c", "d", "a"]) == "1 3 4"

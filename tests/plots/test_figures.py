@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from damping.plots import to_svg
@@ -222,3 +224,17 @@ def test_crosses_of_rows_set_aside_have_their_legend(wild):
     assert said == [name for *_, name in MODELS.values()] + ["measured"] + ["row set aside: wild"] * bool(wild)
     crosses = sum(len(line.get_xdata()) for ax in figure.axes for line in ax.lines if line.get_marker() == "x")
     assert crosses == 2 * len(wild)  # in amplitude and in phase
+
+
+def test_frequencies_of_resonances_alone_do_not_overlap():
+    """Five peaks within 0.02 Hz: at most one number for each fifth of the axis."""
+    table = pd.DataFrame(
+        {"sweep": list("ABCDE"), "frequency": [24.99, 25.0, 25.01, 25.0, 24.995], "amplitude": range(1, 6)}
+    )
+    figure = Figure(figsize=(3.4, 2.8))
+    FigureCanvasAgg(figure)
+    sweeps(table, axes=figure.add_subplot())
+    figure.canvas.draw()
+    boxes = [label.get_window_extent() for label in figure.axes[0].get_xticklabels() if label.get_text()]
+    shown = sorted((box.x0, box.x1) for box in boxes)
+    assert all(left[1] < right[0] for left, right in pairwise(shown))

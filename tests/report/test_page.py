@@ -210,6 +210,14 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     assert text.index("Before this is used") < text.index("One damping ratio holds at one amplitude")
 
 
+def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
+    """A design force that stands for a level of another drive: the answer begins with that level."""
+    result = replace(study.records[0], posteriors=(), design_levels=("0.4 g", "0.8 g"))
+    page = " ".join(render(replace(study, records=(result,), exhibits=())).html.split())
+    force = format_force_text(result.design.force[1], "lb")
+    assert f"at 0.8 g (a modal force of {force}) expect {number(result.design.average.median[1])} in" in page
+
+
 def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
     """The table holds :class:`damping.ranking.Coefficient`: posterior medians, of coefficients that are at least 0."""
     text = " ".join(" ".join(reader.texts).split())

@@ -17,6 +17,8 @@ from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, 
 
 #: Laws that lead in as many records are named up to this many.
 MOST_TIED = 3
+#: Records below which no twentieth of them is left out: their whole range is said.
+RECORDS_OF_TEN = 20
 MOST_COPIES = 5  #: copies of a record, and records with copies, that are named
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
@@ -182,9 +184,12 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
             (names, f"leads in {first.iloc[0]} of them" if len(first) == 1 else f"lead in {first.iloc[0]} each")
         )
     if len(over):
-        low, high = np.quantile(over, [0.05, 0.95])
+        few = len(over) < RECORDS_OF_TEN
+        low, high = np.quantile(over, [0.0, 1.0] if few else [0.05, 0.95])
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
-        facts.append((f"{format_signed(low)} to {format_signed(high)}", "in nine records of ten"))
+        facts.append(
+            (f"{format_signed(low)} to {format_signed(high)}", "in all of them" if few else "in nine records of ten")
+        )
     return Facts(facts)
 
 

@@ -26,19 +26,20 @@ from damping.campaign.answer import (
     NORMAL_90,
     At,
     Campaign,
-    DesignLevel,
     ModeAnswer,
     Notch,
     Response,
     SensorPrediction,
     compare_predictions,
     join_cautions,
+    list_laws,
     predict_mode,
+    rank_first,
 )
 from damping.campaign.decays import answer_decays
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode, Level, find_misread, fit_levels, tie_modes
-from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections
+from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.extrapolation import Rests
@@ -147,11 +148,11 @@ def _answer_driven(
         places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
     known = mode.mode.name, places[len(tested) :], max(tested)
     swept = float(levels[-1].f.min()), float(levels[-1].f.max())
-    notches = [find_notches(*known, level, limits, swept) for level in wanted]
+    notches = [find_notches(*known, level, limits, swept, run.drive_unit) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
     own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
-    return ModeAnswer(predicted.plan.laws[0].name, answers, *own)
+    return ModeAnswer(rank_first(rests, seed), answers, *own, list_laws(predicted))
 
 
 def _find_steady(rests: Rests, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
@@ -236,12 +237,13 @@ def find_notches(
     design: float,
     limits: Mapping[str, float],
     swept: tuple[float, float] = (0.0, inf),
+    drive_unit: str = "",
 ) -> tuple[Notch, ...]:
     """The notch of each limited sensor at a mode, at a design level.
 
     Args:
         places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
-        limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz.
+        limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz. drive_unit: of levels.
     """
     notches = []
     for sensor, limit in limits.items():
@@ -259,7 +261,8 @@ def find_notches(
         low, high = _find_ends(f, z, design / allowed, swept) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)
         in_unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
-        notches.append(Notch(mode, sensor, in_unit, limit, design, allowed, depth, low, high, more))
+        found = (mode, sensor, in_unit, limit, design, allowed, depth, low, high, more, top, drive_unit)
+        notches.append(Notch(*found))
     return tuple(notches)
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from damping.arrays import FloatArray
-from damping.errors import InputError
 from damping.extrapolation import Extrapolation, Rests, predict_record
 from damping.formats.series import Summary
 from damping.progress import silent
+from damping.ranking import weigh_laws
+from damping.ranking.candidates import candidate_laws
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -23,31 +23,6 @@ LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 #: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
 LEAST_SPREAD = 0.01
-
-
-@dataclass(frozen=True)
-class DesignLevel:
-    """A design input: ``level`` (n,) in the unit of the drive over ``frequency`` (n,) Hz; one of each: everywhere."""
-
-    frequency: FloatArray
-    level: FloatArray
-
-    def __post_init__(self) -> None:
-        rising = len(self.frequency) == 1 or bool(np.all(np.diff(self.frequency) > 0.0))
-        if not (rising and np.all(np.isfinite(self.level)) and np.all(self.level > 0.0) and self.frequency[0] > 0.0):
-            raise InputError("--design is no level", expected="levels > 0 over rising frequencies > 0")
-
-    @classmethod
-    def flat(cls, level: float) -> DesignLevel:
-        """One level at all frequencies."""
-        return cls(np.array([1.0]), np.array([float(level)]))
-
-    def at(self, frequency: float) -> float:
-        """The level there, straight between the corners on logarithmic axes, flat beyond the ends."""
-        if len(self.level) == 1:
-            return float(self.level[0])
-        corners = np.log(self.frequency), np.log(self.level)
-        return float(np.exp(np.interp(np.log(frequency), *corners)))
 
 
 @dataclass(frozen=True)
@@ -86,8 +61,8 @@ class Notch:
     """What a limit of a sensor asks at one mode.
 
     ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None where no notch is needed). ``more_db``: largest step above the top tested
-    level, in dB.
+    level, from ``low`` to ``high`` Hz (None where no notch is needed). ``more_db``: largest step above ``tested``, the
+    top level at this mode, in dB. Levels are in ``drive_unit``.
     """
 
     mode: str
@@ -100,13 +75,16 @@ class Notch:
     low: float | None
     high: float | None
     more_db: float
+    tested: float
+    drive_unit: str = ""
 
     def __str__(self) -> str:
-        more = f"at most {self.more_db:+.1f} dB from the top level tested"
+        tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
+        more = f"at most {self.more_db:+.1f} dB from the {tested} tested at this mode"
         if self.low is None or self.high is None:
             return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
         notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
-        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {self.design:.4g}; {more}"
+        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {design}; {more}"
 
 
 @dataclass(frozen=True)
@@ -119,6 +97,7 @@ class Outcome:
     level: float
     measured: float
     predicted: tuple[float, float, float]
+    drive_unit: str = ""
 
     @property
     def above_db(self) -> float:
@@ -132,9 +111,9 @@ class Outcome:
 
     def __str__(self) -> str:
         median, low, high = self.predicted
-        place = "within" if self.held else "OUTSIDE"
+        place, level = "within" if self.held else "OUTSIDE", f"{self.level:.3g} {self.drive_unit}".rstrip()
         return (
-            f"{self.mode}, {self.sensor} at {self.level:.3g}: {self.measured:.4g} {self.unit} measured, {place} the "
+            f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
             f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
         )
 
@@ -163,8 +142,8 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
                     continue
                 band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
                 predicted = (band[0], band[1], band[2])
-                measured = response.band[0]
-                predictions.append(Outcome(mode.name, response.sensor, response.unit, at.driven, measured, predicted))
+                peak = (mode.name, response.sensor, response.unit, at.driven, response.band[0])
+                predictions.append(Outcome(*peak, predicted, campaign.unit))
     return tuple(predictions)
 
 
@@ -182,8 +161,11 @@ class SensorPrediction:
 
 @dataclass(frozen=True)
 class ModeAnswer:
-    """A mode with its record and its levels; ``law`` is the one with the largest weight, ``apart`` what is to be said
-    of levels that lie apart from the others."""
+    """A mode with its record and its levels.
+
+    ``law``: the one that a ranking of every row puts first. ``laws``: those that predictions average, with their
+    weights on the resonances. ``apart``: what is to be said of levels that lie apart from the others.
+    """
 
     law: str
     places: tuple[At, ...]
@@ -193,6 +175,7 @@ class ModeAnswer:
     design_forces: tuple[float, ...]
     notches: tuple[Notch, ...] = ()
     apart: str = ""
+    laws: tuple[tuple[str, float], ...] = ()
 
     @property
     def name(self) -> str:
@@ -218,6 +201,16 @@ def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int)
     """
     asked = np.array(forces, dtype=float)
     return predict_record(record, mode, audit(record, mode), asked, (), LEVEL, seed, silent, fresh=False)
+
+
+def rank_first(rests: Rests, seed: int) -> str:
+    """The law that a ranking of every row puts first, as ``damping rank`` does of the record."""
+    return weigh_laws(rests.every, seed, candidate_laws()).candidates[0].name
+
+
+def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
+    """The laws that predictions average, each with its weight."""
+    return tuple((law.name, law.weight) for law in predicted.plan.laws)
 
 
 def join_cautions(rests: Rests, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
@@ -269,6 +262,7 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
         "frequency": mode.frequency,
         "damping_ratio": _band(lowest.ratio),
         "law": mode.law,
+        "laws": [{"name": name, "weight": weight} for name, weight in mode.laws],
         "sensors_left_out": list(mode.left_out),
         "why_left_out": dict(mode.left_out),
         "notches": [asdict(notch) for notch in mode.notches],

@@ -19,14 +19,15 @@ from damping.campaign.answer import (
     NORMAL_90,
     At,
     Campaign,
-    DesignLevel,
     ModeAnswer,
     Response,
     join_cautions,
+    list_laws,
     predict_mode,
+    rank_first,
 )
 from damping.campaign.records import DEAD
-from damping.campaign.runs import ORDERS, CampaignRun, Channel
+from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -267,7 +268,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
     asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
     predicted, rests = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
-    law, apart = predicted.plan.laws[0].name, predicted.plan.fit.apart
+    law, apart = rank_first(rests, seed), predicted.plan.fit.apart
     places = [replace(at, cautions=(*at.cautions, *join_cautions(rests, apart))) for at in places]
     curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, rests.data)
     for k, level in enumerate(beyond):
@@ -277,7 +278,8 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
         places.append(At(level, False, float(of.median[k]), known, response, cautions))
     forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
-    return ModeAnswer(law, tuple(places), mode.left_out, mode.record, mode.mode, forces, (), apart)
+    own = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
+    return ModeAnswer(law, tuple(places), *own)
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:

@@ -6,9 +6,9 @@ Motions are accelerations per unit of drive, H (sensors, n). With G_k = 1/(w_k^2
 
 sign +1 for a base that shakes (r = shape x participation) and -1 for a force (r = shape/modal mass); c and e hold the
 motion of the base and modes outside the band. Damping changes with amplitude within a level, so that the ratio of level
-to level is not forced into any law: z = z_p (1 + s (rho - 1) + t (1/rho - 1)), rho the amplitude over that at the peak,
-where t, the share of friction, is free only where the rows demand it. Residues are linear and solved for at every step
-(Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+to level is not forced into any law: z = z_p (1 + s (rho - 1) + t (1/rho - 1)), rho the amplitude under the drive of the
+row over that at the peak, where t, the share of friction, is free only where the rows demand it. Residues are linear
+and solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
@@ -74,17 +74,23 @@ def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[flo
 
 
 def fit_level(
-    f: FloatArray, H: ComplexArray, starts: Sequence[float], sign: float, ratios: Sequence[float] = ()
+    f: FloatArray,
+    H: ComplexArray,
+    starts: Sequence[float],
+    sign: float,
+    ratios: Sequence[float] = (),
+    drive: FloatArray | float = 1.0,
 ) -> ModalFit:
     """The modes near ``starts`` (Hz), all sensors together.
 
     Args:
         f: (n,) Hz. H: (sensors, n) accelerations per unit of drive. sign: +1 base, -1 force.
-        ratios: damping ratios to start from; by default from the width of each peak.
+        ratios: damping ratios to start from; by default from the width of each peak. drive: its size (n,), in any unit.
     """
     frequency = np.array(sorted(starts), dtype=float)
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
-    poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), np.zeros(len(frequency)), sign)
+    driven = np.array([f, np.broadcast_to(drive, f.shape)])
+    poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), np.zeros(len(frequency)), sign, driven)
     noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
     # as the starts have them: a gap of about CLUSTER may open or close as frequencies move
     bands = [(cluster, poles.rows_about(f, cluster)) for cluster in poles.clusters]
@@ -198,7 +204,7 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
             residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
             ratio_sd[k] = np.sqrt(variance[sensors * width + place])
-    parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign)
+    parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign, poles.drive)
     return ModalFit(*parameters, ratio_sd, residues, residues_sd, local, noise)
 
 
@@ -232,4 +238,4 @@ def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, f
                 continue
             stepped = {name: getattr(poles, name).copy() for name in names}
             stepped[which][k] = stepped[which][k] * (1.0 + step) if step < 1e-3 else stepped[which][k] + step
-            yield Poles(**stepped, sign=poles.sign), step
+            yield Poles(**stepped, sign=poles.sign, drive=poles.drive), step

@@ -23,7 +23,7 @@ _LEAST_FRICTION = 1e-3  #: share of friction below which there is none
 class Poles:
     """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, ``friction`` t.
 
-    Each (modes,).
+    Each (modes,). ``drive`` (2, n): frequencies in Hz and the drive there in any unit, by which a mode moves more.
     """
 
     frequency: FloatArray
@@ -31,11 +31,13 @@ class Poles:
     slope: FloatArray
     friction: FloatArray
     sign: float
+    drive: FloatArray
 
     def columns(self, f: FloatArray) -> ComplexArray:
         """Columns (n, 2 + modes) at frequencies f whose real coefficients give H of a sensor."""
         w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, self.friction, strict=True)
-        terms = [self.sign * w**2 * receptance(f, *mode) for mode in modes]
+        there, at_modes = np.interp(f, *self.drive), np.interp(self.frequency, *self.drive)
+        terms = [self.sign * w**2 * receptance(f, *mode, there / at) for mode, at in zip(modes, at_modes, strict=True)]
         return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
 
     def moved(
@@ -55,7 +57,7 @@ class Poles:
         parameters = self.frequency.copy(), self.ratio.copy(), self.slope.copy(), self.friction.copy()
         parameters[0][cluster] = self.frequency[cluster] * (1.0 + shift)
         parameters[1][cluster], parameters[2][cluster], parameters[3][cluster] = np.exp(log_ratio), slope, friction
-        return Poles(*parameters, self.sign)
+        return Poles(*parameters, self.sign, self.drive)
 
     @property
     def clusters(self) -> list[list[int]]:
@@ -76,10 +78,15 @@ class Poles:
 
 
 def receptance(
-    f: FloatArray, frequency: float, ratio: float, slope: float = 0.0, friction: float = 0.0
+    f: FloatArray,
+    frequency: float,
+    ratio: float,
+    slope: float = 0.0,
+    friction: float = 0.0,
+    drive: FloatArray | float = 1.0,
 ) -> ComplexArray:
     """G (n,) of a mode whose damping ratio at amplitude rho of its peak is z = ratio (1 + slope (rho - 1) + friction
-    (1/rho - 1)).
+    (1/rho - 1)), rho = |G| ``drive`` over |G| at the peak: the drive (n,) is that of each row over that at the peak.
     """
     w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
     elastic = w_k**2 - w**2
@@ -88,15 +95,15 @@ def receptance(
     if slope != 0.0 or friction != 0.0:
         # loss rho z = ratio (friction + linear rho + slope rho^2)
         linear, per_ratio = 1.0 - slope - friction, 2.0 * ratio * w_k * w
-        low, high = np.zeros_like(f), np.full_like(f, 1.5)
+        low, high = np.zeros_like(f), 1.5 * np.maximum(drive, np.ones_like(f))
         for _ in range(_HALVINGS):
             rho = 0.5 * (low + high)
             loss = per_ratio * np.maximum(friction + (linear + slope * rho) * rho, 0.0)
-            above = peak * np.hypot(elastic * rho, loss) > 1.0
+            above = peak * np.hypot(elastic * rho, loss) > drive
             low, high = np.where(above, low, rho), np.where(above, rho, high)
-        for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = 1/peak^2, from a bracket that is close
+        for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = (drive/peak)^2, from a close bracket
             loss = per_ratio * (friction + (linear + slope * rho) * rho)
-            excess = (elastic * rho) ** 2 + loss**2 - 1.0 / peak**2
+            excess = (elastic * rho) ** 2 + loss**2 - (drive / peak) ** 2
             rate = 2.0 * rho * elastic**2 + 2.0 * loss * per_ratio * (linear + 2.0 * slope * rho)
             rho = np.clip(rho - excess / rate, low, high)
         rho = np.maximum(rho, _STILL)

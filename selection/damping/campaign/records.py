@@ -24,6 +24,7 @@ from damping.records.text import name_apart
 WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
+CONTROLLED = 0.1  #: a drive whose readings lie within this share of their median is controlled to be the same
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
 #: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
 #: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
@@ -92,10 +93,10 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
             starts = find_peaks_of(f, H, sign)
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
-        fit = fit_level(f, H, starts, sign, ratios)
+        fit = fit_level(f, H, starts, sign, ratios, _hold_steady(drive))
         while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
             starts = [start for start, kept in zip(starts, own, strict=True) if kept]
-            fit = fit_level(f, H, starts, sign)
+            fit = fit_level(f, H, starts, sign, (), _hold_steady(drive))
         levels.append(Level(run, f, H, drive, fit, third, name))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
@@ -245,9 +246,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         weight = r[:, None] / sd**2
         p = np.sum(weight * rest, axis=0) / np.sum(weight * r[:, None], axis=0)
         error = 1.0 / np.sqrt(np.sum((r[:, None] / sd) ** 2, axis=0)) / np.abs(p)
-        drive = level.drive[rows]
-        if np.ptp(drive) < 0.1 * np.median(drive):  # a controlled drive: its scatter is that of its reading
-            drive = np.full_like(drive, np.median(drive))
+        drive = _hold_steady(level.drive[rows])
         w = 2.0 * pi * f
         factor = abs(residues[reference])
         amplitude = factor * np.abs(p) * drive / w**2
@@ -273,6 +272,12 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
             table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
         tables.append(table)
     return Record(pd.concat(tables, ignore_index=True), name)
+
+
+def _hold_steady(drive: FloatArray) -> FloatArray:
+    """The drive (n,), its median where it is controlled: its scatter is then that of its reading."""
+    middle = np.median(drive)
+    return np.full_like(drive, middle) if np.ptp(drive) < CONTROLLED * middle else drive
 
 
 def _rows_near(level: Level, k: int) -> np.ndarray:

@@ -179,6 +179,31 @@ class CampaignRun:
         return replace(self, channels=tuple(channel for channel in self.channels if channel.name not in sensors))
 
 
+@dataclass(frozen=True)
+class DesignLevel:
+    """A design input: ``level`` (n,) in the unit of the drive over ``frequency`` (n,) Hz; one of each: everywhere."""
+
+    frequency: FloatArray
+    level: FloatArray
+
+    def __post_init__(self) -> None:
+        rising = len(self.frequency) == 1 or bool(np.all(np.diff(self.frequency) > 0.0))
+        if not (rising and np.all(np.isfinite(self.level)) and np.all(self.level > 0.0) and self.frequency[0] > 0.0):
+            raise InputError("--design is no level", expected="levels > 0 over rising frequencies > 0")
+
+    @classmethod
+    def flat(cls, level: float) -> DesignLevel:
+        """One level at all frequencies."""
+        return cls(np.array([1.0]), np.array([float(level)]))
+
+    def at(self, frequency: float) -> float:
+        """The level there, straight between the corners on logarithmic axes, flat beyond the ends."""
+        if len(self.level) == 1:
+            return float(self.level[0])
+        corners = np.log(self.frequency), np.log(self.level)
+        return float(np.exp(np.interp(np.log(frequency), *corners)))
+
+
 def describe_quantity(text: str, name: str) -> str:
     """What a unit is one of; that of no unit an acceleration. InputError where that is no motion."""
     powers = find_powers(text) if text else (0, 1, -2)
@@ -220,7 +245,7 @@ def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
         span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
         summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
-    for channel in {channel.name: channel for run in runs for channel in run.channels}.values():
-        ratio = ", per drive" if channel.per_drive else ""
-        text = f"sensor of {channel.quantity}{ratio} in {channel.unit or 'no unit'}"
-        summary.add(f"channel {channel.name!r}", text, "found in the file")
+    for name, (channel, drive_unit) in {c.name: (c, run.drive_unit) for run in runs for c in run.channels}.items():
+        per = f" per {drive_unit}" if channel.per_drive else ""
+        text = f"sensor of {channel.quantity} in {channel.unit or 'no unit'}{per}"
+        summary.add(f"channel {name!r}", text, "found in the file")

@@ -4,6 +4,7 @@ A universal file says it in ID lines, points and units; an HDF5 file in a group 
 A drive in time is tracked some lines or samples at a time, so that a file of any size takes the memory of a block.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from damping.formats.uff import Function, read_functions
 from damping.records.text import name_apart, read_bytes, read_start
 
 SAMPLES = 2_000_000  #: samples of all channels that are read together
+#: A level in an ID line with the word for it: what differs from run to run, and so is no part of a sensor's name.
+OF_LEVEL = re.compile(rf"(?:\b[Ll]evel\s*[:=]?\s*)?{LEVEL.pattern}")
 LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
 
 
@@ -76,7 +79,7 @@ def _read(source: Source) -> list[CampaignRun]:
 
 def _name_functions(group: Sequence[Function]) -> list[str]:
     """Names of channels: the ID lines without their level; the points of responses that these do not tell apart."""
-    titles = [" ".join(LEVEL.sub("", function.of.title, count=1).split()) for function in group]
+    titles = [" ".join(OF_LEVEL.sub("", function.of.title, count=1).split()).strip(" ,;:") for function in group]
     return [
         title if title and (titles.count(title) == 1 or (not f.of.per and DRIVE.search(title))) else f.of.point
         for title, f in zip(titles, group, strict=True)

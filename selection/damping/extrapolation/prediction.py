@@ -56,11 +56,11 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
     if not plan.allows(np.asarray(force)):
         few = f"fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
         said.append(f"no prediction beyond the force {plan.limit:.4g}: {few}")
-    elif p.falling or p.rising:
+    elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
         allowed = ": damping may stop growing, and the band allows for it" if p.falling else ""
-        exponents = ", then ".join(f"{value:.2f}" for value in p.p)
-        said.append(f"force grows as a {way} power of amplitude ({exponents}, from level to level){allowed}")
+        exponents = f"{p.p[0]:.2f} between the lowest levels, {p.p[-1]:.2f} between the highest"
+        said.append(f"force grows as a {way} power of amplitude ({exponents}){allowed}")
     return [sentence for sentence in said if sentence]
 
 

@@ -136,12 +136,14 @@ class LocalEstimate:
 class PowerTrend:
     """How an estimate depends on amplitude: as A^``power``, better than a constant by ``gain`` in chi-square.
 
-    ``change`` is what it changes by from the smallest to the largest amplitude.
+    ``share``: the gain over the chi-square that a constant leaves. ``change`` is what it changes by from the smallest
+    to the largest amplitude.
     """
 
     power: float
     gain: float
     change: float
+    share: float = 1.0
 
 
 def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
@@ -183,7 +185,7 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTren
     for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
-        trends.append(PowerTrend(float(power), float(constant - chi_square), float(change)))
+        trends.append(PowerTrend(float(power), constant - chi_square, float(change), 1.0 - chi_square / constant))
     return max(trends, key=lambda trend: trend.gain)
 
 

@@ -154,7 +154,7 @@ def fitted_sweeps(
 
 @styled
 def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
-    """Two panels over the level: damping ratio with its band, and frequency.
+    """Two panels over the level: damping ratio with its band, and frequency on the scale of its half-power bandwidth.
 
     Args:
         table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
@@ -166,17 +166,18 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     left.fill_between(
         level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % predictive band"
     )
-    for axes, name, factor in ((left, "median", 100.0), (right, "frequency", 1.0)):
-        values = factor * table[name].to_numpy(dtype=float)
-        axes.plot(level, values, color=look.AVERAGE)
+    frequency, ratio = (table[name].to_numpy(dtype=float) for name in ("frequency", "median"))
+    inner, outer = frequency * (1.0 - ratio), frequency * (1.0 + ratio)
+    right.fill_between(level, inner, outer, color=look.PREDICTIVE, label="half-power bandwidth")
+    left.plot(level, 100.0 * ratio, color=look.AVERAGE)
+    for axes, values in ((left, 100.0 * ratio), (right, frequency)):
         axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
         axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
         axes.set_xlabel(f"level, {unit}")
     left.set_ylabel("damping ratio, %")
     right.set_ylabel("frequency, Hz")
     left.legend(loc="best")
-    span = np.ptp(table["frequency"]) or 1e-3 * float(table["frequency"].iloc[0])
-    right.set_ylim(table["frequency"].min() - span, table["frequency"].max() + span)
+    right.legend(loc="best")
     return figure
 
 

@@ -44,6 +44,10 @@ def deviations_figure(
     return cast(Figure, panels[0].figure)
 
 
+#: Frequencies along the axis, at most: of resonances alone they have six digits.
+MOST_TICKS = 5
+
+
 @styled
 def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | None = None) -> Figure:
     """Draw amplitude against frequency, each sweep of a record apart; those ``doubted`` with crosses."""
@@ -52,6 +56,7 @@ def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | N
         ordered = rows.sort_values("frequency", kind="stable")
         mark, size = ("x-", 4.0) if str(sweep) in doubted else ("o-", 2.6)
         panel.plot(ordered["frequency"], ordered["amplitude"], mark, markersize=size, linewidth=0.8, label=str(sweep))
+    panel.xaxis.set_major_locator(MaxNLocator(nbins=MOST_TICKS))
     handles, labels = panel.get_legend_handles_labels()
     if len(labels) > look.MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]

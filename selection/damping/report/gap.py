@@ -37,6 +37,8 @@ from damping.report.page import Block, FigureBlock, Footer, List, Table, Text, r
 if TYPE_CHECKING:
     from damping.plots import Drawn
 
+#: Least share of what a constant leaves (chi-square) that a power of amplitude takes where one is told: half.
+TREND_FITS = 0.5
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
 TREND_SEEN = 13.8
 #: Cells of a table.
@@ -66,6 +68,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
+        "trend_fits": TREND_FITS,
         "test": next(iter(diagnosis.next_tests), None),
         "settles": diagnosis.next_test is not None,
         "apart": [] if diagnosis.rest else describe_repeatability(diagnosis.setting, diagnosis.leading.best),

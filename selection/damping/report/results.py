@@ -61,6 +61,7 @@ class RecordResult:
     backbone: Backbone | None = None  #: frequency and mass
     next_level: NextLevel | None = None  #: what to test next
     note: str = ""  #: what to know of where its numbers come from
+    design_levels: tuple[str, ...] = ()  #: what each design force stands for, in words; empty where for itself
 
     def stem(self, name: str) -> str:
         """Name of the file of a table or figure, without its ending."""
