@@ -186,10 +186,9 @@ class Rests:
     @property
     def said(self) -> tuple[str, ...]:
         """What was done, and where weights rest on fewer rows than those of a ranking."""
-        if len(self.data.A) == len(self.steady):
-            return self.done
         why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-        return (*self.done, f"{why}; a ranking weighs them on every row, with others")
+        fewer = len(self.data.A) < len(self.steady)
+        return (*self.done, f"{why}; a ranking weighs them on every row, with others") if fewer else self.done
 
 
 def predict_record(

@@ -180,8 +180,6 @@ def describe_bistability(omega: FloatArray, width: float, said: str = OF_LEVELS)
 ENOUGH_LEVELS = 3
 #: Times the largest tested force that fewer levels allow.
 NEAREST = 1.5
-#: How what is said of laws that are left out ends.
-EXCLUDED = "the rows beside resonance exclude them, so predictions do without them"
 #: Weight from which on a law that is left out is named.
 LEAST_SAID = 0.05
 #: Relative excess of a force over the limit that still counts as the limit.
@@ -250,7 +248,7 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
         return plan
     whole = sum(own.weight for own in kept)
     names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
-    said = f"laws with weight by the resonances alone: {names}; {EXCLUDED}" if names else ""
+    said = f"rows beside resonance exclude laws, left out (weight by resonances alone): {names}" if names else ""
     return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
 
 
