@@ -1,7 +1,7 @@
 """Candidate laws with their weights and errors, posteriors as corner plots, predictive checks, deviations of a fit."""
 
 from collections.abc import Collection, Mapping
-from textwrap import fill, wrap
+from textwrap import wrap
 from typing import Any, cast
 
 import numpy as np
@@ -81,7 +81,7 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     if axes is not None:
         _draw_weights(axes, table)
         return cast(Figure, axes.figure)
-    lines = max(len(wrap(str(law), MOST_LETTERS, break_on_hyphens=False)) for law in table["law"])
+    lines = max(len(_wrap_name(law)) for law in table["law"].astype(str))
     figure = look.Drawing(figsize=(look.WIDTH, 0.9 + (0.08 + 0.13 * lines) * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
     _draw_weights(weights, table)
@@ -90,9 +90,14 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
     return figure
 
 
+def _wrap_name(law: str) -> list[str]:
+    """The lines of a law's name; the name of a force stays whole."""
+    return wrap(law, MOST_LETTERS, break_long_words=False, break_on_hyphens=False)
+
+
 def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     laws = table["law"].astype(str).tolist()
-    draw_plain_rows(axes, [fill(law, MOST_LETTERS, break_on_hyphens=False) for law in laws])
+    draw_plain_rows(axes, ["\n".join(_wrap_name(law)) for law in laws])
     colours = [law_style(law).colour for law in laws]
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
