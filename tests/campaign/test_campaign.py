@@ -35,7 +35,8 @@ from damping.campaign.answer import (
     compare_predictions,
 )
 from damping.campaign.decays import decay_modes
-from damping.campaign.records import Level, fit_levels, tie_modes
+from damping.campaign.modal_fit import Level
+from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
@@ -131,6 +132,26 @@ def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
         assert set(mode.left_out) == {names[REVERSED], names[DEAD]}
         assert "reversed" in mode.left_out[names[REVERSED]]
         assert "dead" in mode.left_out[names[DEAD]]
+
+
+@pytest.mark.parametrize(("changed", "gain"), [(None, 1.0), (0, 1.05), (1, 1.25), (2, 0.7)])
+def test_a_gain_that_changes_at_one_level_is_of_its_sensor(tmp_path, changed, gain):
+    """Found from 10 % on; the residues of the others stay what they are."""
+    path = written(tmp_path / "c.h5", "hdf5")
+    with h5py.File(path, "r+") as file:
+        readings = file["run_0.4g"]["accelerations"]
+        if changed is not None:
+            readings[changed] = readings[changed] * gain
+    runs, _ = read_runs([path], 10 * SIZE)
+    names = runs[0].names
+    modes = tie_modes(fit_levels(runs))
+    told = {names[REVERSED], names[DEAD]} | ({names[changed]} if abs(gain - 1.0) > 0.1 else set())
+    for k, mode in enumerate(modes):
+        assert set(mode.left_out) == told
+        kept = [s for s in range(3) if names[s] not in told and s != changed]
+        np.testing.assert_allclose(mode.residues[kept], MODES[k][3] * SHAPES[kept, k], rtol=0.01)
+        if names[changed or 0] in told:
+            assert f"at 0.4 g it reads {gain:.2g}"[:-1] in mode.left_out[names[changed]]
 
 
 def test_the_word_for_a_level_is_no_part_of_a_name(tmp_path):

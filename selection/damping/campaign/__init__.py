@@ -37,9 +37,11 @@ from damping.campaign.answer import (
     rank_first,
 )
 from damping.campaign.decays import answer_decays
+from damping.campaign.modal_fit import Level
 from damping.campaign.poles import receptance
-from damping.campaign.records import DrivenMode, Level, find_misread, fit_levels, tie_modes
+from damping.campaign.records import DrivenMode, fit_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
+from damping.campaign.sensors import find_misread
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.extrapolation import Rests

@@ -26,8 +26,8 @@ from damping.campaign.answer import (
     predict_mode,
     rank_first,
 )
-from damping.campaign.records import DEAD
 from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
+from damping.campaign.sensors import DEAD
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads

@@ -22,6 +22,7 @@ from scipy.signal import find_peaks
 
 from damping.arrays import ComplexArray, FloatArray
 from damping.campaign.poles import Poles
+from damping.campaign.runs import CampaignRun
 
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
@@ -54,6 +55,23 @@ class ModalFit(Poles):
         columns = self.columns(f)
         columns[:, 2 + mode] = 0.0
         return np.asarray(H - self.local[mode] @ columns.T)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
+
+    ``third`` (sensors, n): third harmonics likewise, where they were tracked. ``name``: of the level in records, what
+    was driven, of its own for each of several runs at one level.
+    """
+
+    run: CampaignRun
+    f: FloatArray
+    H: ComplexArray
+    drive: FloatArray
+    fit: ModalFit
+    third: ComplexArray | None = None
+    name: str = ""
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:

@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
-from damping.campaign.modal_fit import LEAST_T, ModalFit, find_peaks_of, fit_level
+from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
+from damping.campaign.sensors import find_bad_sensors
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
@@ -25,29 +26,7 @@ WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: rows of a level, at most
 FEWEST_ROWS = 3  #: rows of a level, at least
 CONTROLLED = 0.1  #: a drive whose readings lie within this share of their median is controlled to be the same
-DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
-#: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
-#: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
-MISREAD = 2.0
-LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
-
-
-@dataclass(frozen=True)
-class Level:
-    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
-
-    ``third`` (sensors, n): third harmonics likewise, where they were tracked. ``name``: of the level in records, what
-    was driven, of its own for each of several runs at one level.
-    """
-
-    run: CampaignRun
-    f: FloatArray
-    H: ComplexArray
-    drive: FloatArray
-    fit: ModalFit
-    third: ComplexArray | None = None
-    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,25 +111,12 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     return f, np.array(rows), np.abs(drive)
 
 
-def find_misread(levels: Sequence[Level]) -> dict[str, str]:
-    """Sensors that read a multiple of the base where half of them read the base itself, each with why.
-
-    One that reads ten times too much outweighs all others in the fit: modes are to be sought again without it.
-    """
-    share = np.median([_measure_base(level) for level in levels], axis=0)
-    if not levels[0].run.is_base_driven or not 1.0 / MISREAD < np.median(share) < MISREAD:
-        return {}
-    why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
-    parts = zip(levels[0].run.names, share, strict=True)
-    return {name: f"misread: it reads {part:.3g} {why}" for name, part in parts if abs(part) > MISREAD}
-
-
 def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None) -> list[DrivenMode]:
     """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left.
 
     ``misread``: sensors that the levels are without, and why.
     """
-    out = {**(misread or {}), **_find_bad_sensors(levels)}
+    out = {**(misread or {}), **find_bad_sensors(levels)}
     modes: list[DrivenMode] = []
     for k in range(len(levels[0].fit.frequency)):
         mode = _tie(levels, k, dict(out), len(modes) + 1)
@@ -161,37 +127,6 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
         seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
         raise AnalysisError(f"{seen} at every level: name the modes that there are (--modes F1,F2,... in Hz)")
     return modes
-
-
-def _find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
-    """Sensors that are dead, or reversed where the base is seen in all of them or the force acts at them."""
-    bad, run = {}, levels[0].run
-    size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
-    base = np.median([_measure_base(level) for level in levels], axis=0)
-    absolute = run.is_base_driven and np.median(base) > 0.5
-    for s, name in enumerate(run.names):
-        if size[s] < DEAD * np.median(size):
-            bad[name] = "dead: it reads next to nothing"
-        elif absolute and abs(base[s]) < 0.3:
-            bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
-        elif absolute and base[s] < 0.0:
-            bad[name] = "reversed: it moves against the base below resonance"
-    if not run.is_base_driven:
-        residues = np.median([level.fit.residues for level in levels], axis=0)
-        at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
-        bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
-    return bad
-
-
-def _measure_base(level: Level) -> FloatArray:
-    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes.
-
-    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it.
-    """
-    rows = level.f <= LOWEST * level.f[0]
-    modes = level.fit.residues @ level.fit.columns(level.f[rows])[:, 2:].T
-    return np.asarray(np.median((level.H[:, rows] - modes).real, axis=1))
 
 
 def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
