@@ -239,7 +239,7 @@ def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) ->
     if None in factors:
         return False
     of_force, of_length = np.array(factors, dtype=float).T
-    table["force"] *= of_force
+    table["force"] = [float(f"{force:.9g}") for force in table["force"] * of_force]  # equal ones to the last digit
     table[_AMPLITUDES] = table[_AMPLITUDES].mul(of_length, axis=0)
     return True
 

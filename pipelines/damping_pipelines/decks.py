@@ -136,16 +136,18 @@ def choose_live(
 ) -> tuple[float, str] | None:
     """The level and bound of the block that stands as no comment: a low end.
 
-    Of the largest level within the test and the largest of all, as it was asked for, the one with less damping (in the
-    geometric mean of its modes). ``whole``: only levels at which no mode lacks its damping can be written; None where
-    there is none.
+    Of the largest level within the test and the largest that was asked for it is the one with less damping, in the
+    geometric mean of the modes that both have. ``whole``: only levels at which no mode lacks its damping can be
+    written; None where there is none.
     """
     written = [level for level, points in levels.items() if not whole or len(points) == number[points[-1].mode]]
     tested = [level for level in written if all(point.tested for point in levels[level])]
     ends = sorted({max(of) for of in (tested, written) if of})
 
+    both = set.intersection(*({point.mode for point in levels[level]} for level in ends)) if ends else set()
+
     def weigh(level: float) -> float:
-        return float(np.mean([np.log(point.low) for point in levels[level]]))
+        return float(np.sum([np.log(point.low) for point in levels[level] if point.mode in both]))
 
     return (min(ends, key=weigh), BOUNDS[1]) if ends else None
 

@@ -29,10 +29,15 @@ from damping_pipelines.store import make_folder, to_json, write_bytes
 
 #: Name of the manifest in its folder.
 MANIFEST = "manifest.json"
-#: The command whose results a manifest names, by an output that every run of it has; the first that is there.
+#: The command whose results a manifest names, by an output that every run of it has; the first that is there
+#: (bands come last: a calibration has a README.md too).
 COMMANDS = {
-    **{"campaign.json": "campaign", "summary.json": "study", "fleet.html": "fleet"},
-    **{"confusion.csv": "blind", "coverage.csv": "calibrate", "README.md": "bands"},
+    "campaign.json": "campaign",
+    "summary.json": "study",
+    "fleet.html": "fleet",
+    "confusion.csv": "blind",
+    "coverage.csv": "calibrate",
+    "README.md": "bands",
 }
 _STAGED = ".staged"
 _MAX_SIZE = 10_000_000

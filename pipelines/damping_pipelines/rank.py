@@ -238,9 +238,8 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
     traced = damping.curve(read, described, amplitude, force, level, **asked.settings)
     if asked.write(traced):
         print_curve(traced)
-        given = [
-            f" --{what} {value:g}" for what, values in (("amplitude", amplitude), ("force", force)) for value in values
-        ]
+        asked_for = [("amplitude", value) for value in amplitude] + [("force", value) for value in force]
+        given = [f" --{what} {value:.12g}" for what, value in asked_for]
         suggest(
             f"{asked.name('curve')}{''.join(given)} --json curve.json",
             "damping export curve.json --to nastran --out damping.bdf",

@@ -89,7 +89,7 @@ def run_study(
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
     digests = hashes(path, settings)
     read = [path.parent / name for name in digests]
-    refuse_foreign(out, files.PAGES, read)
+    refuse_foreign(out, files.PAGES, read)  # before the audit, which prints
     inputs = read_inputs(settings, path.parent, despite)
     with sole_writer(out, files.PAGES, read):
         result = compute(settings, inputs, digests)

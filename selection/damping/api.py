@@ -240,7 +240,7 @@ def regress(
     table = frame.table if isinstance(frame, Record) else frame
     check_kind(table, pd.DataFrame, "table")
     if not isinstance(terms, str | Sequence):
-        raise InputError(f"terms is a {type(terms).__name__}", expected="a text, or a list of terms")
+        raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
     if not (wanted := response.strip()):

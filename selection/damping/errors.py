@@ -72,7 +72,7 @@ class AnalysisError(DampingError):
 def check_kind(value: object, kind: type, name: str) -> None:
     """Raise InputError for an argument ``name`` that is not of a kind."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} is a {type(value).__name__}", expected=f"a {kind.__name__}")
+        raise InputError(f"{name} is of type {type(value).__name__}", expected=f"{kind.__name__}")
 
 
 def check_seed(seed: object) -> None:

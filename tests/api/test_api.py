@@ -169,11 +169,11 @@ def test_bad_levels_are_refused_before_any_work(record, mode, level):
 
 
 def test_other_kinds_of_arguments_are_refused(record, mode):
-    with pytest.raises(dp.InputError, match="record is a DataFrame; expected a Record"):
+    with pytest.raises(dp.InputError, match="record is of type DataFrame; expected Record"):
         dp.rank(record.table)
-    with pytest.raises(dp.InputError, match="mode is a Record"):
+    with pytest.raises(dp.InputError, match="mode is of type Record"):
         dp.extrapolate(record, record, [60.0])
-    with pytest.raises(dp.InputError, match="mode is a str"):
+    with pytest.raises(dp.InputError, match="mode is of type str"):
         dp.diagnose(record, "mode.toml")
     with pytest.raises(dp.InputError, match="force -2"):
         dp.sweep(mode, force=-2.0, frequency=[1.0, 2.0])
@@ -185,11 +185,11 @@ def test_other_kinds_of_arguments_are_refused(record, mode):
         dp.diagnose(record, mode, states=[record])
     with pytest.raises(dp.InputError, match="path 5; expected the name of a file"):
         dp.read_record(5)
-    with pytest.raises(dp.InputError, match="the simulator is a int"):
+    with pytest.raises(dp.InputError, match="the simulator is of type int"):
         dp.diagnose(record, mode, simulate=3)
     with pytest.raises(dp.InputError, match="despite is 'phase-sign'; expected a list"):
         dp.rank(record, despite="phase-sign")
-    with pytest.raises(dp.InputError, match="terms is a int"):
+    with pytest.raises(dp.InputError, match="terms is of type int"):
         dp.regress(record.table, response="amplitude", terms=3)
     with pytest.raises(dp.InputError, match="a T-ratio of x to stop at"):
         dp.regress(record.table, response="amplitude", terms="force", select="backward", t_stop="x")

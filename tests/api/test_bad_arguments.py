@@ -75,7 +75,7 @@ def test_a_notebook_shows_records_and_modes():
 
 
 def test_axes_that_are_none():
-    with pytest.raises(dp.InputError, match="ax is a int; expected a Axes"):
+    with pytest.raises(dp.InputError, match="ax is of type int; expected Axes"):
         sweeps(TABLE, axes=3)
 
 

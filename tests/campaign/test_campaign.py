@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import tomllib
 import warnings
 from dataclasses import replace
@@ -151,7 +152,21 @@ def test_a_gain_that_changes_at_one_level_is_of_its_sensor(tmp_path, changed, ga
         kept = [s for s in range(3) if names[s] not in told and s != changed]
         np.testing.assert_allclose(mode.residues[kept], MODES[k][3] * SHAPES[kept, k], rtol=0.01)
         if names[changed or 0] in told:
-            assert f"at 0.4 g it reads {gain:.2g}"[:-1] in mode.left_out[names[changed]]
+            read = re.search(r"in run 'run_0.4g' it reads ([\d.]+) times", mode.left_out[names[changed]])
+            np.testing.assert_allclose(float(read[1]), gain, rtol=0.01)
+
+
+def test_of_two_runs_neither_is_the_one_with_the_right_gain(tmp_path):
+    """A sensor of 1.25 times the gain in the upper run reads 1.25 times there, or 1/1.25 in the lower: that is told."""
+    path = written(tmp_path / "c.h5", "hdf5")
+    with h5py.File(path, "r+") as file:
+        del file["run_0.2g"]
+        readings = file["run_0.4g"]["accelerations"]
+        readings[1] = readings[1] * 1.25
+    runs, _ = read_runs([path], 10 * SIZE)
+    told = tie_modes(fit_levels(runs))[0].left_out[runs[0].names[1]]
+    read = re.search(r"it reads ([\d.]+) times what it reads beside the others in the other", told)
+    assert min(abs(np.log(float(read[1]) * ratio)) for ratio in (1.25, 1.0 / 1.25)) < 0.01
 
 
 def test_the_word_for_a_level_is_no_part_of_a_name(tmp_path):

@@ -176,7 +176,7 @@ def test_the_live_level_is_the_safer_one(deck, beyond, live):
         for level, tested, z in ((0.6, True, 0.006), (1.2, False, 0.006 * beyond))
     ]
     text = deck({"format": "campaign/1", "modes": [{"name": "first", "at": at}]}, "abaqus")
-    assert f"live: the low end at level {live}; of the largest level tested and the largest asked" in text
+    assert f"live: the low end at level {live}; the one with less damping of two: the largest" in text
     assert read_live(text, "abaqus") == [pytest.approx(0.0054 * min(beyond, 1.0))]
     assert "** mode numbers: 1, 2, ... are the tested modes by frequency; put the numbers" in text
 

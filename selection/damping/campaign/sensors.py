@@ -88,10 +88,10 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
     worst = int(np.argmax(change))
     if change[worst] < CHANGED or change[worst] < STANDS_OUT * np.max(np.delete(change, worst)):
         return {}
-    at = int(np.argmax(np.abs(gain[worst])))
-    run, times = levels[at].run, np.exp(gain[worst, at])
-    told = f"{times:.3g} times what it reads beside the others at other levels"
-    return {names[worst]: f"its gain changes: at {run.level:g} {run.drive_unit} it reads {told}"}
+    at = int(np.argmax(np.abs(gain[worst])))  # of two levels neither is the odd one
+    times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
+    told = f"{times:.3g} times what it reads beside the others in {'the other' if len(levels) == 2 else 'other runs'}"
+    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {told}"}
 
 
 def _find_middle(moved: FloatArray) -> FloatArray:

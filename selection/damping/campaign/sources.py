@@ -129,10 +129,10 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
             raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
         drive_unit = sensors[0][1].of.denominator.unit or level[1]
         drive = np.full(len(x), level[0], dtype=complex)
-        return source.make_sweep(CampaignRun(label, level[0], drive_unit, x, drive, channels))
+        return source.leave_flat(CampaignRun(label, level[0], drive_unit, x, drive, channels))
     control = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
     drive_unit = stated.of(drives[0][0]).unit or drives[0][1].of.numerator.unit or "g"
-    return source.set_level(source.make_sweep(CampaignRun(label, None, drive_unit, x, control, channels)), label)
+    return source.set_level(source.leave_flat(CampaignRun(label, None, drive_unit, x, control, channels)), label)
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
@@ -184,7 +184,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = source.stated.join_controls(list(rows))
-    run = source.make_sweep(CampaignRun(group, None, drive_unit, f, control, tuple(channels)))
+    run = source.leave_flat(CampaignRun(group, None, drive_unit, f, control, tuple(channels)))
     return source.set_level(run, group)
 
 

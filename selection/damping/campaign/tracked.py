@@ -107,7 +107,7 @@ class Source:
         channels = tuple(filter(None, sensors))
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         named = zip((name for name, _ in units), limits.found, strict=True)
-        return self.set_level(self.leave_clipped({name: at for name, at in named if at is not None}, run), label)
+        return self.set_level(self.leave_clipped(dict(named), run), label)
 
     def make_decay(
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
@@ -116,24 +116,24 @@ class Source:
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
         run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
-        return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
+        return self.leave_clipped(limits, run)
 
-    def make_sweep(self, run: CampaignRun) -> CampaignRun:
+    def leave_flat(self, run: CampaignRun) -> CampaignRun:
         """The run of spectra without sensors whose amplitudes stand at a ceiling under one drive."""
         assert run.drive is not None
         drive, limits = np.abs(run.drive), {}
         for channel in run.channels:
             A = np.abs(channel.samples) * (drive if channel.per_drive else 1.0)
             limits[channel.name] = find_ceiling(A, drive)
-        return self.leave_clipped({name: at for name, at in limits.items() if at is not None}, run)
+        return self.leave_clipped(limits, run)
 
-    def leave_clipped(self, limits: Mapping[str, float], run: CampaignRun) -> CampaignRun:
-        """The run without sensors that stand at a limit, but for those whose role is stated.
+    def leave_clipped(self, limits: Mapping[str, float | None], run: CampaignRun) -> CampaignRun:
+        """The run without sensors that stand at a limit (None: at none), but for those whose role is stated.
 
         InputError: none is left.
         """
-        clipped = [name for name in run.names if name in limits and self.stated.of(name).role != "sensor"]
-        why = {name: f"clipped: it stands at {limits[name]:.4g} in {run.label!r} again and again" for name in clipped}
+        clipped = [name for name in run.names if limits.get(name) is not None and self.stated.of(name).role != "sensor"]
+        why = {name: f"clipped: it stands at {limits[name]:.4g} in {run.label!r}" for name in clipped}
         for name, text in why.items():
             self.summary.note(f"{name!r} is {text} (--correct leaves that run out instead, or states role = 'sensor')")
         if clipped and len(clipped) == len(run.names):

@@ -36,7 +36,7 @@ from damping.gap.weighing import COVER, INDISTINCT, Explanation, count_beyond, d
 WORTH = 6.0
 #: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
 SURELY = 2.0
-#: Explanations compared with the leading one; what is left of a rival that is not compared a test cannot take away.
+#: Explanations compared with the leading one; of others nothing is foreseen: they keep their probability.
 MOST_RIVALS = 6
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
 CERTAIN = 100.0

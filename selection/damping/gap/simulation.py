@@ -49,8 +49,8 @@ class OfState(NamedTuple):
 def list_of_states(rows: Rows) -> tuple[OfState, ...]:
     """What is uncertain of each further state by itself, beside what all share.
 
-    The frequency where the stiffness is its own; mass and damping where its file's are not those of the first, by no
-    more than they differ: files that say the same say that nothing has changed.
+    Frequency and mass where the stiffness is its own too; mass and damping by no more than the files differ: files that
+    say the same say that nothing has changed.
     """
     values = []
     for state in np.unique(rows.state[rows.state > 0.0]).astype(int):
@@ -191,7 +191,7 @@ class Simulator:
             InputError: another signature, a value that is not finite, a tolerance below 0.
         """
         if not callable(function):
-            raise InputError(f"the simulator is a {type(function).__name__}", expected="a function of force, frequency")
+            raise InputError(f"the simulator is of type {type(function).__name__}", expected="a function of force, frequency")
         parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
         if len(signature(function).parameters) > len(parameters) + 2:
             raise InputError(

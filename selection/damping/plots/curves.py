@@ -173,7 +173,7 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     for axes, values in ((left, 100.0 * ratio), (right, frequency)):
         axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
         axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
-        axes.set_xlabel(f"level, {unit}")
+        axes.set_xlabel(f"input at the mode, {unit}")
     left.set_ylabel("damping ratio, %")
     right.set_ylabel("frequency, Hz")
     left.legend(loc="best")

@@ -56,7 +56,7 @@ def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | N
         ordered = rows.sort_values("frequency", kind="stable")
         mark, size = ("x-", 4.0) if str(sweep) in doubted else ("o-", 2.6)
         panel.plot(ordered["frequency"], ordered["amplitude"], mark, markersize=size, linewidth=0.8, label=str(sweep))
-    panel.xaxis.set_major_locator(MaxNLocator(nbins=MOST_TICKS))
+    panel.xaxis.set_major_locator(MaxNLocator(nbins=MOST_TICKS - 1))
     handles, labels = panel.get_legend_handles_labels()
     if len(labels) > look.MOST_LABELS // 4:
         handles, labels = [handles[0], handles[-1]], [labels[0], labels[-1]]
@@ -211,8 +211,8 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str, turned: float) -> None:
     axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
 
 
-#: Letters of a law's name beside a row.
-_MOST_LETTERS = 22
+#: Letters of a law's name beside a row of a panel.
+_LETTERS_BESIDE = 22
 #: Panels beside one another.
 _COLUMNS = 3
 
@@ -234,7 +234,7 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
         axes.remove()
     for axes, sweep, label in zip(panels.flat, sweeps, look.distinguish(sweeps, 8), strict=False):
         of_sweep = table[table["sweep"] == sweep]
-        draw_plain_rows(axes, [describe_short(law, _MOST_LETTERS) for law in laws])
+        draw_plain_rows(axes, [describe_short(law, _LETTERS_BESIDE) for law in laws])
         axes.axvline(100.0, color=look.MEASURED, linewidth=1.2)
         for law, median, low, high in of_sweep[["law", "median", "low", "high"]].itertuples(index=False):
             row, colour = laws.index(str(law)), law_style(str(law)).colour

@@ -98,7 +98,7 @@ def read_description(description: object) -> Description:
     elif isinstance(description, Mapping):
         table = TomlTable(dict(description), (), "description", "")
     else:
-        raise InputError(f"description is a {type(description).__name__}", expected="a Mapping")
+        raise InputError(f"description is of type {type(description).__name__}", expected="a Mapping")
     checked = read_schema(table, Description, _WRITTEN)
     for keys, message, expected in checked.problems():
         raise locate(table, keys, message, expected)

@@ -280,7 +280,7 @@ def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> D
 
 
 def list_weights(frequency: float, others: Sequence[float], dt: float, most: int) -> ComplexArray:
-    """Weights (n,) of samples whose sum is the complex amplitude of a sine of ``frequency`` in their middle.
+    """Weights (n,) of samples whose sum is half the complex amplitude of a sine of ``frequency`` in their middle.
 
     Least squares under a Hann window, with every mode beside it as (a + b u + c u^2) exp(i omega u), so that it leaves
     nothing though it decays. ``others``: modes, Hz. ``most``: samples, but for the periods that a window has.
