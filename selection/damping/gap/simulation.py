@@ -191,7 +191,8 @@ class Simulator:
             InputError: another signature, a value that is not finite, a tolerance below 0.
         """
         if not callable(function):
-            raise InputError(f"the simulator is of type {type(function).__name__}", expected="a function of force, frequency")
+            given = f"the simulator is of type {type(function).__name__}"
+            raise InputError(given, expected="a function of force, frequency")
         parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
         if len(signature(function).parameters) > len(parameters) + 2:
             raise InputError(

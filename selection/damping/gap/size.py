@@ -26,7 +26,7 @@ CONTENT = 0.9
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
 _CLOSED = 0.8
 _FAILED = 0.5
-#: Effects that speak of single sweeps: those that are held out cannot be predicted.
+#: Effects that speak of single sweeps, or of one state: a level that is held out of them may not be predicted.
 _OF_ONE_SWEEP = {"drift", "level-offset"}
 
 
