@@ -248,7 +248,7 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
         return plan
     whole = sum(own.weight for own in kept)
     names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
-    said = f"rows beside resonance exclude laws, left out (weight by resonances alone): {names}" if names else ""
+    said = f"left out, as the rows beside resonance exclude it (weight without them): {names}" if names else ""
     return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
 
 
