@@ -166,7 +166,8 @@ def draw_spread(
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
     # one draw for all forces: a band is then smooth
     noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
-    strayed = follow(drawn, lets_go=True) - law
+    with np.errstate(invalid="ignore"):  # where both are infinite
+        strayed = follow(drawn, lets_go=True) - law
     return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law))
 
 

@@ -250,5 +250,5 @@ def read_path(
     even = (asked - steps[after - 1]) / np.diff(steps)[after - 1]
     with np.errstate(all="ignore"):
         share = (of_law - on_steps[:, after - 1]) / (on_steps[:, after] - on_steps[:, after - 1])
-    share = np.where(np.isfinite(share), share, even)
-    return np.asarray(path[:, after - 1] + share * (path[:, after] - path[:, after - 1]))
+        share = np.where(np.isfinite(share), share, even)
+        return np.asarray(path[:, after - 1] + share * (path[:, after] - path[:, after - 1]))
