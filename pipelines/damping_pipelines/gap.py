@@ -61,7 +61,7 @@ def gap(
     check_outputs({"--json": json_out, **files}, *inputs)
     read = [(read_record(data, max_size=max_size), read_mode(own, max_size=max_size)) for own, data in pairs]
     (record, mode), *further = read
-    report_findings(record, mode, despite)
+    report_findings(record, mode, despite, diagnosed=True)
     result = damping.diagnose(
         record,
         mode,

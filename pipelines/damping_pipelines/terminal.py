@@ -235,13 +235,15 @@ def suggest(*lines: str) -> None:
             console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)
 
 
-def report_findings(record: Record, mode: Mode | None, despite: Collection[str] = ()) -> Audit:
+def report_findings(
+    record: Record, mode: Mode | None, despite: Collection[str] = (), *, diagnosed: bool = False
+) -> Audit:
     """The audit of a record before any work on it; its findings go to standard error.
 
-    Refused: a finding refuses that is not among the checks named in ``despite``.
+    Refused: a finding refuses that is not among the checks named in ``despite``; ``diagnosed``: see `Audit.require`.
     """
     findings = audit(record, mode)
-    findings.require(despite)
+    findings.require(despite, diagnosed=diagnosed)
     for finding in findings.findings:
         print(f"damping: {record.source}: {finding}", file=sys.stderr)
     return findings

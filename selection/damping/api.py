@@ -193,11 +193,11 @@ def diagnose(
     check_seed(seed)
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
-    findings = check(record, mode).require(despite)
+    findings = check(record, mode).require(despite, diagnosed=True)
     for own, state in states:
         check_kind(own, Record, "record of a state")
         check_kind(state, Mode, "mode of a state")
-        check(own, state).require(despite)
+        check(own, state).require(despite, diagnosed=True)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
     against = () if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
     said = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)

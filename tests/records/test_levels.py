@@ -89,6 +89,17 @@ def test_of_two_levels_the_mode_file_tells_which_is_wrong(mode, sure):
     assert found.sweeps == ("B",) or not sure
 
 
+def test_a_level_far_off_is_refused_but_where_it_can_be_named():
+    """Readings of 2.5 times the others' gain: no law can be ranked on them, and a diagnosis names the level."""
+    table = sweeps({"A": 1.0, "B": 2.0, "C": 4.0})
+    table.loc[table["sweep"] == "C", "amplitude"] *= 2.5
+    findings = audit(record_of(table), MODE)
+    assert [(one.check, one.verdict) for one in findings.findings] == [("level-offset", "refuse")]
+    with pytest.raises(dp.Refused, match="sweep C implies a mass"):
+        findings.require()
+    assert findings.require(diagnosed=True) is findings
+
+
 def test_masses_that_the_record_states_of_each_level_are_no_gain():
     """Half of the levels move twice the mass of the mode file, and say so in the column."""
     omega = 2.0 * np.pi * np.linspace(17.0, 19.0, 41)

@@ -28,6 +28,8 @@ NAMES = (
     "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model", "level-offset",
     "sensor-saturation",
 )  # fmt: skip
+#: Findings that a diagnosis is asked for: laws cannot be ranked on such a record, but the effect can be named.
+DIAGNOSED = ("level-offset",)
 #: What noise and exchanged columns look like: anything but a copy.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
 _OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
@@ -84,14 +86,15 @@ class Audit:
         implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
         return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
 
-    def require(self, despite: Collection[str] = ()) -> Audit:
+    def require(self, despite: Collection[str] = (), *, diagnosed: bool = False) -> Audit:
         """The audit of a record that may be worked on: Refused where a finding refuses that is not in ``despite``.
 
-        InputError: ``despite`` names no check.
+        ``diagnosed``: what a diagnosis can name, `DIAGNOSED`, refuses none. InputError: ``despite`` names no check.
         """
         require_checks(despite)
         for finding in self.findings:
-            if finding.verdict == "refuse" and finding.check not in despite:
+            passed = finding.check in despite or (diagnosed and finding.check in DIAGNOSED)
+            if finding.verdict == "refuse" and not passed:
                 raise Refused(f"{finding}, or --despite {finding.check}", file=self.source)
         return self
 
