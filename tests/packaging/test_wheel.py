@@ -135,11 +135,13 @@ def test_the_command_runs_outside_the_clone(unpacked, run_forked):
         ("pyarrow", "formats", ("export", "RECORD", "--out", "out.parquet")),
     ],
 )
-def test_a_bare_install_says_which_extra_to_install(without, extra, words, unpacked, tmp_path, forking):
+def test_a_bare_install_says_which_extra_to_install(without, extra, words, unpacked, tmp_path):
+    """In an interpreter of its own: one that has loaded pandas beside the package would not be bare."""
     record = unpacked / DATA / "saturn-v" / "records" / "config-2-mode-1.csv"
     code = f"import sys; sys.modules[{without!r}] = None\nfrom damping_pipelines.cli import main; main()"
     given = [record if word == "RECORD" else word for word in words]
-    done = forking.run(code, *given, folder=tmp_path, paths=[unpacked])
+    command, env = [sys.executable, "-c", code, *map(str, given)], {**os.environ, "PYTHONPATH": str(unpacked)}
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("damping: ")
     assert done.stderr.count("\n") == 1

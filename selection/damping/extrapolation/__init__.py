@@ -229,8 +229,8 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for force in forces:
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
-            wanted = f"{_AMPLITUDES[what]} > 0, of a magnitude of {SMALLEST:g} to {LARGEST:g}"
-            raise InputError(f"{what} {force}", expected=wanted)
+            beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
+            raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
     if not (_is_number(level) and 0.0 < level < 1.0):
         raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
     return np.array(forces, dtype=float)
