@@ -275,24 +275,26 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the noise as stated; else with that of what its own leading explanation leaves.
+    """A search with the noise as stated; else with that of what its own leading explanation leaves, until it stands.
 
-    It begins with the noise that the simulation alone leaves, which a wrong one makes too large, and begins anew with
-    that of the leading explanation, which is tried again, until it stands.
+    It begins with the noise that the simulation alone leaves, too large of a wrong one, then of the best single effect.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search = Search(start.problem, effects, start.unknowns).run()
+    search, combined = Search(start.problem, effects, start.unknowns), False
+    search.singles()
     for _ in range(MOST_NOISES):
         better = start.with_noise_of((leading := search.ranked()[0]).best)
-        if better.has_noise_of(start):
+        if not better.has_noise_of(start):
+            start, search = better, Search(better.problem, effects, better.unknowns)
+            search.singles()
+            for k in range(1, len(leading.effects)):
+                if base := search.hypotheses.get(frozenset(leading.effects[:k])):
+                    search.extend(base, leading.effects[k])
+        elif combined:
             break
-        start, search = better, Search(better.problem, effects, better.unknowns)
-        search.singles()
-        for k in range(1, len(leading.effects)):
-            if base := search.hypotheses.get(frozenset(leading.effects[:k])):
-                search.extend(base, leading.effects[k])
         search.combine()
+        combined = True
     return start, search
