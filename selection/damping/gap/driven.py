@@ -4,6 +4,8 @@ States of one stiffness are the same structure with known masses added. One part
 generalized mass, is that of all of them that a base shakes; a state of another stiffness has its own. Where a base
 shakes the first state, all masses and forces are counted over its p m, so that forces are accelerations and
 coefficients those of a ranking; else in the unit of its force.
+
+States that share their rows are copies, which is said.
 """
 
 from __future__ import annotations
