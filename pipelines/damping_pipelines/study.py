@@ -87,10 +87,11 @@ def run_study(
     if seed is not None:
         settings = settings.model_copy(update={"seed": seed})
     out = out or Path("results") / ("saturn-v" if settings_file is None else path.stem)
-    digests = hashes(path, settings)
-    read = [path.parent / name for name in digests]
+    names = dict.fromkeys([path.name, *(name for asked in settings.records for name in (asked.record, asked.mode))])
+    read = [path.parent / name for name in names]
     refuse_foreign(out, files.PAGES, read)  # before the audit, which prints
     inputs = read_inputs(settings, path.parent, despite)
+    digests = {name: digest_file(path.parent / name) for name in names}
     with sole_writer(out, files.PAGES, read):
         result = compute(settings, inputs, digests)
         files.write_study(result, out, read, png=png, pdf=pdf)
@@ -111,12 +112,6 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         backbone = find_backbone(record, mode, findings.implied)
         inputs.append(Input(asked, record, measured.driven, mode, data, backbone, findings))
     return inputs
-
-
-def hashes(path: Path, settings: files.StudySettings) -> dict[str, str]:
-    """SHA-256 of the settings and of every input file, by name relative to the settings."""
-    names = [path.name, *(name for record in settings.records for name in (record.record, record.mode))]
-    return {name: digest_file(path.parent / name) for name in dict.fromkeys(names)}
 
 
 def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[str, str]) -> StudyResult:

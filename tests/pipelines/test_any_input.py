@@ -141,6 +141,8 @@ def test_any_file(folder: Path, name: str) -> None:
         (folder / "in").write_bytes(data)
         kept([placed(word) for word in words.split()], folder, data)
 
+    (folder / "in").write_bytes(seed)
+    kept([placed(word) for word in words.split()], folder, seed)
     before = tried.total()
     check()
     assert tried.total() - before >= TRIES
