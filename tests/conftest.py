@@ -22,6 +22,7 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # each of the processes that tests start would compile everything anew: 2 s a time
 
 import damping_pipelines  # isort: skip  # first, since it sets one thread for the linear algebra before numpy is loaded
+import hypothesis
 import numpy as np
 import pandas as pd
 import pytest
@@ -47,6 +48,10 @@ if TYPE_CHECKING:
     from damping_reed1970.studies import Gaps, Studies
 
 assert damping_pipelines.__doc__  # imported for its effect
+# The same examples at every run, so that a change is judged by what it does; ``DAMPING_TRIES`` looks for new ones.
+hypothesis.settings.register_profile("same", derandomize=True)
+hypothesis.settings.register_profile("new", derandomize=False)
+hypothesis.settings.load_profile("new" if "DAMPING_TRIES" in os.environ else "same")
 typer.main.get_command = cache(typer.main.get_command)  # commands are built once, not at every call: 30 ms each
 #: Names under which systems install the browser.
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")

@@ -27,7 +27,7 @@ def measured(
     return Phasors(pitch_response(model, F, OMEGA) + scatter, F, OMEGA, kind)
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None)
 @given(
     split=st.floats(0.05, 0.25),
     theta=st.floats(0.2, 1.37),
