@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 
 from damping.arrays import BoolArray
 from damping.effects.contract import Effect, Form
+from damping.effects.rig import AMPLITUDE_SCALE
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
 from damping.gap.hypotheses import (
@@ -101,12 +102,8 @@ class Search:
 
     def combine(self) -> None:
         """Add effects to what was fitted as long as the data demand them."""
-        # parameters of the simulation first: where several are wrong together, none leads to the others alone
-        base = self.hypotheses[frozenset()]
-        for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
-            if base.key | {name} not in self.hypotheses and not leaves_noise(self.hypotheses[frozenset()]):
-                self.extend(base, name)
-            base = self.hypotheses.get(base.key | {name}, base)
+        if not leaves_noise(self.hypotheses[frozenset()]):
+            self._combine_parameters()
         for size in range(1, self._most_effects()):
             before = len(self.hypotheses)
             self._combine(size)
@@ -116,6 +113,18 @@ class Search:
         if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
             self._combine(1, leading)
         self._shorten()
+
+    def _combine_parameters(self) -> None:
+        """Fit the parameters of the simulation together: where several are wrong, none leads to the others alone.
+
+        A mass that is off, with stiffness and damping in its ratio, is read as a gain.
+        """
+        base = self.hypotheses[frozenset()]
+        names = [name for name in reversed(self.forms) if self.effects[name].corrects or name == AMPLITUDE_SCALE.name]
+        for name in sorted(names, key=lambda name: name == AMPLITUDE_SCALE.name)[: self._most_effects()]:
+            if base.key | {name} not in self.hypotheses:
+                self.extend(base, name)
+            base = self.hypotheses.get(base.key | {name}, base)
 
     def _shorten(self) -> None:
         """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
