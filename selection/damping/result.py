@@ -125,13 +125,13 @@ class DiagnosisResult(Result):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is found, where, what stays in doubt, how far the gap shrinks, and what to test next."""
+        """What is found, how large, where, what stays in doubt, how far the gap shrinks, and what to test next."""
         from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as above
 
         told = describe_diagnosis(self.diagnosis)
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
         cautions = (f"Caution: {caution}." for caution in self.diagnosis.cautions)
-        parts = (told[what] for what in ("verdict", "place", "doubts", "reach", "following"))
+        parts = (told[what] for what in ("verdict", "sizes", "place", "doubts", "reach", "following"))
         units = f"Units: {self.diagnosis.mode.units}."
         return (*disagreements, *(sentence for part in parts for sentence in part), *cautions, units)
 

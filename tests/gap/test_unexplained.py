@@ -15,6 +15,7 @@ from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
 from damping.gap.corrected import describe_shortfall
 from damping.gap.diagnose import diagnose, explain
+from damping.gap.outside import describe_outside
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
@@ -25,7 +26,6 @@ from damping.gap.weighing import (
     count_beyond,
     cover_probability,
     describe_doubts,
-    describe_foreign,
     estimate_in_library,
     order_by_probability,
     weigh_hypotheses,
@@ -91,9 +91,9 @@ def test_an_effect_that_pays_little_beside_others_is_doubted(monkeypatch):
     monkeypatch.setattr("damping.gap.weighing.list_ends", lambda fit: [])
     tests = [SimpleNamespace(p_value=0.5)]
     others = [hypothesis(-5.0, "drift"), hypothesis(-10.0, "slip"), hypothesis(-90.0)]
-    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others], None)[1] == 0.0  # one effect patches nothing
+    assert describe_doubts(tests, [hypothesis(0.0, "slip"), *others], ())[1] == 0.0  # one effect patches nothing
     two = [[hypothesis(gain, "slip", "background"), *others] for gain in (0.0, 20.0)]
-    doubts = [describe_doubts(tests, hypotheses, None)[1] for hypotheses in two]
+    doubts = [describe_doubts(tests, hypotheses, ())[1] for hypotheses in two]
     assert doubts == pytest.approx([0.5, 0.25], rel=1e-12)  # gains of 10 and 30; drift is not part of the explanation
 
 
@@ -267,6 +267,7 @@ def test_another_quantity_entered_as_displacement_is_said(lab, power, what):
     assert found.leading.effects
     said = [caution for caution in found.cautions if "entered as displacement" in caution]
     assert [caution.split()[0] for caution in said] == [what]
+    assert found.in_library < 0.5  # what has no name in the library explains more at the price of one effect
     assert not any("entered as displacement" in caution for caution in lab.diagnosed("residual-modes").cautions)
 
 
@@ -380,9 +381,9 @@ def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):
 def test_a_foreign_cause_that_is_not_excluded_is_said(odds, how):
     """Below one in fifty beside the leading explanation it is; what fits as well or better is said to."""
     leading = SimpleNamespace(log_posterior=0.0, effects=("quadratic-displacement",))
-    said = describe_foreign(leading, SimpleNamespace(log_posterior=odds, effects=("any-power",)))
+    said = describe_outside({"another power": odds}, leading)
     assert bool(said) is (how is not None)
-    assert all(f"another power of velocity explains the record {how} (log odds {odds:.1f}" in line for line in said)
+    assert all(f"another power explains the record {how} (log odds {odds:.1f}" in line for line in said)
 
 
 def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab):

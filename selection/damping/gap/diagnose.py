@@ -7,9 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.effects import CATALOGUE, FOREIGN
+from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
-from damping.effects.foreign import OTHER_MASS
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import size, weighing
@@ -18,6 +17,7 @@ from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.driven import as_given, drive_by_forces, list_repeated
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
+from damping.gap.outside import describe_outside, weigh_outside
 from damping.gap.problem import (
     Setting,
     State,
@@ -47,8 +47,6 @@ from damping.records.record import Record
 #: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
-#: Causes without a name that are fitted in the place of each of several effects.
-MOST_FOREIGN = 4
 #: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
 FEW_ROWS = 40
 #: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
@@ -175,9 +173,9 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    foreign = fit_foreign(search, leading)
-    doubts = weighing.describe_doubts(tests, hypotheses, foreign)
-    cautions += weighing.describe_foreign(leading, foreign)
+    outside = weigh_outside(search, leading)
+    doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
+    cautions += describe_outside(outside, leading)
     rest = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     left = rest or bool(size.describe_repeatability(known, leading.best))
     beyond = weighing.count_beyond(hypotheses)
@@ -211,7 +209,6 @@ def diagnose(
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *describe_shortfall(leading.best),
-        *weighing.describe_quantity(explained.search, leading),
         *size.describe_held_out(leading, gap, held_out),
     ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
@@ -250,28 +247,6 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
         known = replace(known, dispersion=known.dispersion * rest)
         search = search.again(known.problem, known.unknowns)
     return known, search
-
-
-def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
-    """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
-
-    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
-    mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
-    """
-    if not leading.effects:
-        return None
-    masses = np.ptp(search.problem.rows.added)
-    of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
-    parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
-    fitted = {key: own for key, own in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
-    own = {name: search.effects[name] for name in frozenset().union(*fitted)}
-    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
-    beside.singles()
-    for replaced in leading.effects if len(leading.effects) > 1 else ():
-        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
-    if parameters:
-        beside.extend(parameters[0], OTHER_MASS.name)
-    return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

@@ -14,15 +14,14 @@ import numpy as np
 from scipy.special import expit, logit, logsumexp, softmax
 
 from damping.arrays import FloatArray
-from damping.effects import CATALOGUE, FOREIGN
+from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit, log_likelihood
-from damping.gap.hypotheses import Hypothesis, leaves_noise
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import residuals
 from damping.gap.rows import Rows
-from damping.gap.search import Search
 
 #: Probability that the list of explanations reaches.
 COVER = 0.95
@@ -48,7 +47,7 @@ PER_BEYOND = 0.7
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
 #: ln of 1 + the odds of a foreign cause beyond which they say no more: 20 to 1 is as good as certain.
-_MOST_RIVAL = 3.0
+MOST_RIVAL = 3.0
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
 #: The chance that the library holds the cause from which an explanation counts as one.
@@ -176,21 +175,22 @@ def foresee_probability(
     return blend_probabilities(after, in_library, beyond)[0].probability
 
 
-def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], foreign: Hypothesis | None) -> FloatArray:
+def describe_doubts(tests: Sequence[Test], hypotheses: Sequence[Explanation], outside: Collection[float]) -> FloatArray:
     """What speaks against the first of ``hypotheses``, (4,).
 
     Decades of the smallest p-value (at most six), how much of a makeshift the effects beyond one are, best fits at the
-    end of their range, ln of 1 + the odds of a ``foreign`` cause against it (at most three). A cause that is not known
-    is patched up with what is: each patch pays little beside the others.
+    end of their range, ln of 1 + the odds against it of the most probable cause ``outside`` the library, from the log
+    odds of each (at most three). A cause that is not known is patched up with what is: each patch pays little beside
+    the others.
     """
     leading = hypotheses[0].hypothesis
     decades = min(-float(np.log10(max(smallest_p(tests), 1e-30))), _MOST_DECADES)
     more = max(len(leading.effects) - 1, 0)
     shorter = [rival.hypothesis.log_posterior for rival in hypotheses if rival.hypothesis.key < leading.key]
     gain = leading.log_posterior - max(shorter, default=leading.log_posterior)
-    rival = 0.0 if foreign is None else float(np.logaddexp(0.0, foreign.log_posterior - leading.log_posterior))
+    rival = float(np.logaddexp(0.0, max(outside, default=-np.inf)))
     makeshift = more / (1.0 + gain / _PAYS)
-    return np.array([decades, makeshift, len(list_ends(leading.best)), min(rival, _MOST_RIVAL)], dtype=float)
+    return np.array([decades, makeshift, len(list_ends(leading.best)), min(rival, MOST_RIVAL)], dtype=float)
 
 
 def estimate_in_library(
@@ -206,37 +206,6 @@ def estimate_in_library(
     if leading.effects:
         return float(expit(log_odds))
     return float(expit(log_odds) * (1.0 - leading.probability) if unexplained else expit(log_odds + NOTHING_BLAMED))
-
-
-def describe_foreign(leading: Hypothesis, foreign: Hypothesis | None) -> list[str]:
-    """The caution where a cause that has no name in the library is not excluded beside the leading explanation."""
-    if foreign is None or foreign.log_posterior < leading.log_posterior + np.log(LEAST_ODDS):
-        return []
-    cause = " with ".join(({**CATALOGUE, **FOREIGN})[name].sentence for name in foreign.effects)
-    odds = foreign.log_posterior - leading.log_posterior
-    return [f"{cause} {_compare_odds(odds, leading)}, and has no name in the library"]
-
-
-def describe_quantity(search: Search, leading: Hypothesis) -> list[str]:
-    """The caution where amplitudes are A (omega/omega_n)^k: k = 1 of a velocity, 2 of an acceleration, over omega_n^k.
-
-    Where the simulation alone fits amplitudes freed of it to the noise and, at the price of one effect, as well as the
-    leading effects do the record.
-    """
-    rows, said = search.problem.rows, list[str]()
-    for k, what in ((1, "velocity"), (2, "acceleration")) if leading.effects and not rows.at_resonance else ():
-        freed = replace(rows, u=rows.u - k * np.log(rows.omega / search.problem.simulation.mode.omega_n))
-        alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().ranked()[0]
-        odds = alone.log_evidence - leading.log_posterior
-        if leaves_noise(alone) and odds >= np.log(LEAST_ODDS):
-            times = "(f0/f)" + ("^2" if k > 1 else "")
-            said.append(f"{what} entered as displacement (amplitudes times {times} fit) {_compare_odds(odds, leading)}")
-    return said
-
-
-def _compare_odds(odds: float, leading: Hypothesis) -> str:
-    well = "better" if odds > _MOST_RIVAL else "as well" if odds >= 0.0 else "nearly as well"
-    return f"explains the record {well} (log odds {odds:.1f} against {' + '.join(leading.effects)})"
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:

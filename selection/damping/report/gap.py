@@ -16,7 +16,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
-from damping.gap.corrected import EffectPosterior, describe_effects, is_gone, refitted_values
+from damping.gap.corrected import EffectPosterior, describe_effects, effect_intervals, is_gone, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
@@ -45,6 +45,8 @@ TREND_SEEN = 13.8
 _MOST_CELLS = 12
 #: Points of a curve between the ends of a sweep.
 _POINTS = 160
+#: Significant digits of a size.
+_MOST_DIGITS = 8
 #: Explanations drawn.
 MOST_BARS = 8
 
@@ -52,7 +54,7 @@ MOST_BARS = 8
 def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     """Sentences by what they are about.
 
-    ``verdict`` (one: what it is, how sure, whether it is all), ``place`` (where most of the gap lies), ``doubts`` (what
+    ``verdict`` (one: what it is, how sure, whether it is all), ``sizes`` (of its effects), ``place`` (where most of the gap lies), ``doubts`` (what
     cannot be told apart), ``trends`` (of local damping and frequency with amplitude), ``reach`` (how far the gap
     shrinks where it did not choose the explanation), ``following`` (what to test next).
     """
@@ -65,6 +67,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "effects": [
             f"{_say_effect(name, parameters[name])} ({named[name]})" if name in CATALOGUE else name for name in named
         ],
+        "sizes": _list_sizes(diagnosis),
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
@@ -87,6 +90,22 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
         return effect.sentence
     there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is there"
     return f"the simulated {effect.damping} force is {there}"
+
+
+def _list_sizes(diagnosis: Diagnosis) -> list[str]:
+    """Every free parameter of the leading effects with its interval, in digits that the interval is worth."""
+    fit, sizes = diagnosis.leading.best, list[str]()
+    values = describe_effects(fit)[0]
+    for effect, intervals in effect_intervals(fit).items():
+        units = {shape.name: shape.unit for shape in CATALOGUE[effect].shapes} if effect in CATALOGUE else {}
+        for name, ends in intervals.items() if units else ():
+            value = values[effect][name]
+            digits = min(2 + max(1, int(np.log10(abs(value) / np.ptp(ends) + 1.0)) + 1), _MOST_DIGITS)
+            unit = words.format_dimension_text(units[name], diagnosis.mode.units) if name in units else ""
+            low, high = (words.number(end, digits) for end in ends)
+            own = words.format_quantity(value, unit, digits)
+            sizes.append(f"{effect}, {name.replace('_', ' ')}: {own} ({low} to {high})")
+    return sizes
 
 
 def _list_sentences(block: Block) -> list[str]:
