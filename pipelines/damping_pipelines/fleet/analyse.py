@@ -10,22 +10,19 @@ import numpy as np
 
 from damping import report
 from damping.errors import DampingError, escape_control
-from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.backbone import find_backbone
+from damping.extrapolation import predict_record
 from damping.extrapolation.curve import Curve, trace_loads
-from damping.extrapolation.near import Plan, near_resonance, observe_ranked
+from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
-from damping.infer.observations import Observations
 from damping.plots import identifier, to_svg
 from damping.plots.curves import design_loads
-from damping.predict import prepare
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records import Audit, audit
+from damping.records import audit
 from damping.records.mode import Mode
-from damping.records.record import Record
 from damping.report import forms, page
 from damping.report.gap import describe_diagnosis, render_gap_page, tabulate_hypotheses
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
@@ -57,10 +54,7 @@ class FleetRecord:
     """What became of a record; a stage that was not asked for or failed is None, and ``reasons`` say why it failed."""
 
     task: FleetTask
-    record: Record
-    mode: Mode
-    data: Observations
-    audit: Audit
+    prepared: PreparedRecord
     ranking: Ranking | None = None
     loads: FleetLoads | None = None
     diagnosis: Diagnosis | None = None
@@ -95,16 +89,15 @@ def _analyse(task: FleetTask) -> FleetResult:
         record, mode = read_files(task)
         findings = audit(record, mode)
         findings.require(task.settings.despite)
-        measured = prepare(record, mode)
-        data, _ = observe_ranked(measured.record, findings)
+        prepared = prepare_record(record, mode, findings)
     except DampingError as error:
         return failed(task, escape_control(str(error)))
-    return _complete(FleetRecord(task, measured.record, measured.mode or mode, data, findings))
+    return _complete(FleetRecord(task, prepared))
 
 
 def _complete(read: FleetRecord) -> FleetResult:
     """The stages of a record, each tried whatever became of the others, as a row and pages."""
-    task, fast = read.task, read.task.settings.fast
+    task, prepared, fast = read.task, read.prepared, read.task.settings.fast
     estimate, reasons = remember(brief_evidence if fast else evidence), list[str]()
 
     def attempt(stage: str, work: Callable[[], Made]) -> Made | None:
@@ -114,11 +107,11 @@ def _complete(read: FleetRecord) -> FleetResult:
             reasons.append(f"{stage}: {escape_control(str(error))}")
             return None
 
-    rank = partial(rank_laws, read.data, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
+    rank = partial(rank_laws, prepared.all_rows, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
     ranking = attempt("rank", rank)
     loads = attempt("extrapolate", lambda: _predict_loads(read, estimate))
-    diagnosed = task.is_model or bool(read.mode.damping)
-    diagnosis = attempt("gap", lambda: diagnose(read.record, read.mode)) if diagnosed else None
+    diagnosed = task.is_model or bool(prepared.mode.damping)
+    diagnosis = attempt("gap", lambda: diagnose(prepared.measured.record, prepared.mode)) if diagnosed else None
     record = replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis, reasons=tuple(reasons))
     row = row_of(task) | _columns(record)
     pages = {row["report"]: record_page(record)}
@@ -128,18 +121,15 @@ def _complete(read: FleetRecord) -> FleetResult:
 
 
 def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
-    settings, data = read.task.settings, near_resonance(read.record)
-    largest = data.tested_force.max()
-    forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
-    predicted = extrapolate_loads(
-        data, forces, settings.level, read.task.seed, mode=read.mode, every=read.data, estimate=estimate, fresh=False
-    )
+    task, settings, prepared = read.task, read.task.settings, read.prepared
+    asked = np.array(settings.forces), MULTIPLES, settings.level, task.seed
+    predicted = predict_record(prepared, *asked, estimate=estimate, fresh=False)
     bands = None
     if not settings.fast:
-        ends = 0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest)
+        tested = prepared.data.tested_force
+        ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
         bands = predicted.predict_at(np.linspace(*ends, _GRID))
-    backbone = find_backbone(read.record, read.mode, read.audit.implied)
-    curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
+    curve = trace_loads(predicted.loads, prepared.backbone, predicted.plan.data)
     return FleetLoads(predicted.plan, predicted.loads, curve, bands)
 
 
@@ -159,13 +149,13 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
         columns["effects_probability"] = diagnosis.hypotheses[0].probability
         columns["gap_form"] = to_json(forms.gap_form(diagnosis))
     return {
-        "mode": record.mode.name,
-        "units_force": record.mode.units.force,
-        "units_length": record.mode.units.length,
-        "rows": len(record.record),
-        "levels": len(record.data.sweeps),
-        "largest_tested_force": record.data.tested_force.max(),
-        "audit": "; ".join(escape_control(str(finding)) for finding in record.audit.findings),
+        "mode": record.prepared.mode.name,
+        "units_force": record.prepared.mode.units.force,
+        "units_length": record.prepared.mode.units.length,
+        "rows": len(record.prepared.measured.record),
+        "levels": len(record.prepared.all_rows.sweeps),
+        "largest_tested_force": record.prepared.all_rows.tested_force.max(),
+        "audit": "; ".join(escape_control(str(finding)) for finding in record.prepared.findings.findings),
         **columns,
         "status": "failed" if not done else "partial" if record.reasons else "done",
         "reason": "; ".join(record.reasons),
@@ -195,7 +185,7 @@ def record_page(record: FleetRecord) -> str:
     if record.ranking or loads:
         parts["facts"] = _collect_facts(record)
     if record.ranking:
-        parts["laws"] = _tabulate_laws(record.ranking, record.mode)
+        parts["laws"] = _tabulate_laws(record.ranking, record.prepared.mode)
     if loads:
         parts |= _build_loads(record, loads)
     if diagnosis:
@@ -217,7 +207,7 @@ def _collect_facts(record: FleetRecord) -> page.Facts:
         best = max(record.ranking.candidates, key=lambda candidate: candidate.weight)
         facts.append((best.name, f"law of largest weight ({report.format_share(best.weight)})"))
     if record.loads:
-        design, units = record.loads.design, record.mode.units
+        design, units = record.loads.design, record.prepared.mode.units
         i, average = int(design.force.argmax()), design.average
         band = report.format_length_band(average.low[i], average.high[i], units.length)
         where = f"resonant amplitude at {report.format_force_text(design.force[i], units.force)}"
@@ -240,7 +230,7 @@ def _tabulate_laws(ranking: Ranking, mode: Mode) -> page.Table:
 
 
 def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block]:
-    design, units = loads.design, record.mode.units
+    design, units = loads.design, record.prepared.mode.units
     frame = tabulate_design(design, loads.curve, units)
     frame["cautions"] = ["; ".join(caution) for caution in design.cautions]
     headings = {"band": f"{100 * design.level:g} % predictive band"}
@@ -256,7 +246,7 @@ def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block
 
 
 def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> page.FigureBlock:
-    data, units, name = record.data, record.mode.units, record.task.name
+    data, units, name = record.prepared.all_rows, record.prepared.mode.units, record.task.name
     tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))
     drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
     band = f"{100 * bands.level:g} per cent predictive band"
