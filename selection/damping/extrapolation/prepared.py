@@ -42,7 +42,7 @@ class PreparedRecord:
     @cached_property
     def backbone(self) -> Backbone:
         """Where the resonances lie."""
-        return find_backbone(self.measured.record, self.mode, self.findings.implied)
+        return find_backbone(self.measured.record, self.mode)
 
     @property
     def notes_of_loads(self) -> tuple[str, ...]:
