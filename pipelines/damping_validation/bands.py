@@ -94,7 +94,7 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
         grid=predicted.predict_at(forces),
         at=predicted.loads,
         left_out=leave_higher_levels_out(data, LEVEL, seed, prepared.mode, prepared.all_rows),
-        notes=prepared.measured.notes,
+        notes=prepared.notes,
     )
 
 

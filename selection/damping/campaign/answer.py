@@ -219,7 +219,7 @@ def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
 def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
     """What was done, a level that lies ``apart`` from the others where the ``row`` does not say so, and the row's."""
     known = not apart or any(apart in said for said in row)
-    notes = prepared.measured.notes
+    notes = prepared.notes
     return (*notes, *row) if known else (*notes, apart, *row)
 
 

@@ -73,7 +73,7 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
     if freed is record:
         return observe(record), ()
     offset = float(np.median(record.column("phase") - freed.column("phase")))
-    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before the laws were ranked"
+    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before laws were fitted"
     return observe(freed), (said,)
 
 

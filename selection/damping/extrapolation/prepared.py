@@ -49,8 +49,7 @@ class PreparedRecord:
         """What was done, and where weights rest on fewer rows than those of a ranking."""
         why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
         fewer = len(self.data.A) < len(self.measured.record)
-        own = self.measured.notes
-        return (*own, f"{why}; a ranking weighs them on every row, with others") if fewer else own
+        return (*self.notes, f"{why}; a ranking weighs them on every row, with others") if fewer else self.notes
 
 
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:
