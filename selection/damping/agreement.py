@@ -46,7 +46,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation)
     ``record``, ``mode``: under a modal force, as swept.
     """
     explained = _explain(record, mode)
-    return _compare(predicted, explained) if explained else ()
+    return compare(predicted, explained) if explained else ()
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
         predicted = predict_record(prepared, np.empty(0), (BEYOND,), LEVEL, seed, fresh=False)
     except AnalysisError:  # a record without rows that laws can be ranked on
         return ()
-    return _compare(predicted, diagnosis)
+    return compare(predicted, diagnosis)
 
 
 def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
@@ -76,7 +76,7 @@ def _explain(record: Record, mode: Mode) -> Explained | None:
         return None
 
 
-def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
+def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
     """Where amplitudes disagree, else where verdicts do; where amplitudes were asked, at the forces for them."""
     loads = predicted.loads
     if loads.amplitude is not None:

@@ -208,10 +208,10 @@ class LoadsResult(PredictedResult):
         """One row for each prediction, with the keys of the form; NaN where none is given, ``cautions`` say why."""
         return forms.tabulate_loads(self.loads, self.curve)
 
-    def to_json(self) -> dict[str, Any]:
-        """The form ``loads/1``; of forces with other priors, and the level that would most shrink the band, too."""
+    def to_json(self, *, whole: bool = True) -> dict[str, Any]:
+        """The form ``loads/1``; of forces, as a ``whole``, also with other priors and the level to test next."""
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
-        if self.loads.amplitude is None:
+        if whole and self.loads.amplitude is None:
             further = self.extrapolation.choose_next_level()
             form["sensitivity"] = self.extrapolation.vary_priors().to_dict("records")
             form["next_level"] = further and {**vars(further), "others": further.others.to_dict("records")}
