@@ -207,7 +207,7 @@ def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[s
     from damping_pipelines.study import estimate_fully
 
     seed = study_settings.seed
-    return {one.settings.name: rank_laws(one.data, seed, estimate=estimate_fully) for one in study_inputs}
+    return {one.settings.name: rank_laws(one.prepared.all_rows, seed, estimate=estimate_fully) for one in study_inputs}
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
 from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prepared import prepare_record
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -51,7 +52,7 @@ class BandResult:
     grid: Loads
     at: Loads
     left_out: pd.DataFrame
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = ()) -> None:
@@ -83,16 +84,17 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     findings = report_findings(record, mode, despite)
-    predicted, rests = predict_record(record, mode, findings, np.empty(0), RATIOS, LEVEL, seed, progress)
-    forces = np.geomspace(rests.data.tested_force.min(), 1.1 * predicted.loads.force[-1], _GRID)
+    prepared = prepare_record(record, mode, findings)
+    predicted, data = predict_record(prepared, np.empty(0), RATIOS, LEVEL, seed, progress=progress), prepared.data
+    forces = np.geomspace(data.tested_force.min(), 1.1 * predicted.loads.force[-1], _GRID)
     return BandResult(
         name=folder.name,
-        mode=rests.mode,
+        mode=prepared.mode,
         plan=predicted.plan,
         grid=predicted.predict_at(forces),
         at=predicted.loads,
-        left_out=leave_higher_levels_out(rests.data, LEVEL, seed, rests.mode, rests.every),
-        said=rests.done,
+        left_out=leave_higher_levels_out(data, LEVEL, seed, prepared.mode, prepared.all_rows),
+        notes=prepared.notes,
     )
 
 
@@ -122,7 +124,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
         "given": given,
         "errors": (100.0 * (given["median"] / given["measured"] - 1.0)).groupby(given["levels"]),
         "bands": [
-            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain(band.said, *band.at.cautions)))
+            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain(band.notes, *band.at.cautions)))
             for band in results
         ],
         "citations": CITATIONS,

@@ -72,7 +72,7 @@ class Result(ABC):
 
 def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
     """A form as plain Python values, with the findings of the audit and the cautions."""
-    findings = audit.to_json()["findings"] if audit else []
+    findings = audit.list_findings() if audit else []
     completed: dict[str, Any] = plain({**form, "audit": findings, "cautions": list(cautions)})
     return completed
 

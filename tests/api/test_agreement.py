@@ -162,17 +162,19 @@ def test_loads_for_amplitudes_are_compared_as_amplitudes(flagship):
     assert dp.extrapolate(record, mode, amplitudes=[2.0]).against == ()
 
 
-def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_ranked(few_laws):
-    """Viscous damping c read 0.25 rad late: ranked with the offset no law fits."""
+def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_laws):
+    """Viscous damping c read 0.25 rad late: ranked with the offset no law fits. Every command says so."""
     c, omega_n = 4.0, 2.0 * np.pi * 20.0
     frequency, force = np.tile(np.linspace(19.4, 20.6, 15), 2), np.repeat([1.0, 2.0], 15)
     omega, noise = 2.0 * np.pi * frequency, 0.005 * np.random.default_rng(5).standard_normal((2, 30))
     Z = 2.0 * (omega_n**2 - omega**2) + 1j * c * omega
     frame = pd.DataFrame({"sweep": np.repeat(["A", "B"], 15), "force": force, "frequency": frequency})
     frame = frame.assign(amplitude=force / np.abs(Z) * np.exp(noise[0]), phase=np.angle(Z) + noise[1])
-    late = dp.rank(dp.Record(frame.assign(phase=frame["phase"] + 0.25)))
+    read, mode = dp.Record(frame.assign(phase=frame["phase"] + 0.25)), dp.Mode(name="mode", frequency=20.0, mass=2.0)
+    late = dp.rank(read)
     assert late.ranking.fit.verdict == "fits"
-    assert any("0.25 rad" in caution and "taken off" in caution for caution in late.cautions)
+    for answer in (late, dp.extrapolate(read, mode, [2.5]), dp.curve(read, mode, forces=[2.5])):
+        assert any("0.25 rad" in caution and "taken off" in caution for caution in answer.to_json()["cautions"])
     as_it_is = dp.rank(dp.Record(frame))
     assert not any("taken off" in caution for caution in as_it_is.cautions)
     assert late["viscous"].candidate.coefficients[0].value == pytest.approx(c, rel=0.01)  # some standard errors

@@ -44,7 +44,7 @@ from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
 from damping.campaign.sensors import find_misread
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
-from damping.extrapolation import Rests
+from damping.extrapolation.prepared import PreparedRecord
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.infer import SEED
@@ -120,11 +120,13 @@ def _answer_driven(
     asked = [*tested, *wanted]
     if limits:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    predicted, rests = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    predicted, prepared = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
     loads, apart = predicted.loads, predicted.plan.fit.apart
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     fitted = zip(levels, tested, bands[:, 0], mode.frequency, mode.ratio, strict=False)
-    steady = [_find_steady(rests, level.name, of_force * F, A) or (float(f), float(z)) for level, F, A, f, z in fitted]
+    steady = [
+        _find_steady(prepared, level.name, of_force * F, A) or (float(f), float(z)) for level, F, A, f, z in fitted
+    ]
     frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
@@ -142,7 +144,7 @@ def _answer_driven(
         response = (
             tuple(_list_responses(nearest, mode.number, seen, float(frequency[k]), ratio, drive)) if ratio else ()
         )
-        cautions = (*join_cautions(rests, apart, () if measured else loads.cautions[k]), *mode.cautions)
+        cautions = (*join_cautions(prepared, apart, () if measured else loads.cautions[k]), *mode.cautions)
         stated = float(levels[k].run.level or 0.0) if measured else level
         reached = None if stated == level else level
         if reached is not None:
@@ -154,21 +156,21 @@ def _answer_driven(
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
     own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
-    return ModeAnswer(rank_first(rests, seed), answers, *own, list_laws(predicted))
+    return ModeAnswer(rank_first(prepared, seed), answers, *own, list_laws(predicted))
 
 
-def _find_steady(rests: Rests, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
+def _find_steady(prepared: PreparedRecord, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
     """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested level made steady; None where nothing was done.
 
     Steady states of swept rows are at resonance under less force than was swept with, and so of another damping:
     ``amplitude`` is that under the ``force`` itself, by the laws of all levels; the tested one where they have none.
     """
-    if not rests.done:
+    if not prepared.measured.notes:
         return None
-    data, k = rests.data, list(rests.data.sweeps).index(sweep)
+    data, k = prepared.data, list(prepared.data.sweeps).index(sweep)
     w, A, F = data.tested_omega[k], data.tested_amplitude[k], data.tested_force[k]
     A, F = (amplitude, force) if np.isfinite(amplitude) else (A, F)
-    return float(w / (2.0 * pi)), float(F / (2.0 * rests.mode.mass * w**2 * A))
+    return float(w / (2.0 * pi)), float(F / (2.0 * prepared.mode.mass * w**2 * A))
 
 
 def _find_input(level: Level, frequency: float) -> float:

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from damping.extrapolation import Extrapolation, Rests, predict_record
+from damping.extrapolation import Extrapolation, predict_record
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.formats.series import Summary
-from damping.progress import silent
 from damping.ranking import weigh_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -194,18 +194,21 @@ class ModeAnswer:
         return audit(self.record, self.mode).findings
 
 
-def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Extrapolation, Rests]:
+def predict_mode(
+    record: Record, mode: Mode, forces: Sequence[float], seed: int
+) -> tuple[Extrapolation, PreparedRecord]:
     """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
+    prepared = prepare_record(record, mode, audit(record, mode))
     asked = np.array(forces, dtype=float)
-    return predict_record(record, mode, audit(record, mode), asked, (), LEVEL, seed, silent, fresh=False)
+    return predict_record(prepared, asked, (), LEVEL, seed, fresh=False), prepared
 
 
-def rank_first(rests: Rests, seed: int) -> str:
+def rank_first(prepared: PreparedRecord, seed: int) -> str:
     """The law that a ranking of every row puts first, as ``damping rank`` does of the record."""
-    return weigh_laws(rests.every, seed, candidate_laws()).candidates[0].name
+    return weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
 
 
 def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
@@ -213,10 +216,11 @@ def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
     return tuple((law.name, law.weight) for law in predicted.plan.laws)
 
 
-def join_cautions(rests: Rests, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
+def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
     """What was done, a level that lies ``apart`` from the others where the ``row`` does not say so, and the row's."""
     known = not apart or any(apart in said for said in row)
-    return (*rests.done, *row) if known else (*rests.done, apart, *row)
+    notes = prepared.notes
+    return (*notes, *row) if known else (*notes, apart, *row)
 
 
 @dataclass(frozen=True)

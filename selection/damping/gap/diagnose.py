@@ -168,7 +168,7 @@ def explain(
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
+    cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)
