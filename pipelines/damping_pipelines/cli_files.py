@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 MAX_SIZE = 200_000_000
+#: The year of the report; `damping.infer.SEED`, which this module is too light to import.
 DEFAULT_SEED = 1970
 #: Processes of one machine.
 MOST_PROCESSES = 1024

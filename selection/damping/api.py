@@ -232,7 +232,7 @@ def regress(
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
-    from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
+    from damping.regression import list_columns_for, parse_terms  # noqa: PLC0415 - other functions need no regression
     from damping.regression.design import list_required_columns, take_columns  # noqa: PLC0415 - as above
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
@@ -243,12 +243,10 @@ def regress(
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    if not (wanted := response.strip()):
-        raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
+    names = list_columns_for(response, parsed)
     table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
-    return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
+    return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
 
 
 @single_threaded

@@ -51,8 +51,7 @@ def near_resonance(record: Record) -> Observations:
     for sweep in range(len(data.sweeps)):
         own = np.flatnonzero(data.sweep == sweep)
         near[own[np.argmin(cotangent[own])]] = True
-    rows = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-    data = replace(data, **{name: getattr(data, name)[near] for name in rows})
+    data = data.take_rows(near)
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 

@@ -22,7 +22,7 @@ from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
-#: Draws from which intervals are taken; their content.
+#: Draws from which intervals are taken; content of every interval of a diagnosis.
 _DRAWS = 400
 CONTENT = 0.9
 #: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit

@@ -226,7 +226,8 @@ def has_antiresonance(run: Run) -> bool:
     return bool(rise > max(FALL, NOISE_BESIDE_FALL * run.noise))
 
 
-#: Rows of at least this share of the largest A/F show a rate of sweeping; beyond, the response beats after its peak.
+#: Rows of at least this share of the largest A/F show a rate of sweeping, and are corrected for it; beyond, they are
+#: noise and tails, and the response beats after its peak.
 NEAR = 0.35
 #: Slopes of the phase are taken over a row on either side, and one more for each further group of this many rows.
 ROWS_A_SIDE = 30
