@@ -28,8 +28,8 @@ from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
 from damping.report.study import render
-from damping_pipelines.cli_files import DEFAULT_SEED
 from damping_pipelines.manifest import publish
+from damping_pipelines.options import DEFAULT_SEED
 from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_json
 
 #: Outputs of every study.

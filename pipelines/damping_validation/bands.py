@@ -24,8 +24,8 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report import forms
 from damping.report.page import fill_text
-from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
+from damping_pipelines.options import MAX_SIZE
 from damping_pipelines.store import refuse_inputs
 from damping_pipelines.terminal import progress, report_findings
 

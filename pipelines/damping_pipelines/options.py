@@ -1,4 +1,4 @@
-"""Commands on files and folders, and the options that commands share.
+"""Options of commands: those that several share, and every command on files and folders.
 
 A command is written as its options, whose meaning ``--help`` says; what it does stands in the module that it names.
 """
