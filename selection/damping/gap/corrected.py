@@ -112,7 +112,7 @@ def describe_gain(fit: ModelFit) -> list[str]:
     return [
         f"a generalized mass of {stated * ratio:.4g}{unit} in place of {stated:.4g} ({100.0 * (ratio - 1.0):+.2g} %"
         f"{times if tolerance else ''}), with stiffness and damping in the same ratio, reads like this gain in every "
-        "steady sweep; a mass added on purpose, or a calibrated shaker and sensor, tell them apart"
+        "steady sweep. A mass added on purpose, or a calibrated shaker and sensor, tell them apart"
     ]
 
 
