@@ -105,7 +105,7 @@ def chains(wanted: int) -> Sampled:
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
-    settings = Settings(walkers=256, tries=4, first=82, effective_size=wanted, kept=5000)
+    settings = Settings(walkers=256, tries=4, first=82, effective_size=wanted, draws_kept=5000)
     found = sample(coordinates, data, start, lambda x: {}, SEED, settings)
     size = min(d.effective_size for d in found.diagnoses)
     return Sampled(

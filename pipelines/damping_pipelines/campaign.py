@@ -245,9 +245,9 @@ def _describe_level(at: At, unit: str) -> str:
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none where one level has an answer."""
     levels = pd.DataFrame(
-        {"level": at.driven, "tested": at.tested, "frequency": at.frequency}
+        {"level": at.input, "tested": at.tested, "frequency": at.frequency}
         | dict(zip(("median", "low", "high"), at.ratio, strict=True))
-        for at in sorted(mode.places, key=lambda at: at.driven)
+        for at in sorted(mode.places, key=lambda at: at.input)
         if at.ratio
     )
     if len(levels) < 2:

@@ -242,7 +242,7 @@ def judge_rows(plan: Plan, every: Observations) -> Plan:
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], every)
     if on_rows.verdict == "none fits":
         return replace(plan, fit=on_rows)
-    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
+    plan = replace(plan, fit=replace(plan.fit, level_caution=on_rows.level_caution or plan.fit.level_caution))
     if not kept:
         return plan
     whole = sum(own.weight for own in kept)
@@ -286,7 +286,7 @@ def plan_loads(
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     exponents = trend(data, float(np.median(scatter)))
-    if joint.told and joint.probability < JOINTS:
+    if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
         data=data,

@@ -56,14 +56,14 @@ class FitVerdict:
     Attributes:
         verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
         p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
-        apart: what is said of levels that scatter about the leading law far more than their rows do, or of rows that no
-            law fits and that read far more than a resonance; empty if none do.
+        level_caution: what is said of levels that scatter about the leading law far more than their rows do, or of rows
+            that no law fits and that read far more than a resonance; empty if none do.
     """
 
     verdict: Verdict
     p_value: float
     misfit: float
-    apart: str = ""
+    level_caution: str = ""
 
     @property
     def sentence(self) -> str:
@@ -74,7 +74,7 @@ class FitVerdict:
             "poor": f"the leading law fits poorly: it {by}; a law of less weight fits",
             "none fits": f"no law fits: the leading law {by}",
         }
-        return "; ".join(filter(None, [said[self.verdict], self.apart]))
+        return "; ".join(filter(None, [said[self.verdict], self.level_caution]))
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
