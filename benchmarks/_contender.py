@@ -2,7 +2,7 @@
 
 The model: resonances of Configuration II, first mode, by viscous + displacement-velocity damping. With x ~ N(0, 1)^3,
 
-    total  T = F exp(x1),    share  s = Phi(x2),    scatter  S = .02 exp(.75 x3),
+    total  T = F exp(x1),    share  s = Phi(x2),    scatter  S = .011 exp(.8 x3),
     C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
 
 g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of

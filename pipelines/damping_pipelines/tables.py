@@ -115,8 +115,8 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     """File names and SVG of the deviations against every independent variable, every term, the fitted response and the
     row."""
-    from damping.plots import to_svg  # noqa: PLC0415 - as above
-    from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
 
     drawn: dict[str, str] = {}
     for place, result in enumerate(results, start=1):

@@ -185,7 +185,7 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - as above
+    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
     from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
@@ -287,7 +287,7 @@ def sweep(
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
-    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
+    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need
 
     check_kind(mode, Mode, "mode")
     try:

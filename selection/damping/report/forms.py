@@ -208,7 +208,7 @@ def curve_form(curve: Curve) -> Form:
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     # a ranking needs no diagnosis to load
-    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - see above
+    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - for a gap alone
 
     leading, held = diagnosis.leading, diagnosis.held_out
     parameters, places = describe_effects(leading.best)
