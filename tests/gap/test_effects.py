@@ -164,7 +164,9 @@ def test_a_model_file_takes_whatever_a_fit_may_say(name, sweeps):
     for form in CATALOGUE[name].forms(scales):
         for moved, far in product(range(len(form.shapes) or 1), (-4.0, 4.0)):
             shapes = [variable.value(far if k == moved else 0.0) for k, variable in enumerate(form.shapes)]
-            for key, value in form.report(form.natural, *shapes).items():
+            table = dict(form.report(form.natural, *shapes))
+            assert table.pop("instead", 0.0) == form.whole  # a corrected model has the force in its place
+            for key, value in table.items():
                 bound = bounds[key]
                 assert max(bound.least, np.nextafter(bound.above, np.inf)) <= value < bound.below, key
 

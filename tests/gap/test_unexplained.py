@@ -72,7 +72,9 @@ def test_peaks_that_trend_are_no_wild_points():
     mode = Mode(name="damper", frequency=10.0, mass=50.0, damping={"viscous": {"coefficient": 91.4}})
     found = diagnose(Record(frame), mode)
     assert found.leading.effects
-    assert found.gap.nominal > 5.0  # sigma of 2 %, taken where peaks alone say nothing of it
+    assert np.all(found.leading.best.weights == 1.0)
+    # two of five are 0.2 and 0.4 off, of 2 % noise and at most 5 % from level to level: 3.7; a tenth of it for the rest
+    assert found.gap.nominal > 3.3
     assert found.in_library < 0.5  # no effect of the library saturates
     assert any("taken to be 2 %" in caution for caution in found.cautions)
 

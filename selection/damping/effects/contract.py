@@ -211,6 +211,7 @@ class Form:
         sizes: strengths from which fits are started too where the gap is large.
         mirror: name that it shares with the form whose small strengths change the terms the other way, if any.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
+        whole: whether it takes the place of something that is simulated: no small strength leaves the simulation.
     """
 
     effect: str
@@ -223,6 +224,7 @@ class Form:
     sizes: tuple[float, ...] = ()
     mirror: str = ""
     twin: Form | None = None
+    whole: bool = False
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]

@@ -1,6 +1,7 @@
 """Damping forces beside the simulated ones: II, III, IV, q^2 q' and Coulomb friction, each by its coefficient.
 
 A simulated force that is too large: the same effect, whose force beside the simulated one takes a share of it away.
+In the place of the simulated viscous force each may act alone.
 
 An elastic joint that slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c).
 
@@ -13,14 +14,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from math import log1p
-from typing import Any, ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
-from damping.forces import force_class
+from damping.effects.simulated import instead_form, less_forms
 from damping.forces.contract import Force, GrowingForce, Joint
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
@@ -43,12 +43,6 @@ _WEIGHTS = _LEFT * _GAUSS[1]
 _ENDS = np.linspace(0.0, 1.0, 33) ** 2
 #: Exponent of a spring that is no cubic one: 1.5 to 8.
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
-#: |ln| of a factor on damping up to which fits are started; a strength beyond is reached from there.
-_FACTORS = (0.3, 1.0, 2.0, 4.0)
-#: |ln| that no factor on damping reaches: 160 000. It keeps numbers finite and binds nothing.
-_MOST_FACTOR = 12.0
-#: True value over the simulated one, less 1; the value itself is positive.
-RELATIVE = Shape("relative", above=-1.0)
 
 
 def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
@@ -56,42 +50,8 @@ def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Term
     return lambda terms, table: terms.plus(forces=force(table))
 
 
-def factor_forms(effect: Effect, simulated: Mapping[str, float], scales: Scales) -> tuple[Form, Form]:
-    """The two forms of a factor on a ``simulated`` force, of either sign: its |ln| is 3 tolerances and the strength.
-
-    Told is ``relative``, and of an effect that is a force the share of the simulated one that it adds or takes away.
-    """
-    least = log1p(3.0 * scales.damping)
-    leading, build = next(iter(simulated)), cast("Callable[..., Force]", force_class(effect.damping))
-
-    def part(share: Floats) -> dict[str, Floats]:
-        return {**simulated, leading: simulated[leading] * share}
-
-    def change(terms: Terms, beyond: Floats) -> Terms:
-        own = build(**part(np.exp(beyond + np.copysign(least, beyond))))
-        forces = (
-            own if number < terms.simulated and force.name == own.name else force
-            for number, force in enumerate(terms.forces)
-        )
-        return terms._replace(forces=tuple(forces))
-
-    def report(beyond: Floats) -> dict[str, Floats]:
-        relative = np.expm1(beyond + np.copysign(least, beyond))
-        return ({} if effect.corrects else part(relative)) | {"relative": relative}
-
-    # neither side mirrors the other: both begin at 3 tolerances
-    options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": effect.damping, "sizes": _FACTORS, "mirror": ""}
-    return effect.either_sign(report, change=change, **options)
-
-
-def _less_forms(effect: Effect, scales: Scales) -> tuple[Form, ...]:
-    """The form of a simulated force of the effect that is too large; none where it is not simulated."""
-    simulated = scales.simulated.get(effect.damping)
-    return factor_forms(effect, simulated, scales)[1:] if simulated else ()
-
-
 def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:
-    """The effect that adds a force of one coefficient, or takes from the simulated one."""
+    """The effect that adds a force of one coefficient, takes from the simulated one, or stands for the viscous one."""
     unit = kind(1.0)
 
     def forms(scales: Scales) -> tuple[Form, ...]:
@@ -101,7 +61,8 @@ def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: st
         def report(coefficient: Floats) -> dict[str, Floats]:
             return {"coefficient": coefficient} | ({"relative": coefficient / simulated} if simulated else {})
 
-        return effect.form(report, scales.loss / per_coefficient), *_less_forms(effect, scales)
+        instead = [instead_form(effect, kind, scales)] if scales.viscous else []
+        return effect.form(report, scales.loss / per_coefficient), *less_forms(effect, scales), *instead
 
     def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"])
@@ -129,7 +90,7 @@ def _simulated_effect(kind: type[VelocityPower | DisplacementVelocityPower], sen
         return kind(table["coefficient"], table["exponent"])
 
     def forms(scales: Scales) -> tuple[Form, ...]:
-        return _less_forms(effect, scales)
+        return less_forms(effect, scales)
 
     effect = Effect(kind.name, "force", sentence, forms, adds_force(force), kind.shapes, force, damping=kind.name)
     return effect
@@ -224,7 +185,7 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
         _joint_form((limit,), scales),
         _joint_form((spread, kappa), scales),
         _joint_form((spread, kappa), scales, bounded=True),
-        *_less_forms(SLIP, scales),
+        *less_forms(SLIP, scales),
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from damping.arrays import Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
-from damping.effects.forces import RELATIVE, factor_forms
+from damping.effects.simulated import RELATIVE, factor_forms
 from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 

@@ -15,6 +15,7 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Effect
 from damping.forces import list_parameter_names
+from damping.forces.powers import Viscous
 from damping.gap.fit import ModelFit
 from damping.gap.simulation import within_tolerance
 from damping.infer.chains import Chains, Target, run
@@ -144,13 +145,17 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
         effect = effects[name]
         if effect.corrects and "relative" in values:
             relative[effect.corrects] = values["relative"]
-        elif effect.damping and values.keys() - {"relative"} <= {*list_parameter_names(effect.damping)}:
-            added[effect.damping] = values
+        elif effect.damping and values.keys() - {"relative", "instead"} <= {*list_parameter_names(effect.damping)}:
+            added[effect.damping] = {parameter: value for parameter, value in values.items() if parameter != "instead"}
+            if "instead" in values:
+                relative[Viscous.name] = -1.0
         else:
             others[name] = values
     damping = {name: dict(table) for name, table in mode.damping.items()}
     for name, table in damping.items():  # the leading coefficient changed by a share of itself
         table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
+    if relative.get(Viscous.name) == -1.0:
+        del damping[Viscous.name]
     for name, own in added.items():
         leading, *rest = (parameter for parameter in own if parameter != "relative")
         whole = own[leading] + damping.get(name, {}).get(leading, 0.0)

@@ -168,6 +168,9 @@ def _starts(
     squared, pull = _projected(base, form, r, d)
     strength = -pull / squared
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
+    if form.whole:
+        unit = form.natural / TYPICAL_GAP
+        strength = np.full(len(shapes), form.natural)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
         opened = form.natural * float(np.sqrt(squared[middle] / base.measured.size))
@@ -194,7 +197,10 @@ def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[
 
 
 def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
+    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each.
+
+    Of a form that acts as a whole: those without it, and how they change to its natural strength, over that.
+    """
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
     y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
@@ -203,6 +209,8 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
         x = np.full((len(shapes), 1), strength / SPREAD)
         return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]]), len(y)).r
 
+    if form.whole:
+        return base.r[np.newaxis], (residuals(0.0) - base.r) / form.natural
     none = residuals(_NONE) if form.replaces else base.r[np.newaxis]
     return none, (residuals(float(np.log(_SMALL))) - none) / (_SMALL * form.natural)
 

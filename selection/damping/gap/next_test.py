@@ -122,7 +122,8 @@ def rank_tests(
 ) -> tuple[NextTest, ...]:
     """Every test worth its time: those that settle the case, the mildest first, then the others, the surest first.
 
-    Where none does alone, the surest is also joined with each of the others, which may settle it together.
+    Where none does alone, the surest is also joined with each of the others, which may settle it together. Where none
+    tells all rivals, those that none tells are left aside.
     ``alive``: the explanations that are listed, in order of probability, of all that were ``fitted``. The log odds are
     those against all rivals; none are worth it where nothing rivals the first. ``in_library``: chance that the library
     holds the cause. Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state
@@ -145,6 +146,10 @@ def rank_tests(
     runs = _predict_runs(leading, [rival.hypothesis.best for rival in every[1 : 1 + MOST_RIVALS]])
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if test.expected_log_odds > WORTH and (blames or test.is_beyond)]
+    if not worth:  # some rivals stay whatever is tested: the others may be told
+        told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
+        fewer = 0 < len(told) < len(rivals)
+        return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns) if fewer else ()
     if max((test.probability for test in worth), default=COVER) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
         pairs = [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
@@ -212,6 +217,11 @@ def _miss(seen: Rows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Mis
     by_gain, by_frequency = left.by_sweep()
     C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
     return _Missed(left.r[0], (left.r[1:] - left.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
+
+
+def _best_odds(runs: Sequence[_Run], at: int, rival: ModelFit) -> float:
+    """The most that one run tells of a rival, the ``at``-th of those compared."""
+    return max(_odds([run.missed[at]], rival) for run in runs)
 
 
 def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:

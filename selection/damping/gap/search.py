@@ -1,41 +1,30 @@
-"""Fits of hypotheses: the simulation alone, with each effect, and with combinations as far as the data demand them.
-
-The evidence pays for every shape and strength that a hypothesis leaves free (MacKay 1992), the prior for every effect.
-"""
+"""The search for explanations: the simulation alone, with each effect, with combinations as far as data demand them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
-from itertools import chain, product
+from collections.abc import Collection
+from itertools import chain, combinations, product
 
 import numpy as np
-from scipy.special import logsumexp
 
-from damping.arrays import BoolArray
-from damping.effects.contract import Effect, Form
+from damping.effects.rig import AMPLITUDE_SCALE
 from damping.gap.directed import ALARM, directed_tests, smallest_p
-from damping.gap.fit import ModelFit, drop_effect, fit_model, fit_roughly, polish_fits
+from damping.gap.fit import fit_model
+from damping.gap.fitting import Fits
 from damping.gap.hypotheses import (
     MOST_DOUBTING,
     MOST_SWAPPED,
     NEAR,
     SURE,
     Hypothesis,
-    Start,
     Way,
-    at_gap,
-    choose_forms,
     leaves_noise,
     list_starts,
     list_swaps,
     order_ways,
 )
-from damping.gap.model import Model, Problem
-from damping.gap.unknowns import Unknowns, marginalise_scatter
+from damping.gap.model import Model
 
-#: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
-PRIOR_NULL = 25.0
 #: A further effect is fitted where its linear gain in ln p is at least the first and, times the second (gains of fits
 #: are larger than lines say), brings the hypothesis within ``NEAR`` of the most probable.
 _GAIN = 2.5
@@ -48,50 +37,12 @@ ROWS_PER_EFFECT = 15
 #: Most fits of each number of effects beyond one, and explanations that effects are added to.
 _MOST_FITS = 10
 _MOST_EXTENDED = 6
-_CLOSE_MODES = 10.0  #: Modes whose evidence is within this of the best are weighed.
-_CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept when effects are added.
-_WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
-_LOST = 100.0  #: ln evidence behind the best from which predictions are not taken again at a fit's own motion.
-#: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
-_AGAIN = 6
-_AGAIN_SIMPLE = 3
-_LOST_AGAIN = 30.0  #: ln p behind the best from which hypotheses of several effects are not fitted to another problem.
-#: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
-_STARTS = 4
-#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
-_MOST_FORMS = 8
-_MOST_FORMS_BESIDE = 3
-_MOST_BASES = 2  #: Modes of a hypothesis that are gone on from.
-_ROUGH = 1.5
-_APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
+_PROMISES = 0.25  #: Another law is tried where lines promise this share of what the effect in its place gains.
 _HOPELESS = 0.01  #: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
 
 
-@dataclass
-class Search:
-    """The hypotheses of a problem, fitted on demand.
-
-    Attributes:
-        problem, effects: the record with its simulation, and the library. unknown: what scatter and noise may be.
-        hypotheses: fitted ones, by effects. units: the strength of each form at which its gap equals the noise.
-        choices: how many effects a further one is chosen from; those that the record can show where 0.
-    """
-
-    problem: Problem
-    effects: Mapping[str, Effect]
-    unknown: Unknowns
-    hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
-    units: dict[Form, float] = field(default_factory=dict)
-    choices: int = 0
-    forms: dict[str, tuple[Form, ...]] = field(init=False)
-
-    def __post_init__(self) -> None:
-        rows = self.problem.rows
-        lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
-        lacking["masses"] = not np.ptp(rows.added)
-        asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
-        self.forms = {name: own for name, effect in asked.items() if (own := effect.forms(self.problem.scales))}
-        self.choices = self.choices or len(self.forms)
+class Search(Fits):
+    """Hypotheses in the order in which they promise most; what was fitted stays, whatever a search asks for next."""
 
     def run(self) -> Search:
         """Fit the simulation alone, every effect, and combinations."""
@@ -101,12 +52,7 @@ class Search:
 
     def combine(self) -> None:
         """Add effects to what was fitted as long as the data demand them."""
-        # parameters of the simulation first: where several are wrong together, none leads to the others alone
-        base = self.hypotheses[frozenset()]
-        for name in [name for name in reversed(self.forms) if self.effects[name].corrects][: self._most_effects()]:
-            if base.key | {name} not in self.hypotheses and not leaves_noise(self.hypotheses[frozenset()]):
-                self.extend(base, name)
-            base = self.hypotheses.get(base.key | {name}, base)
+        self._combine_parameters()
         for size in range(1, self._most_effects()):
             before = len(self.hypotheses)
             self._combine(size)
@@ -116,6 +62,19 @@ class Search:
         if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
             self._combine(1, leading)
         self._shorten()
+
+    def _combine_parameters(self) -> None:
+        """Fit the parameters of the simulation together: where several are wrong, none leads to the others alone.
+
+        A mass that is off, with stiffness and damping in its ratio, is read as a gain.
+        """
+        names = [name for name in reversed(self.forms) if self.effects[name].corrects]
+        names += [AMPLITUDE_SCALE.name] * (AMPLITUDE_SCALE.name in self.forms)
+        together = chain.from_iterable(combinations(names, size) for size in range(1, self._most_effects() + 1))
+        for *before, last in together:
+            base = self.hypotheses.get(frozenset(before))
+            if base and not leaves_noise(base) and base.key | {last} not in self.hypotheses:
+                self.extend(base, last)
 
     def _shorten(self) -> None:
         """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
@@ -127,18 +86,6 @@ class Search:
             self.drop(leading, name)
         if len(self.ranked()[0].effects) < len(leading.effects):
             self._shorten()
-
-    def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:
-        """A hypothesis without one of its effects, from its modes: a fit far behind it may have lost its own."""
-        effects = tuple(other for other in hypothesis.effects if other != name)
-        before = self.hypotheses.get(frozenset(effects))
-        if before is not None and before.log_evidence > hypothesis.log_evidence - _LOST:
-            return before
-        fits = [fit_roughly(*drop_effect(fit, name)) for fit in hypothesis.near]
-        again = self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
-        if before is not None and before.log_posterior > again.log_posterior:
-            self.hypotheses[before.key] = before
-        return self.hypotheses[again.key]
 
     def singles(self) -> None:
         """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
@@ -152,31 +99,6 @@ class Search:
         for name in sorted(gains, key=lambda name: -gains[name]):  # what is far behind the best is left rough
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
                 self.extend(null, name, tried[name])
-
-    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Search:
-        """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
-
-        Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
-        """
-        other = Search(problem, self.effects, unknown, units=self.units)
-        sweeps = np.unique(self.problem.rows.sweep[slice(None) if kept is None else kept])
-        ranked = self.ranked()
-        probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
-        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
-        for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
-            fits = []
-            for fit in hypothesis.near:
-                at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
-                model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
-                z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
-                fits.append(fit_roughly(model, fit.y[np.newaxis, : model.size], z))
-            other._store(hypothesis.effects, list(chain.from_iterable(fits)), hypothesis.forms)
-        return other
-
-    def ranked(self) -> list[Hypothesis]:
-        """All hypotheses, most probable first."""
-        return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
     def _most_effects(self) -> int:
         """Most effects that the rows can carry; at phase resonance only, one fewer than there are levels."""
@@ -206,6 +128,7 @@ class Search:
         for key, name in list_swaps(self.ranked()[0], self.hypotheses):
             if not self.effects[name].denies & key:
                 self.extend(self.hypotheses[key - {name}], name)
+        self._try_other_laws()
         leading, *others = self.ranked()[:MOST_SWAPPED]
         for own in (leading, *(other for other in others if other.log_posterior > leading.log_posterior - NEAR)):
             for way in ways.get(own.key, []):  # another way may lead to a better mode
@@ -214,6 +137,23 @@ class Search:
                     self.extend(way.base, way.name, way.starts)
                     if kept.log_posterior >= self.hypotheses[own.key].log_posterior:
                         self.hypotheses[own.key] = kept
+
+    def _try_other_laws(self) -> None:
+        """Fit another law in the place of the simulated one for each effect of the leading explanation of several.
+
+        Beside the others such a law is seldom reached from modes in which the simulated one is kept.
+        """
+        leading = self.ranked()[0]
+        whole = [name for name, own in self.forms.items() if any(form.whole for form in own)]
+        bases = [self.hypotheses.get(leading.key - {own}) for own in leading.effects if len(leading.effects) > 1]
+        for base, name in product(filter(None, bases), (name for name in whole if name not in leading.key)):
+            starts = list_starts(base.plain, self.forms[name], self.units)
+            gain = max(start.gain for start in chain.from_iterable(starts) if start.part.form.whole)
+            if gain > _PROMISES * (leading.log_posterior - base.log_posterior):
+                kept = self.hypotheses.get(base.key | {name})
+                self.extend(base, name, starts)
+                if kept and kept.log_posterior >= self.hypotheses[kept.key].log_posterior:
+                    self.hypotheses[kept.key] = kept
 
     def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
         """The ways to each combination that is worth a fit, those that promise most first."""
@@ -242,58 +182,3 @@ class Search:
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name])[:most]:
             self.extend(base, name, tried[name])
-
-    def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
-        """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
-        candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
-        rough = float(np.sqrt(np.mean(base.plain.measured**2)))
-        if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
-            rough = max(rough, _ROUGH * _APART)  # sweeps that lie apart hide a gap in their deviations
-        promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
-        fits: list[ModelFit] = []
-        for tried, fit in product(promising, base.near[:_MOST_BASES]):
-            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
-        if fits:
-            top = max(fit.log_evidence for fit in fits)
-            worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-            known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
-            if worth := polish_fits(worth) if top > known - _LOST else worth:  # none where their own motion is lost
-                self._store((*base.effects, name), worth, len(candidates))
-
-    def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
-        """Modes of a fit's model with one more form, none far behind a ln posterior ``rival``."""
-        own = [start.x for start in tried[:_STARTS]]
-        if rough > _ROUGH:
-            own += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
-            own += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
-        head = fit.y[: fit.model.size] if base.effects else np.zeros(fit.model.size)
-        x = np.array([np.concatenate([head, start]) for start in own])
-        parts = (*fit.model.parts, tried[0].part)
-        models = [replace(fit.model, parts=parts, at=None)]
-        if not models[0].terms(x[:1]).linear:
-            forms = [(i, part.form.twin) for i, part in enumerate(parts) if part.form.twin]
-            twins = [(*parts[:i], replace(parts[i], form=twin), *parts[i + 1 :]) for i, twin in forms]
-            models += [replace(models[0], parts=twin) for twin in twins]
-        z = np.zeros((len(x), 2 * fit.model.sweeps))
-        if base.effects:  # what the fit says of the sweeps may hold beside one more effect, or hide what it explains
-            rival = max(rival, fit.log_posterior)
-            x, z = np.concatenate([x, x]), np.concatenate([z, z + fit.y[fit.model.size :]])
-        return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))
-
-    def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
-        """Weigh the modes of all ``forms`` that the last effect may have, and remember the hypothesis."""
-        top = max(fit.log_evidence for fit in fits)
-        plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
-        least = max((hypothesis.log_evidence for hypothesis in self.hypotheses.values()), default=-np.inf) - _WORTH
-        near = [marginalise_scatter(fit, self.unknown, least) for fit in plain]
-        first = int(np.argmax([fit.log_evidence for fit in near]))
-        evidence = float(logsumexp([fit.log_evidence for fit in near])) - float(np.log(forms))
-        prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(self.choices + 1.0)
-        prior += sum(np.log(self.effects[name].prior) for name in effects)
-        best = plain[first]
-        least = best.log_evidence - _CLOSE
-        rest = [fit for fit in plain if fit.model.parts != best.model.parts and fit.log_evidence > least]
-        others = tuple(sorted(rest, key=lambda fit: -fit.log_evidence)[:1])  # the nearest of other forms
-        hypothesis = Hypothesis(effects, near[first], best, others, evidence, evidence + float(prior), forms)
-        self.hypotheses[hypothesis.key] = hypothesis
-        return hypothesis
