@@ -120,7 +120,7 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     """
     effects, p = explained.leading.effects, explained.hypotheses[0].probability
     of_joint = sum(own.probability for own in explained.hypotheses if WITH_MEMORY & set(own.effects))
-    asked = joint.told and not explained.setting.problem.rows.at_resonance
+    asked = joint.informative and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
     return (

@@ -183,7 +183,7 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - as above
+    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
     from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
@@ -230,7 +230,7 @@ def regress(
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
-    from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
+    from damping.regression import list_columns_for, parse_terms  # noqa: PLC0415 - other functions need no regression
     from damping.regression.design import list_required_columns, take_columns  # noqa: PLC0415 - as above
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
@@ -241,12 +241,10 @@ def regress(
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    if not (wanted := response.strip()):
-        raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
+    names = list_columns_for(response, parsed)
     table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
-    return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
+    return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
 
 
 @single_threaded
@@ -287,7 +285,7 @@ def sweep(
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
-    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
+    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need
 
     check_kind(mode, Mode, "mode")
     try:

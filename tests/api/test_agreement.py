@@ -224,12 +224,12 @@ def test_a_law_that_fits_resonances_alone_is_said_to(resonances, few):
 @pytest.mark.parametrize(
     ("joint", "effects", "at_resonance", "said"),
     [
-        (JointEvidence(0.84, 1.0, told=True), ("stiffness-softening",), False, True),
-        (JointEvidence(0.84, 1.0, told=True), ("slip", "drift"), False, False),
-        (JointEvidence(0.84, 1.0, told=True), ("stiffness-softening",), True, False),
-        (JointEvidence(0.30, 0.0, told=True), ("stiffness-softening",), False, False),
-        (JointEvidence(told=False), ("stiffness-softening",), False, False),
-        (JointEvidence(0.84, 1.0, told=True), (), False, False),
+        (JointEvidence(0.84, 1.0, informative=True), ("stiffness-softening",), False, True),
+        (JointEvidence(0.84, 1.0, informative=True), ("slip", "drift"), False, False),
+        (JointEvidence(0.84, 1.0, informative=True), ("stiffness-softening",), True, False),
+        (JointEvidence(0.30, 0.0, informative=True), ("stiffness-softening",), False, False),
+        (JointEvidence(informative=False), ("stiffness-softening",), False, False),
+        (JointEvidence(0.84, 1.0, informative=True), (), False, False),
     ],
 )
 def test_another_cause_of_a_resonance_that_falls_is_said(joint, effects, at_resonance, said):

@@ -62,9 +62,9 @@ MOST_LOST = 0.5
 #: Components of the average below this share of the largest are left out.
 NEGLIGIBLE = 1e-6
 #: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
-SCATTER_LOG_SD = 1.5
+FREQUENCY_SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
-_SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
+_SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
 #: A frequency this many times a tested one, or as many times below, is another mode's: none is predicted.
 FARTHEST = 2.0
 #: Change of the resonance, relative, from which on amplitudes are solved along the backbone: what less of it does is

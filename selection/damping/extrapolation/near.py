@@ -51,8 +51,7 @@ def near_resonance(record: Record) -> Observations:
     for sweep in range(len(data.sweeps)):
         own = np.flatnonzero(data.sweep == sweep)
         near[own[np.argmin(cotangent[own])]] = True
-    rows = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-    data = replace(data, **{name: getattr(data, name)[near] for name in rows})
+    data = data.take_rows(near)
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
@@ -243,7 +242,7 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
     if on_rows.verdict == "none fits":
         return replace(plan, fit=on_rows)
-    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
+    plan = replace(plan, fit=replace(plan.fit, level_caution=on_rows.level_caution or plan.fit.level_caution))
     if not kept:
         return plan
     whole = sum(own.weight for own in kept)
@@ -287,7 +286,7 @@ def plan_loads(
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     exponents = trend(data, float(np.median(scatter)))
-    if joint.told and joint.probability < JOINTS:
+    if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
         data=data,

@@ -64,8 +64,8 @@ class Explained:
             repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. unexplained: more than noise is left; ``rest``: in
-            the rows, and not only in how the levels scatter.
+        in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
+            ``unexplained_rows``: in the rows, and not only in how the levels scatter.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -79,7 +79,7 @@ class Explained:
     doubts: FloatArray
     in_library: float
     unexplained: bool
-    rest: bool
+    unexplained_rows: bool
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None

@@ -1,4 +1,4 @@
-"""Response: lumped masses to modes, first-harmonic steady states and their branches, time integration for reference.
+"""Response of a mode: first-harmonic steady states and their branches, time integration for reference.
 
 Here what a test measured, as laws are fitted to it: base drive as a force, swept rows as the steady states of them.
 

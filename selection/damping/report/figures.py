@@ -228,7 +228,9 @@ def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
     stem = result.stem("design_loads")
     if stem not in svgs or result.bands is None or result.design is None:
         return {}
-    table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)
+    table = pd.concat(
+        [tables.tabulate_study_loads(result.bands), tables.tabulate_study_loads(result.design)], ignore_index=True
+    )
     # a design force keeps the numbers of the table of design loads, whatever the grid says there
     table = table.drop_duplicates("force", keep="last").sort_values("force", ignore_index=True)
     factor, length = words.choose_length(result.mode.units.length, table["median"].max())

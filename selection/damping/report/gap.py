@@ -58,6 +58,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     """
     leading, (parameters, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
     named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
+    apart = [] if diagnosis.unexplained_rows else describe_repeatability(diagnosis.setting, diagnosis.leading.best)
     trends = (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend))
     values = {
         **vars(diagnosis),
@@ -71,7 +72,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "trend_fits": TREND_FITS,
         "test": next(iter(diagnosis.next_tests), None),
         "settles": diagnosis.next_test is not None,
-        "apart": [] if diagnosis.rest else describe_repeatability(diagnosis.setting, diagnosis.leading.best),
+        "apart": apart,
         "known": KNOWN,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
