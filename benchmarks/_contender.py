@@ -2,7 +2,7 @@
 
 The model: resonances of Configuration II, first mode, by viscous + displacement-velocity damping. With x ~ N(0, 1)^3,
 
-    total  T = F exp(x1),    share  s = Phi(x2),    scatter  S = .02 exp(.75 x3),
+    total  T = F exp(x1),    share  s = Phi(x2),    scatter  S = .011 exp(.8 x3),
     C_i = T (s A_i omega_i/(A omega) + (1 - s) A_i^2 omega_i/(A^2 omega)),     (F_i - C_i)/g_i ~ N(0, S^2),
 
 g = dC/d ln A min(1, F/C), and F, A, omega without index the geometric means: the prior and the likelihood of
@@ -105,7 +105,7 @@ def chains(wanted: int) -> Sampled:
 
     coordinates, data = target()
     start = evidence(coordinates, data, SEED)
-    settings = Settings(walkers=256, tries=4, first=82, effective_size=wanted, kept=5000)
+    settings = Settings(walkers=256, tries=4, first=82, effective_size=wanted, draws_kept=5000)
     found = sample(coordinates, data, start, lambda x: {}, SEED, settings)
     size = min(d.effective_size for d in found.diagnoses)
     return Sampled(

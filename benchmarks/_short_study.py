@@ -1,15 +1,14 @@
 """Studies with two laws to rank and to predict with and one figure, each in a process of its own that may be killed.
 
 A server: for each line ``SETTINGS<tab>OUT<tab>SEED`` on standard input it starts ``damping study`` as the leader of a
-new session, answers with its process id, and with its exit status when it has ended. Packages are imported once, and
-processes are forked, so that a run takes seconds; nothing else is shortened.
+new session, answers with its process id, and with its exit status when it has ended. Packages are imported once and
+each study is forked. Its own pool starts new processes, which is left as it is: they are killed with it.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from multiprocessing import get_context
 
 import arviz  # noqa: F401 - diagnoses chains; imported before the processes part, as the next two
 import matplotlib.figure  # noqa: F401 - draws figures
@@ -29,7 +28,6 @@ def serve() -> None:
     for name in ("candidate_laws", "load_candidates"):
         vars(study)[name] = lambda *_: [Law((law,)) for law in LAWS]
     vars(build)["record_figures"] = lambda result, level: {"ranking": figures._draw_ranking(result)}
-    vars(study)["get_context"] = lambda method: get_context("fork")
     for line in sys.stdin:
         settings, out, seed = line.rstrip("\n").split("\t")
         child = os.fork()

@@ -116,5 +116,3 @@ CANDIDATES = (
     *(Law(("viscous", name)) for name in ("velocity-squared", "quadratic-displacement", "coulomb", "slip")),
     Law(("viscous", "velocity-squared", "coulomb")),
 )
-#: Largest over smallest tested force.
-SPAN = 4.0

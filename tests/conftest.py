@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,6 +38,7 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.cli import main
 from damping_reed1970 import data_folder
+from damping_validation import truths
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Dialog, Page
@@ -126,23 +127,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def resonances_of(A: np.ndarray, F: np.ndarray, omega: np.ndarray | float) -> Observations:
     """One row a level, at phase resonance."""
-    n = len(A)
-    omega = np.broadcast_to(np.asarray(omega, dtype=float), (n,)).copy()
-    zero = np.zeros(n)
-    return Observations(
-        A=A,
-        omega=omega,
-        D=F,
-        R=zero,
-        sweep=np.arange(n),
-        sd_amplitude=zero,
-        sd_force=zero,
-        sd_phase=zero,
-        sweeps=tuple(f"L{i}" for i in range(n)),
-        tested_force=F,
-        tested_amplitude=A,
-        tested_omega=omega,
-    )
+    omega = np.broadcast_to(np.asarray(omega, dtype=float), (len(A),)).copy()
+    return replace(truths.peaks(np.broadcast_to(F, A.shape), A), omega=omega, tested_omega=omega)
 
 
 @pytest.fixture(scope="session")
@@ -207,7 +193,7 @@ def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[s
     from damping_pipelines.study import estimate_fully
 
     seed = study_settings.seed
-    return {one.settings.name: rank_laws(one.data, seed, estimate=estimate_fully) for one in study_inputs}
+    return {one.settings.name: rank_laws(one.prepared.all_rows, seed, estimate=estimate_fully) for one in study_inputs}
 
 
 @pytest.fixture(scope="session")

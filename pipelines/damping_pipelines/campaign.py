@@ -19,9 +19,12 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
-from damping_pipelines.manifest import digest_inputs, publish, refuse_foreign, versions
+from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import PlainTable, console, number, parse_number, parse_pairs, report_findings
+
+#: Outputs of every campaign.
+PAGES = ("campaign.json", "report.html", "study.toml")
 
 
 def campaign(
@@ -44,7 +47,6 @@ def campaign(
     tables = [Path(word) for word in design if math.isnan(parse_number(word))]
     read = [*sources, *(path for path in (correct, previous) if path), *tables]
     refuse_inputs("--out", out, *read)
-    refuse_foreign(out, ("campaign.json", "report.html", "study.toml"), read)
     named = [os.path.realpath(file) for file in sources]
     twice = next((file for place, file in enumerate(sources) if named[place] in named[:place]), None)
     if twice is not None:
@@ -52,13 +54,20 @@ def campaign(
     corrections = read_corrections(correct) if correct else None
     levels = [_read_design(word) for word in design]
     before = _read_predictions(previous) if previous else ()
-    answer = analyse(sources, levels, _frequencies(modes), seed, max_size, corrections, _read_limits(limit), before)
-    for mode in answer.modes:
-        report_findings(mode.record, mode.mode, despite)
-    inputs = digest_inputs(read)
-    title = f"Campaign: {', '.join(file.name for file in sources)}"
-    written = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record).encode() for mode in answer.modes}
-    written |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode).encode() for mode in answer.modes}
+    wanted, limits = _frequencies(modes), _read_limits(limit)
+    with sole_writer(out, PAGES, read):
+        answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before)
+        for mode in answer.modes:
+            report_findings(mode.record, mode.mode, despite)
+        inputs = digest_inputs(read)
+        title = f"Campaign: {', '.join(file.name for file in sources)}"
+        written = _write_files(answer, title, seed, inputs)
+        publish(out, written, seed=seed, versions=versions(), inputs=inputs)
+    _show(answer, out)
+
+
+def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]) -> dict[str, bytes]:
+    """Contents of every file by its name in the folder."""
     asked = {mode.name: _name_forces(mode, answer) for mode in answer.modes}
     settings = {
         "title": title.replace("\\", "/").replace('"', "'"),
@@ -66,11 +75,12 @@ def campaign(
         "modes": answer.modes,
         "asked": asked,
     }
-    written["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings).encode()
-    written["campaign.json"] = to_json(answer.to_json()).encode()
-    written["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs)).encode()
-    publish(out, written, seed=seed, versions=versions(), inputs=inputs)
-    _show(answer, out)
+    texts = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record) for mode in answer.modes}
+    texts |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode) for mode in answer.modes}
+    texts["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings)
+    texts["campaign.json"] = to_json(answer.to_json())
+    texts["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs))
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
@@ -235,9 +245,9 @@ def _describe_level(at: At, unit: str) -> str:
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none where one level has an answer."""
     levels = pd.DataFrame(
-        {"level": at.driven, "tested": at.tested, "frequency": at.frequency}
+        {"level": at.input, "tested": at.tested, "frequency": at.frequency}
         | dict(zip(("median", "low", "high"), at.ratio, strict=True))
-        for at in sorted(mode.places, key=lambda at: at.driven)
+        for at in sorted(mode.places, key=lambda at: at.input)
         if at.ratio
     )
     if len(levels) < 2:

@@ -23,8 +23,8 @@ from typer.exceptions import TyperException
 import damping_pipelines
 from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
-from damping_pipelines import cli_files as options
-from damping_pipelines.cli_files import delegate
+from damping_pipelines import options
+from damping_pipelines.options import delegate
 from damping_pipelines.processes import leave_pyarrow_out
 
 
@@ -100,7 +100,7 @@ def check(
 
 
 @app.command()
-@delegate(".rank")
+@delegate(".laws")
 def rank(
     record: options.RecordArgument,
     mode: options.ModeOption,
@@ -134,7 +134,7 @@ _PREDICTIONS = {
     "curve": "Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked.",
 }
 for _name, _help in _PREDICTIONS.items():
-    app.command(_name, help=_help)(delegate(".rank", _name)(_predict))
+    app.command(_name, help=_help)(delegate(".laws", _name)(_predict))
 
 #: Commands whose options stand elsewhere.
 _FURTHER = (

@@ -15,7 +15,7 @@ from damping.errors import InputError
 from damping.infer.observations import MOST_ROWS, Observations
 from damping.ranking.sharing import read_rows
 from damping.records.text import describe_shortened
-from damping_pipelines.comparison import RecordSummary, StudySummary, describe_comparison_page
+from damping_pipelines.compare_page import RecordSummary, StudySummary, describe_comparison_page
 from damping_pipelines.forms import PosteriorRow, StudyForm, describe_invalid, read_form
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
 from damping_pipelines.store import refuse_inputs, write_text

@@ -11,7 +11,7 @@ from damping.errors import InputError
 from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_values import write_uff
 from damping.records.base_drive import has_masses
-from damping.records.mode import Units, describe_mode_to_toml, read_mode
+from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
@@ -48,16 +48,11 @@ def export(
             raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
         export_deck(source, out, to)
         return
-    kind = out.suffix.lower()
-    if kind not in (*_UFF, ".csv", ".parquet"):
-        expected = "a name ending in .uff, .unv, .csv or .parquet"
-        raise InputError(f"--out {out.name!r} is of no known format", expected=expected)
-    if text and kind not in _UFF:
-        raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
     inputs = [path for path in (source, mode) if path is not None]
+    _check_out(out, text=text)
     check_outputs({"--out": out, "--mode-out": mode_out}, *inputs)
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
-        if kind in _UFF:
+        if out.suffix.lower() in _UFF:
             raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
         if mode_out:
             raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
@@ -68,23 +63,41 @@ def export(
     names = _names(described.units if described else Units(), given, str(mode or source))
     report_findings(record, described, despite)
     notes: list[str] = []
-    drive = described.drive if described else "force"
     if units is not None:
-        by = factors(names, units, source=str(mode or source))
-        # the mass that a base-driven mode has where none is stated is a number
-        plain = described is not None and drive == "base" and described.mass == 1.0 and not has_masses(record)
-        record, notes = convert_record(record, by, drive)
+        record, described, notes = _convert(record, described, names, units, str(mode or source))
         names = Units(*SYSTEMS[units], "s")
-        if described is None:
-            notes.append("the column force is taken for a force: whether it is a base's acceleration --mode says")
-        else:
-            described = convert_mode(described, by.per_mass if plain else by, units)
     if mode_out is not None:
         if described is None or units is None:
             expected = "--mode MODE.toml and --units"
             raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
-    _write_record(record, names.of_base_drive if drive == "base" else names, out, notes, text=text)
+    of_base = described is not None and described.drive == "base"
+    _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text)
+
+
+def _check_out(out: Path, *, text: bool) -> None:
+    """InputError: a name of no known format, or ``text`` of what has no other form."""
+    kind = out.suffix.lower()
+    if kind not in (*_UFF, ".csv", ".parquet"):
+        expected = "a name ending in .uff, .unv, .csv or .parquet"
+        raise InputError(f"--out {out.name!r} is of no known format", expected=expected)
+    if text and kind not in _UFF:
+        raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")
+
+
+def _convert(
+    record: Record, mode: Mode | None, names: Units, units: str, source: str
+) -> tuple[Record, Mode | None, list[str]]:
+    """A record and its mode in other units, with what is to be said of it."""
+    by = factors(names, units, source=source)
+    if mode is None:
+        record, notes = convert_record(record, by, "force")
+        notes.append("the column force is taken for a force: whether it is a base's acceleration --mode says")
+        return record, None, notes
+    # the mass that a base-driven mode has where none is stated is a number
+    plain = mode.drive == "base" and mode.mass == 1.0 and not has_masses(record)
+    record, notes = convert_record(record, by, mode.drive)
+    return record, convert_mode(mode, by.per_mass if plain else by, units), notes
 
 
 def _names(own: Units, given: str | None, source: str) -> Units:

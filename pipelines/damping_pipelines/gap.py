@@ -7,10 +7,11 @@ from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import as_completed
 from itertools import chain
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import damping
-from damping.errors import AnalysisError, DampingError, InputError
+from damping.errors import AnalysisError, DampingError, InputError, escape_control
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
@@ -22,6 +23,8 @@ from damping_pipelines.store import check_outputs, write_json, write_picture, wr
 from damping_pipelines.terminal import console, progress, report_findings
 
 FORMAT = "gap/1"
+#: Characters of a line of comment.
+COMMENT_WIDTH = 116
 
 
 def gap(
@@ -75,7 +78,7 @@ def gap(
     if json_out is not None:
         write_plain(json_out, result.to_json())
     if model_out is not None:
-        write_text(model_out, describe_mode_to_toml(result.diagnosis.corrected))
+        write_text(model_out, _describe_model(result))
     if plot is not None:
         write_picture(plot, result.plot(), result.title)
     if report is not None:
@@ -84,8 +87,21 @@ def gap(
         console().print(sentence)
 
 
+def _describe_model(result: DiagnosisResult) -> str:
+    """The corrected model; its head says by what it is corrected, how sure that is, and where it is not to be used."""
+    from damping.gap.weighing import KNOWN  # noqa: PLC0415 - a folder of cases is diagnosed by other processes
+    from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as the line above
+
+    diagnosis = result.diagnosis
+    sentences = describe_diagnosis(diagnosis)["verdict"]
+    if diagnosis.unexplained or diagnosis.in_library < KNOWN:
+        sentences.append("It imitates the tested levels and may be worse than the simulation beyond them.")
+    lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH)
+    return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(diagnosis.corrected)
+
+
 def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:
-    from damping.report.gap import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
+    from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
     from damping.report.page import Footer  # noqa: PLC0415 - as above
 
     footer = Footer(seed, versions(), digest_inputs(inputs))

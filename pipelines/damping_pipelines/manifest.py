@@ -205,9 +205,10 @@ def sole_writer(folder: Path, names: Collection[str] = (), inputs: Iterable[Path
 
     The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
     move finished results into place, that is done first. ``names``: outputs that are known beforehand, and ``inputs``,
-    so that what must not be lost is told before the work (:func:`refuse_foreign`). InputError: that, or the folder
-    cannot be written, or another run holds it.
+    so that what must not be lost is told before the work (:func:`refuse_foreign`). A folder that is made here and left
+    empty goes again. InputError: that, or the folder cannot be written, or another run holds it.
     """
+    made = not folder.exists()
     make_folder(folder)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -223,6 +224,9 @@ def sole_writer(folder: Path, names: Collection[str] = (), inputs: Iterable[Path
         yield
     finally:
         os.close(handle)
+        if made:
+            with suppress(OSError):  # it holds results
+                folder.rmdir()
 
 
 def _lock(handle: int, folder: Path) -> None:

@@ -18,7 +18,7 @@ def leave_pyarrow_out() -> None:
     sys.modules.setdefault("pyarrow", None)  # type: ignore[arg-type]  # the documented way to make an import fail
 
 
-def count_jobs(jobs: int | None = None) -> int:
+def count_jobs(jobs: int | None) -> int:
     """Processes for a piece of work: as many as asked for, else as there are cores that this process may use."""
     return jobs or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 

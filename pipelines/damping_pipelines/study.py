@@ -13,24 +13,21 @@ import numpy as np
 from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, sample_candidate
-from damping.extrapolation.backbone import Backbone, find_backbone
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
-from damping.extrapolation.near import Plan, near_resonance, observe_ranked, plan_loads
+from damping.extrapolation.near import Plan, plan_loads
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.best_fit import BestFit
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
-from damping.predict import prepare
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws, load_candidates
-from damping.records import Audit
-from damping.records.mode import Mode, read_mode
+from damping.records.mode import read_mode
 from damping.records.reading import read_record
-from damping.records.record import Record
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
@@ -48,15 +45,10 @@ MOST_SAMPLED = 6
 
 @dataclass(frozen=True)
 class Input:
-    """A record of the study, read and checked: steady states, and rows as ``driven`` (`damping.predict.Measured`)."""
+    """A record of the study, read and checked."""
 
     settings: files.RecordSettings
-    record: Record
-    driven: Record
-    mode: Mode
-    data: Observations
-    backbone: Backbone
-    audit: Audit
+    prepared: PreparedRecord
 
 
 @dataclass(frozen=True)
@@ -104,13 +96,10 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
     for asked in settings.records:
         record, mode = read_record(folder / asked.record), read_mode(folder / asked.mode)
         findings = report_findings(record, mode, despite)
-        measured = prepare(record, mode)
-        data, freed = observe_ranked(measured.record, findings)
-        for line in (*measured.said, *freed):
+        prepared = prepare_record(record, mode, findings)
+        for line in prepared.notes:
             print(f"damping: {record.source}: {line}", file=sys.stderr)
-        record, mode = measured.record, measured.mode or mode
-        backbone = find_backbone(record, mode, findings.implied)
-        inputs.append(Input(asked, record, measured.driven, mode, data, backbone, findings))
+        inputs.append(Input(asked, prepared))
     return inputs
 
 
@@ -139,7 +128,9 @@ def _weigh(
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
         rankings = [
-            rank_laws(record.data, settings.seed, candidates, _prefixed(done, record.settings.name), estimate)
+            rank_laws(
+                record.prepared.all_rows, settings.seed, candidates, _prefixed(done, record.settings.name), estimate
+            )
             for record, candidates in zip(inputs, laws, strict=True)
         ]
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
@@ -158,14 +149,14 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
 
     AnalysisError: no law can carry the forces of a record with design forces.
     """
-    near = [near_resonance(record.record) for record in inputs]
+    near = [record.prepared.data for record in inputs]
     laws = [load_candidates(data) for data in near]
     plans: list[Plan | None] = []
     with progress("weighing laws", sum(map(len, laws))) as done:
         for record, data, candidates in zip(inputs, near, laws, strict=True):
             try:
                 advance = _prefixed(done, record.settings.name)
-                plans.append(plan_loads(data, candidates, seed, advance, record.mode, estimate))
+                plans.append(plan_loads(data, candidates, seed, advance, record.prepared.mode, estimate))
             except AnalysisError:
                 if record.settings.design_forces:
                     raise
@@ -201,7 +192,7 @@ def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]
 
 def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
-    data, forces = task.record.data, np.array(task.record.settings.design_forces)
+    data, forces = task.record.prepared.all_rows, np.array(task.record.settings.design_forces)
     posterior = sample_candidate(task.candidate, data, forces, task.seed)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
     amplitude = amplitude_draws(sampled, data.tested_force, data)
@@ -213,7 +204,7 @@ def sample_law(task: Task) -> LawPosterior:
         leave_one_out=leave_one_out(groups, data),
         check=predictive_check(posterior, data, amplitude, task.level, task.seed),
         of_source=task.of_source,
-        file=files.to_netcdf(files.add_damping_ratio(groups, posterior, data, task.record.backbone)),
+        file=files.to_netcdf(files.add_damping_ratio(groups, posterior, data, task.record.prepared.backbone)),
     )
 
 
@@ -226,16 +217,17 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
         return {}
     if ranking.fit.verdict == "none fits":  # every row, not resonances alone
         plan = replace(plan, fit=ranking.fit)
-    asked, tested = np.array(record.settings.design_forces), record.data.tested_force
+    prepared, asked = record.prepared, np.array(record.settings.design_forces)
+    rows, tested = prepared.all_rows, prepared.all_rows.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
-    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=record.mode, plan=plan, every=record.data)
-    against = compare_with_diagnosis(record.driven, record.mode, predicted) if len(asked) else ()
+    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan, all_rows=rows)
+    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted) if len(asked) else ()
     reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
-    curve = trace_loads(reached, record.backbone, plan.data)
+    curve = trace_loads(reached, prepared.backbone, plan.data)
     result: dict[str, Any] = {"against": against, "curve": replace(curve, cautions=_warn(against, curve.cautions))}
     if len(asked):
         grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
-        design_curve = trace_loads(predicted.loads, record.backbone, plan.data)
+        design_curve = trace_loads(predicted.loads, prepared.backbone, plan.data)
         result |= {
             "bands": predicted.predict_at(grid),
             "design": replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
@@ -250,17 +242,18 @@ def _record_result(
     record: Input, ranking: Ranking, predicted: Future[dict[str, Any]], posteriors: tuple[LawPosterior, ...]
 ) -> RecordResult:
     """All of one record together."""
+    prepared = record.prepared
     return RecordResult(
         name=record.settings.name,
-        title=record.settings.title or record.mode.name,
-        record=record.record,
-        mode=record.mode,
-        data=record.data,
+        title=record.settings.title or prepared.mode.name,
+        record=prepared.measured.record,
+        mode=prepared.mode,
+        data=prepared.all_rows,
         ranking=ranking,
         posteriors=posteriors,
-        power_laws=_list_power_laws(record.data),
-        findings=record.audit.findings,
-        backbone=record.backbone,
+        power_laws=_list_power_laws(prepared.all_rows),
+        findings=prepared.findings.findings,
+        backbone=prepared.backbone,
         note=record.settings.note,
         design_levels=record.settings.design_levels,
         **predicted.result(),

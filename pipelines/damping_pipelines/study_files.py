@@ -29,10 +29,9 @@ from damping.report.forms import curve_form, loads_form, rank_form
 from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
 from damping.report.study import render
 from damping_pipelines.manifest import publish
+from damping_pipelines.options import DEFAULT_SEED
 from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_json
 
-#: Seed of the default study: the year of the report.
-DEFAULT_SEED = 1970
 #: Outputs of every study.
 PAGES = ("report.html", "summary.json")
 

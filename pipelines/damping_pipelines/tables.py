@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from damping.records import Audit, audit
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record, read_table
 from damping.records.record import Record, record_to_csv
-from damping.regression import list_columns_of, parse_terms
+from damping.regression import list_columns_for, parse_terms
 from damping.regression.design import list_required_columns
 from damping.regression.printout import describe_comparison
 from damping.regression.program import Regression
@@ -83,10 +84,7 @@ def run_regress(
     AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
     parsed = [parse_terms(curve) for curve in curves]
-    wanted = response.strip()
-    if not wanted:
-        raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *list_columns_of(term for terms in parsed for term in terms)]))
+    names = list_columns_for(response, chain.from_iterable(parsed))
     tables = [(path, _read(path, names, max_size)) for path in data]
     widest = max(len(terms) for terms in parsed)
     for path, table in tables:
@@ -94,7 +92,7 @@ def run_regress(
             message = f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
             raise AnalysisError(message)
     return [
-        damping.regress(table, response=wanted, terms=curve, source=str(path), **choice)
+        damping.regress(table, response=names[0], terms=curve, source=str(path), **choice)
         for path, table in tables
         for curve in curves
     ]
@@ -117,8 +115,8 @@ def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
 def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
     """File names and SVG of the deviations against every independent variable, every term, the fitted response and the
     row."""
-    from damping.plots import to_svg  # noqa: PLC0415 - as above
-    from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots import to_svg  # noqa: PLC0415 - only drawing needs matplotlib
+    from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
 
     drawn: dict[str, str] = {}
     for place, result in enumerate(results, start=1):

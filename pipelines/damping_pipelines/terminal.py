@@ -16,6 +16,7 @@ from damping.progress import Advance
 from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.text import describe_shortened
 from damping_pipelines import QUIET
 
 
@@ -161,8 +162,9 @@ def _set_lines(cells: Sequence[Sequence[str]], widths: Sequence[int], names: int
     """The lines of a row of cells, names to the left and numbers to the right."""
     lines = []
     for texts in zip_longest(*cells, fillvalue=""):
-        sized = enumerate(zip(texts, widths, strict=True))
-        parts = [_shorten(text, size).ljust(size) if k < names else text.rjust(size) for k, (text, size) in sized]
+        sized = list(zip(texts, widths, strict=True))
+        parts = [describe_shortened(text, size, "…").ljust(size) for text, size in sized[:names]]
+        parts += [text.rjust(size) for text, size in sized[names:]]
         lines.append((" " * _GAP).join(parts).rstrip())
     return lines
 
@@ -174,10 +176,6 @@ def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
         widest = max(range(len(widths)), key=lambda i: widths[i] - least[i])
         widths[widest] -= 1
     return widths
-
-
-def _shorten(text: str, most: int) -> str:
-    return text if len(text) <= most else text[: max(most - 1, 0)] + "…"
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -235,9 +233,7 @@ def suggest(*lines: str) -> None:
             console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)
 
 
-def report_findings(
-    record: Record, mode: Mode | None, despite: Collection[str] = (), *, diagnosed: bool = False
-) -> Audit:
+def report_findings(record: Record, mode: Mode | None, despite: Collection[str], *, diagnosed: bool = False) -> Audit:
     """The audit of a record before any work on it; its findings go to standard error.
 
     Refused: a finding refuses that is not among the checks named in ``despite``; ``diagnosed``: see `Audit.require`.

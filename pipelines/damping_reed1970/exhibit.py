@@ -144,8 +144,8 @@ def link_pages(pages: Sequence[FurtherPage], reproduction: pd.DataFrame) -> Sect
     close = int(reproduction["agreement"].isin(CLOSE).sum())
     summary = (
         f"{len(reproduction)} numbers that the report of 1970 prints as results were recomputed by its own recipes "
-        f"from its own tables; {close} agree to the print or within half a per cent. Chapter by chapter, with every "
-        "figure redrawn and every erratum proved:"
+        f"from its own tables. {close} agree to the print or within half a per cent. Every figure is redrawn and every "
+        "erratum proved, chapter by chapter:"
     )
     links = Links([Link(page.title, f"{page.file}.html") for page in pages])
     return Section("source-report", "The report of 1970, recomputed", [Text(summary), links])

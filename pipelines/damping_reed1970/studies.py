@@ -18,7 +18,8 @@ from damping.records.mode import Mode, Tolerance, Units
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import format_share
-from damping.report.gap import describe_diagnosis, gap_figures, tabulate_hypotheses
+from damping.report.gap import describe_diagnosis, tabulate_hypotheses
+from damping.report.gap_page import gap_figures
 from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
 from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent

@@ -18,14 +18,15 @@ from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
 from damping.extrapolation.near import Plan
 from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prepared import prepare_record
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report import forms
 from damping.report.page import fill_text
-from damping_pipelines.cli_files import MAX_SIZE
 from damping_pipelines.manifest import digest, publish, sole_writer, versions
+from damping_pipelines.options import MAX_SIZE
 from damping_pipelines.store import refuse_inputs
 from damping_pipelines.terminal import progress, report_findings
 
@@ -33,12 +34,12 @@ LEVEL = 0.9
 #: Largest high/low wanted at a ratio of force to the largest tested one.
 GOALS = {1.5: 1.35, 4.0: 1.8}
 RATIOS = (1.5, 2.0, 4.0)
+#: Largest error of a median wanted at a level left out, per cent.
+MEDIANS = 6.0
 #: Known records by folder: ``title`` of the structure, ``source``, and whether a warning is wanted.
 CITATIONS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 #: Forces at which a band is drawn.
 _GRID = 40
-#: Dots per inch of the figure.
-_DPI = 130
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class BandResult:
     grid: Loads
     at: Loads
     left_out: pd.DataFrame
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = ()) -> None:
@@ -71,8 +72,8 @@ def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = (
         files: dict[str, bytes] = {}
         results = [predict_structure(records / name, seed, despite) for name in names]
         for band in results:
-            files[f"{band.name}.png"] = plots.to_png(draw_real_bands(band), _DPI)
-            files[f"{band.name}.csv"] = record_to_csv(tabulate_loads(band.at)).encode()
+            files[f"{band.name}.png"] = plots.to_png(draw_real_bands(band))
+            files[f"{band.name}.csv"] = record_to_csv(forms.tabulate_loads(band.at)).encode()
             files[f"{band.name}-left-out.csv"] = record_to_csv(band.left_out).encode()
         files["README.md"] = render_page(results, seed).encode()
         publish(out, files, seed=seed, versions=versions(), inputs=inputs)
@@ -83,32 +84,18 @@ def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) ->
     """Everything of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     findings = report_findings(record, mode, despite)
-    predicted, rests = predict_record(record, mode, findings, np.empty(0), RATIOS, LEVEL, seed, progress)
-    forces = np.geomspace(rests.data.tested_force.min(), 1.1 * predicted.loads.force[-1], _GRID)
+    prepared = prepare_record(record, mode, findings)
+    predicted, data = predict_record(prepared, np.empty(0), RATIOS, LEVEL, seed, progress=progress), prepared.data
+    forces = np.geomspace(data.tested_force.min(), 1.1 * predicted.loads.force[-1], _GRID)
     return BandResult(
         name=folder.name,
-        mode=rests.mode,
+        mode=prepared.mode,
         plan=predicted.plan,
         grid=predicted.predict_at(forces),
         at=predicted.loads,
-        left_out=leave_higher_levels_out(rests.data, LEVEL, seed, rests.mode, rests.every),
-        said=rests.done,
+        left_out=leave_higher_levels_out(data, LEVEL, seed, prepared.mode, prepared.all_rows),
+        notes=prepared.notes,
     )
-
-
-#: Columns of the form of loads under the names that the tables of the page keep.
-NAMES = {
-    "extrapolation_ratio": "ratio",
-    "linear_overprediction_percent": "linear_over_percent",
-    "linear_overprediction_low": "linear_over_percent_low",
-    "linear_overprediction_high": "linear_over_percent_high",
-    **{f"sd_percent_{part}": part for part in PARTS},
-}
-
-
-def tabulate_loads(loads: Loads) -> pd.DataFrame:
-    """One row per force: band, linear prediction, parts in per cent, cautions."""
-    return forms.tabulate_loads(loads).rename(columns=NAMES)
 
 
 def render_page(results: list[BandResult], seed: int) -> str:
@@ -120,16 +107,27 @@ def render_page(results: list[BandResult], seed: int) -> str:
         "goals": {RATIOS.index(ratio): most for ratio, most in GOALS.items()},
         "checks": checks,
         "given": given,
-        "errors": (100.0 * (given["median"] / given["measured"] - 1.0)).groupby(given["levels"]),
+        "errors": _list_errors(given).groupby(given["levels"]),
+        "farthest": {band.name: _list_errors(band.left_out).abs().max() for band in results},
+        "medians": MEDIANS,
         "bands": [
-            (band, tabulate_loads(band.at).to_dict("records"), dict.fromkeys(chain(band.said, *band.at.cautions)))
+            (
+                band,
+                forms.tabulate_loads(band.at).to_dict("records"),
+                dict.fromkeys(chain(band.notes, *band.at.cautions)),
+            )
             for band in results
         ],
         "citations": CITATIONS,
         "titles": title_structures({band.name: band.mode.name for band in results}),
-        "parts": PARTS,
+        "parts": {name: forms.PART + name for name in PARTS},
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values)
+
+
+def _list_errors(left_out: pd.DataFrame) -> pd.Series:
+    """Errors of medians, per cent; NaN of predictions refused."""
+    return 100.0 * (left_out["median"] / left_out["measured"] - 1.0)
 
 
 def title_structures(modes: Mapping[str, str]) -> dict[str, str]:
@@ -152,7 +150,7 @@ _PARTS = {
 def draw_real_bands(band: BandResult) -> Figure:
     """Draw three panels side by side: beyond the test, higher levels left out, standard deviations of the parts."""
     figure, axes = plots.build_panels(3.1, 1, 3, 1.35 * plots.TEXT_WIDTH, width_ratios=[5, 3.4, 3.4])
-    bands = tabulate_loads(band.grid)
+    bands = forms.tabulate_loads(band.grid)
     _draw_bands(axes[0], bands, band)
     _draw_left_out(axes[1], band.left_out)
     _draw_parts(axes[2], bands)
@@ -162,7 +160,7 @@ def draw_real_bands(band: BandResult) -> Figure:
 def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     """Draw resonant amplitude against force, both logarithmic."""
     data, force = band.plan.data, bands["force"]
-    ax.axvspan(data.tested_force.max(), force.max(), color=plots.BEYOND, linewidth=0, zorder=0)
+    ax.axvspan(data.tested_force.max(), force.max(), color=plots.BEYOND_TEST, linewidth=0, zorder=0)
     for name, ends, colour in (("predictive", "", plots.PREDICTIVE), ("credible", "credible_", plots.CREDIBLE)):
         low, high = bands[f"{ends}low"], bands[f"{ends}high"]
         ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
@@ -201,9 +199,9 @@ def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
 def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     """Standard deviation of each part against the extrapolation ratio."""
     for name, (label, colour) in _PARTS.items():
-        ax.plot(bands["ratio"], bands[name], color=colour, label=label)
-    whole = np.sqrt((bands[list(_PARTS)] ** 2).sum(axis=1, min_count=1))
-    ax.plot(bands["ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
+        ax.plot(bands["extrapolation_ratio"], bands[forms.PART + name], color=colour, label=label)
+    whole = np.sqrt((bands[[forms.PART + name for name in _PARTS]] ** 2).sum(axis=1, min_count=1))
+    ax.plot(bands["extrapolation_ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
     ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
     plots.plain_log(ax.xaxis)
     ax.set_title("four parts")

@@ -28,8 +28,6 @@ SWEPT = Law(("viscous", "velocity-squared"))
 CHAINED = Law(("velocity-power",))
 #: Trials sent to a process at once: enough to keep it busy for seconds.
 BATCH = 12
-#: Dots per inch of the figures.
-_DPI = 130
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 
@@ -68,7 +66,7 @@ def render(results: dict[Key, Any], seed: int, quick: bool) -> dict[str, bytes]:
     written = {"predictions": predictions, "coverage": tabulate_coverage(predictions), "ranks": summary}
     page = render_page(predictions, fast, summary, len(results), seed, quick)
     files = {f"{name}.csv": record_to_csv(table).encode() for name, table in written.items()}
-    files |= {f"{name}.png": to_png(figure, _DPI) for name, figure in drawn.items()}
+    files |= {f"{name}.png": to_png(figure) for name, figure in drawn.items()}
     return files | {"README.md": page.encode()}
 
 

@@ -109,15 +109,15 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     tested = np.geomspace(span**-0.5, span**0.5, levels)
     swept = rng.random() < SWEPT_SHARE
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
-    every = sweeps(truth.amplitude, tested, noise, 0.5 * noise, rng) if swept else None
-    data = _read_frequencies(at_resonance(every) if every else peaks(tested, read), truth, rng.spawn(1)[0])
+    all_rows = sweeps(truth.amplitude, tested, noise, 0.5 * noise, rng) if swept else None
+    data = _read_frequencies(at_resonance(all_rows) if all_rows else peaks(tested, read), truth, rng.spawn(1)[0])
 
     force = tested[-1] * np.array(RATIOS)
     fast = way == "fast"
     estimate = brief_evidence if fast else evidence
     mode = Mode(name=name, frequency=OMEGA / RAD_S_PER_HZ, mass=truth.mass)
     known = (data, force, LEVEL, seed)
-    predicted = extrapolate_loads(*known, mode=mode, laws=laws, every=every, estimate=estimate, fresh=not fast)
+    predicted = extrapolate_loads(*known, mode=mode, laws=laws, all_rows=all_rows, estimate=estimate, fresh=not fast)
     band, leading = predicted.loads.average, predicted.plan.laws[0].law
     true = truth.amplitude(force)
     next_test = true * np.exp(noise * rng.standard_normal(len(force)))

@@ -12,9 +12,9 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import CATALOGUE, find_effect
 from damping.errors import AnalysisError
-from damping.extrapolation import Extrapolation, extrapolate_loads
-from damping.extrapolation.near import near_resonance, observe_ranked
+from damping.extrapolation import Extrapolation, predict_record
 from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prepared import prepare_record
 from damping.forces import CATALOGUE as FORCES
 from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
@@ -22,7 +22,6 @@ from damping.gap.diagnose import Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
 from damping.gap.weighing import KNOWN
 from damping.infer.doubt import LIKELY, JointEvidence
-from damping.predict import prepare
 from damping.predict.steady import phase_resonance
 from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
@@ -37,6 +36,8 @@ WITH_MEMORY = {
 }
 #: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
 BEYOND = 2.0
+#: Content of the band there.
+LEVEL = 0.9
 
 
 def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> tuple[str, ...]:
@@ -45,7 +46,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation)
     ``record``, ``mode``: under a modal force, as swept.
     """
     explained = _explain(record, mode)
-    return _compare(predicted, explained) if explained else ()
+    return compare(predicted, explained) if explained else ()
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> tuple[str, ...]:
@@ -54,13 +55,11 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
     ``findings``: of the audit of the record.
     """
     try:
-        steady = prepare(record, diagnosis.mode).record
-        near, (every, _) = near_resonance(steady), observe_ranked(steady, findings)
-        force = [BEYOND * near.tested_force.max()]
-        predicted = extrapolate_loads(near, force, seed=seed, mode=diagnosis.mode, every=every, fresh=False)
+        prepared = prepare_record(record, diagnosis.mode, findings)
+        predicted = predict_record(prepared, np.empty(0), (BEYOND,), LEVEL, seed, fresh=False)
     except AnalysisError:  # a record without rows that laws can be ranked on
         return ()
-    return _compare(predicted, diagnosis)
+    return compare(predicted, diagnosis)
 
 
 def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
@@ -77,7 +76,7 @@ def _explain(record: Record, mode: Mode) -> Explained | None:
         return None
 
 
-def _compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
+def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
     """Where amplitudes disagree, else where verdicts do; where amplitudes were asked, at the forces for them."""
     loads = predicted.loads
     if loads.amplitude is not None:
@@ -121,7 +120,7 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     """
     effects, p = explained.leading.effects, explained.hypotheses[0].probability
     of_joint = sum(own.probability for own in explained.hypotheses if WITH_MEMORY & set(own.effects))
-    asked = joint.told and not explained.setting.problem.rows.at_resonance
+    asked = joint.informative and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
     return (

@@ -13,16 +13,15 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_seed, describe_nearest
 from damping.extrapolation import Extrapolation, sample_candidate
-from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve, trace_loads
 from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.chains import Posterior
 from damping.infer.checks import inference_data
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
-from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.text import MOST_SHOWN
 from damping.report import forms
@@ -84,16 +83,19 @@ class RankedLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first; ``mode`` where one was given; ``said``: what was done before.
+    """Candidate damping laws of a record, best first, with what they rest on.
 
     ``against``: where no law fits, what the diagnosis says against that.
     """
 
     ranking: Ranking
-    mode: Mode | None = None
-    audit: Audit | None = None
-    said: tuple[str, ...] = ()
+    prepared: PreparedRecord
     against: tuple[str, ...] = ()
+
+    @property
+    def mode(self) -> Mode | None:
+        """The mode of the rows that were ranked, where one was given."""
+        return self.prepared.measured.mode
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
@@ -126,11 +128,11 @@ class RankingResult(Result):
     def cautions(self) -> tuple[str, ...]:
         """The headlines, what was done before, and what is odd about the mode beside the record."""
         odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*self.headlines, *self.said, *odd)
+        return (*self.headlines, *self.prepared.notes, *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
-        return complete_form(forms.rank_form(self.ranking), self.audit, self.cautions)
+        return complete_form(forms.rank_form(self.ranking), self.prepared.findings, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Weights as bars, beside the errors of each law where the figure is its own."""
@@ -159,16 +161,16 @@ class RankingResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedResult(Result):
-    """What is predicted of a record, with what it rests on; ``swept``: what was done about the rate of sweeping.
-
-    ``against``: where the diagnosis disagrees.
-    """
+    """What is predicted of a record, with what it rests on; ``against``: where the diagnosis disagrees."""
 
     extrapolation: Extrapolation
-    mode: Mode
-    audit: Audit | None = None
-    swept: tuple[str, ...] = ()
+    prepared: PreparedRecord
     against: tuple[str, ...] = ()
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the rows that predictions rest on."""
+        return self.prepared.mode
 
     @property
     def headlines(self) -> tuple[str, ...]:
@@ -182,17 +184,14 @@ class PredictedResult(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The headlines, what was done about the sweep rate, and what is odd about the mode beside the record."""
+        """The headlines, what was done before, and what is odd about the mode beside the record."""
         odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
-        return (*self.headlines, *self.swept, *odd)
+        return (*self.headlines, *self.prepared.notes_of_loads, *odd)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadsResult(PredictedResult):
-    """Resonant amplitudes at forces beyond the test; ``data``: the rows near resonance, ``backbone``: frequencies."""
-
-    data: Observations = field(kw_only=True)
-    backbone: Backbone = field(kw_only=True)
+    """Resonant amplitudes at forces beyond the test."""
 
     @property
     def loads(self) -> Loads:
@@ -202,32 +201,32 @@ class LoadsResult(PredictedResult):
     @cached_property
     def curve(self) -> Curve:
         """Frequency and damping ratio of each prediction."""
-        return trace_loads(self.extrapolation.loads, self.backbone, self.extrapolation.plan.data)
+        return trace_loads(self.extrapolation.loads, self.prepared.backbone, self.extrapolation.plan.data)
 
     @property
     def table(self) -> pd.DataFrame:
         """One row for each prediction, with the keys of the form; NaN where none is given, ``cautions`` say why."""
         return forms.tabulate_loads(self.loads, self.curve)
 
-    def to_json(self) -> dict[str, Any]:
-        """The form ``loads/1``; of forces with other priors, and the level that would most shrink the band, too."""
+    def to_json(self, *, whole: bool = True) -> dict[str, Any]:
+        """The form ``loads/1``; of forces, as a ``whole``, also with other priors and the level to test next."""
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
-        if self.loads.amplitude is None:
+        if whole and self.loads.amplitude is None:
             further = self.extrapolation.choose_next_level()
             form["sensitivity"] = self.extrapolation.vary_priors().to_dict("records")
             form["next_level"] = further and {**vars(further), "others": further.others.to_dict("records")}
-        return complete_form({**form, **self.measured_in}, self.audit, self.cautions)
+        return complete_form({**form, **self.measured_in}, self.prepared.findings, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
         from damping.plots.curves import design_loads  # noqa: PLC0415 - as above
 
-        force, units = self.loads.force[np.isfinite(self.loads.force)], self.mode.units
-        low, high = self.data.tested_force.min(), max(self.data.tested_force.max(), force.max(initial=0.0))
+        force, units, data = self.loads.force[np.isfinite(self.loads.force)], self.mode.units, self.prepared.data
+        low, high = data.tested_force.min(), max(data.tested_force.max(), force.max(initial=0.0))
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
         about = (units.force, units.length, bands.limit)
-        tables = (forms.tabulate_loads(bands), forms.tabulate_tested(self.data), forms.tabulate_loads(design))
+        tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))
         figure = design_loads(*tables, self.loads.level, *about, axes=ax)
         return ax or figure
 
@@ -267,7 +266,7 @@ class CurveResult(PredictedResult):
         """The form ``curve/1``; ``laws`` with their weights is an extra key."""
         laws = [{"name": member.name, "weight": member.weight} for member in self.extrapolation.members]
         form = {**forms.curve_form(self.curve), "laws": laws, **self.measured_in}
-        return complete_form(form, self.audit, self.cautions)
+        return complete_form(form, self.prepared.findings, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""

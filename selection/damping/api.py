@@ -15,9 +15,8 @@ from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.near import observe_ranked
+from damping.extrapolation.prepared import prepare_record
 from damping.infer import SEED
-from damping.predict import prepare
 from damping.progress import Progress, silent, single_threaded
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -64,17 +63,16 @@ def rank(
         AnalysisError: no candidate could be fitted.
     """
     check_seed(seed)
-    findings = check(record, mode).require(despite)
-    measured = prepare(record, mode)
-    (data, freed), laws = observe_ranked(measured.record, findings), candidate_laws()
+    prepared = prepare_record(record, mode, check(record, mode).require(despite))
+    laws = candidate_laws()
     with progress("ranking", len(laws)) as done:
-        ranking = rank_laws(data, seed, laws, done)
-    result = RankingResult(ranking, measured.mode, findings, (*measured.said, *freed))
-    if measured.mode is None or ranking.fit.verdict != "none fits":
+        ranking = rank_laws(prepared.all_rows, seed, laws, done)
+    result = RankingResult(ranking, prepared)
+    if mode is None or ranking.fit.verdict != "none fits":
         return result
     from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-    return replace(result, against=doubt_misfit(measured.driven, measured.mode, ranking.fit))
+    return replace(result, against=doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit))
 
 
 @single_threaded
@@ -108,12 +106,12 @@ def extrapolate(
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
     check_kind(mode, Mode, "mode")
     check_seed(seed)
-    findings = check(record, mode).require(despite)
-    predicted, rests = predict_record(record, mode, findings, under, (1.0,), level, seed, progress)
+    prepared = prepare_record(record, mode, check(record, mode).require(despite))
+    predicted = predict_record(prepared, under, (1.0,), level, seed, progress=progress)
     if len(at):
         predicted = replace(predicted, loads=predict_forces(predicted, at))
-    against = compare_with_diagnosis(rests.record, rests.mode, predicted)
-    return LoadsResult(predicted, rests.mode, findings, rests.said, against, data=rests.data, backbone=rests.backbone)
+    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
+    return LoadsResult(predicted, prepared, against)
 
 
 @single_threaded
@@ -142,15 +140,15 @@ def curve(
     at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
     check_kind(mode, Mode, "mode")
     check_seed(seed)
-    findings = check(record, mode).require(despite)
-    predicted, rests = predict_record(record, mode, findings, under, FARTHEST, level, seed, progress)
+    prepared = prepare_record(record, mode, check(record, mode).require(despite))
+    predicted = predict_record(prepared, under, FARTHEST, level, seed, progress=progress)
     reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
     asked = [predict_forces(predicted, reached, each=False)] if len(reached) else []
     asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
-    against = compare_with_diagnosis(rests.record, rests.mode, compared)
-    traced = join_curves([trace_loads(loads, rests.backbone, rests.data) for loads in asked])
-    return CurveResult(predicted, rests.mode, findings, rests.said, against, curve=traced)
+    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared)
+    traced = join_curves([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
+    return CurveResult(predicted, prepared, against, curve=traced)
 
 
 def _as_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
@@ -185,7 +183,7 @@ def diagnose(
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
-    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - as above
+    from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
     from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
@@ -232,7 +230,7 @@ def regress(
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
         AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
     """
-    from damping.regression import list_columns_of, parse_terms  # noqa: PLC0415 - other functions need no regression
+    from damping.regression import list_columns_for, parse_terms  # noqa: PLC0415 - other functions need no regression
     from damping.regression.design import list_required_columns, take_columns  # noqa: PLC0415 - as above
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
@@ -243,12 +241,10 @@ def regress(
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    if not (wanted := response.strip()):
-        raise InputError("the name of the response is empty", expected="a column of the table")
-    names = tuple(dict.fromkeys([wanted, *list_columns_of(parsed)]))
+    names = list_columns_for(response, parsed)
     table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
-    return RegressionResult(regression(take_columns(table, names, source), wanted, parsed, choice, Path(source).name))
+    return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
 
 
 @single_threaded
@@ -289,7 +285,7 @@ def sweep(
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
-    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - as above
+    from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need
 
     check_kind(mode, Mode, "mode")
     try:

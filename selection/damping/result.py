@@ -72,7 +72,7 @@ class Result(ABC):
 
 def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
     """A form as plain Python values, with the findings of the audit and the cautions."""
-    findings = audit.to_json()["findings"] if audit else []
+    findings = audit.list_findings() if audit else []
     completed: dict[str, Any] = plain({**form, "audit": findings, "cautions": list(cautions)})
     return completed
 
@@ -85,7 +85,7 @@ class AuditResult(Audit):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Amplitude against frequency, each sweep apart; those that a finding names with crosses."""
-        from damping.plots.fits import sweeps  # noqa: PLC0415 - as above
+        from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         doubted = {sweep for finding in self.findings for sweep in finding.sweeps}
         figure = sweeps(self.record.table, doubted, axes=ax)
@@ -117,8 +117,8 @@ class DiagnosisResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Probabilities of the explanations."""
-        from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - as above
-        from damping.report.gap import MOST_BARS, tabulate_hypotheses  # noqa: PLC0415 - as above
+        from damping.plots.gap import gap_probabilities  # noqa: PLC0415 - only drawing needs matplotlib
+        from damping.report.gap import MOST_BARS, tabulate_hypotheses  # noqa: PLC0415 - other results need no diagnosis
 
         figure = gap_probabilities(tabulate_hypotheses(self.diagnosis).head(MOST_BARS), axes=ax)
         return ax or figure
@@ -126,7 +126,7 @@ class DiagnosisResult(Result):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, how large, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as above
+        from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - other results need no diagnosis
 
         told = describe_diagnosis(self.diagnosis)
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
@@ -173,7 +173,7 @@ class RegressionResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Deviations against the fitted response."""
-        from damping.plots.fits import deviations_figure  # noqa: PLC0415 - as above
+        from damping.plots.fits import deviations_figure  # noqa: PLC0415 - only drawing needs matplotlib
 
         fit, response = self.regression.selected.fit, self.regression.design.response
         labels = {"x_label": f"fitted {response}", "response": response}
@@ -211,7 +211,7 @@ class SweepResult(Result):
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Amplitude against frequency, each sweep apart."""
-        from damping.plots.fits import sweeps  # noqa: PLC0415 - as above
+        from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         figure = sweeps(self.record.table, axes=ax)
         return ax or figure

@@ -157,7 +157,7 @@ def test_extrapolate_is_the_command(form_of, record, mode):
 
 @pytest.mark.parametrize("forces", [[-5.0], [0.0], [float("nan")], [float("inf")], [], ["60"], None, [True], True])
 def test_bad_forces_are_refused_before_any_work(record, mode, forces, monkeypatch):
-    monkeypatch.setattr(api, "predict_record", lambda *given: pytest.fail("work began"))
+    monkeypatch.setattr(api, "prepare_record", lambda *given: pytest.fail("work began"))
     with pytest.raises(dp.InputError, match="force"):
         dp.extrapolate(record, mode, forces)
 

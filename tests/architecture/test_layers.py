@@ -41,7 +41,7 @@ HOUSES = {
 LIBRARY = ROOT / "selection" / "damping"
 MODULES = sorted(LIBRARY.rglob("*.py")) + sorted((ROOT / "pipelines").rglob("*.py"))
 SELECTION = [path for path in MODULES if path.is_relative_to(LIBRARY)]
-#: Modules that write files: the writer, and emcee's chains between blocks.
+#: Modules that write files: the writer, and what moves staged results into place.
 WRITERS = {ROOT / "pipelines" / "damping_pipelines" / name for name in ("store.py", "manifest.py")}
 
 

@@ -19,8 +19,8 @@ from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.extrapolation.prepared import prepare_record
 from damping.formats.series import Summary
-from damping.progress import silent
 from damping.records import audit
 
 G = 9.80665
@@ -60,9 +60,10 @@ def test_decays_that_change_in_frequency(tmp_path, kind):
         assert abs(at.frequency / f - 1) < (0.002 if at.tested else 0.02)
         assert at.ratio[0] == pytest.approx(ZETA * HERTZ / f, rel=0.005 if at.tested else 0.03)
     if kind == "mm":  # a level is the amplitude: as a curve through the record says
-        findings, asked = audit(mode.record, mode.mode), [2.0 * mode.record.table["amplitude"].max()]
-        predicted, rests = predict_record(mode.record, mode.mode, findings, np.empty(0), (2.0,), 0.9, 1970, silent)
-        told = trace_loads(predict_forces(predicted, asked, each=False), rests.backbone, rests.data)
+        prepared = prepare_record(mode.record, mode.mode, audit(mode.record, mode.mode))
+        predicted = predict_record(prepared, np.empty(0), (2.0,), 0.9, 1970)
+        asked = [2.0 * mode.record.table["amplitude"].max()]
+        told = trace_loads(predict_forces(predicted, asked, each=False), prepared.backbone, prepared.data)
         beyond = mode.places[-1]
         assert beyond.frequency == pytest.approx(told.frequency.median[0], rel=1e-6)
         assert beyond.ratio[0] == pytest.approx(told.damping_ratio.median[0], rel=2e-3)

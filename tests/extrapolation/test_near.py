@@ -193,7 +193,7 @@ def test_the_resonance_says_how_far_damping_may_let_go():
         data = peaks(force, truth.amplitude(force))
         data = replace(data, tested_omega=truth.omega(data.A) * (1.0 + 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])))
         plan = plan_loads(data, laws, mode=Mode(name="", frequency=1.0, mass=truth.mass), estimate=brief_evidence)
-        plans = (plan, replace(plan, joint=JointEvidence(told=True)), replace(plan, joint=JointEvidence()))
+        plans = (plan, replace(plan, joint=JointEvidence(informative=True)), replace(plan, joint=JointEvidence()))
         loads, unknown, untold = (extrapolate_loads(data, design, plan=own).loads for own in plans)
         assert untold.average.high > 1.02 * unknown.average.high
         np.testing.assert_allclose(untold.parts["parameters"], unknown.parts["parameters"], rtol=1e-12)

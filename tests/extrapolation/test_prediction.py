@@ -24,7 +24,7 @@ from damping.records.mode import read_mode
 from damping_reed1970 import data_folder
 
 #: As probable as before, and not about to let go.
-NO_JOINT_NEAR = JointEvidence(told=True)
+NO_JOINT_NEAR = JointEvidence(informative=True)
 
 
 def member(components, data, weight=1.0):

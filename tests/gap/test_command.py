@@ -245,7 +245,7 @@ def test_files_of_one_name_are_told_apart_on_the_page(lab, tmp_path, monkeypatch
     """States of one structure in folders of their own: each record stands there with its own digest."""
     answer = SimpleNamespace(diagnosis=None, posterior=None, sentences=())
     monkeypatch.setattr("damping.diagnose", lambda *_, **__: answer)
-    monkeypatch.setattr("damping.report.gap.render_gap_page", lambda *given: json.dumps(given[-1].inputs))
+    monkeypatch.setattr("damping.report.gap_page.render_gap_page", lambda *given: json.dumps(given[-1].inputs))
     words = []
     for points in (12, 14):
         folder = tmp_path / f"{points}"

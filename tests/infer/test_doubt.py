@@ -147,7 +147,7 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
     assert find_joint(A, F, omega[::-1], mass, 0.0).probability < JOINTS
     # in other units the same; nothing known: as before
     np.testing.assert_allclose(find_joint(25.4 * A, F, omega, mass / 25.4, tolerance).probability, expected, rtol=1e-9)
-    assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == JointEvidence(JOINTS, 0.0, told=False)
+    assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == JointEvidence(JOINTS, 0.0, informative=False)
 
 
 def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
@@ -156,7 +156,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
     untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
     for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / STEADY, 0.0)):
-        joint = JointEvidence(float(up == 1.0), fall, told=True) if np.isfinite(fall) else JointEvidence()
+        joint = JointEvidence(float(up == 1.0), fall, informative=True) if np.isfinite(fall) else JointEvidence()
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
             own = factor * stray_slope / 0.7
@@ -166,7 +166,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
 
 def test_damping_in_proportion_to_amplitude_strays_as_far_whether_a_resonance_tells_or_not():
     z, strays = np.array([[0.0, 1.0, 2.0]]), np.array([[0.0, 0.1, 0.3]])
-    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(told=True), JointEvidence()))
+    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(informative=True), JointEvidence()))
     np.testing.assert_allclose(untold, told, rtol=1e-14)  # q = 1
 
 

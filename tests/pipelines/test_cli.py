@@ -9,6 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.infer import SEED
+from damping_pipelines import options
+
 ROOT = Path(__file__).parents[2]
 COMMANDS = (
     *("study", "regress", "rank", "extrapolate", "condition", "sweep", "gap", "blind", "import", "export", "fleet"),
@@ -210,6 +213,11 @@ def test_bad_level(level, damping, saturn_data):
     run = damping("extrapolate", *files(saturn_data), "--force", 60, "--level", level)
     assert run.code == 2
     assert "expected a probability" in run.err
+
+
+def test_one_seed_where_none_is_stated():
+    """Options are too light to import the library's."""
+    assert options.DEFAULT_SEED == SEED
 
 
 def test_unwritable_output_leaves_one_line(damping, saturn_data, tmp_path):

@@ -151,6 +151,26 @@ def test_one_run_at_a_time(tmp_path):
         pass
 
 
+def test_two_campaigns_into_one_folder(tmp_path, damping, monkeypatch):
+    """The second is refused before it analyses anything, and removes nothing that the first has staged."""
+    source, staged = tmp_path / "a.csv", tmp_path / "out" / ".staged" / "campaign.json"
+    source.write_text("not read\n")
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: pytest.fail("it is told after the work"))
+    with sole_writer(tmp_path / "out"):
+        staged.parent.mkdir()
+        staged.write_text("of the first")
+        run = damping("campaign", source, "--out", tmp_path / "out")
+        assert (run.code, "another run is writing here" in run.err) == (2, True)
+        assert staged.read_text() == "of the first"
+
+
+def test_a_folder_left_empty_goes_again(tmp_path):
+    for ours, there in ((tmp_path / "new", False), (tmp_path, True)):
+        with pytest.raises(KeyboardInterrupt), sole_writer(ours):
+            raise KeyboardInterrupt
+        assert ours.exists() is there
+
+
 #: What runs with files limited to a number of bytes, as on a full disk; what it says has room until it ends.
 LIMITED = """import atexit, io, resource, sys
 from pathlib import Path
@@ -194,13 +214,15 @@ def test_a_study_on_a_full_disk(tmp_path, forking):
     assert verify(out).manifest.seed == 1
 
 
-def test_a_study_in_a_read_only_folder(tmp_path, damping, monkeypatch):
+@pytest.mark.parametrize("command", ["study", "campaign"])
+def test_a_read_only_folder(tmp_path, damping, monkeypatch, command):
     """Told at once, not after the computation. The superuser may write anywhere, so the system's answer is played."""
     settings, out = kills.Studies(tmp_path).settings, tmp_path / "out"
     out.mkdir()
     refuse = PermissionError(13, "Permission denied")
     monkeypatch.setattr("tempfile.mkstemp", lambda **_: (_ for _ in ()).throw(refuse))
-    run = damping("study", settings, "--out", out)
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: pytest.fail("it is told after the work"))
+    run = damping(command, settings, "--out", out)
     assert run.code == 2
     assert run.err.count("\n") == 1
     assert "cannot be written (Permission denied); expected a writable place with free space" in run.err

@@ -124,8 +124,8 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     one = bands.BandResult("one", *[None] * 5)
     monkeypatch.setattr(bands, "predict_structure", lambda *_: one)
     monkeypatch.setattr(bands, "draw_real_bands", lambda band: None)
-    monkeypatch.setattr(bands.plots, "to_png", lambda figure, dpi: b"png")
-    monkeypatch.setattr(bands, "tabulate_loads", lambda at: None)
+    monkeypatch.setattr(bands.plots, "to_png", lambda figure: b"png")
+    monkeypatch.setattr(bands.forms, "tabulate_loads", lambda at: None)
     monkeypatch.setattr(bands, "record_to_csv", lambda table: "csv")
     monkeypatch.setattr(bands, "render_page", lambda results, seed: "page")
     for name in ("README.md", "one.csv"):
@@ -151,8 +151,10 @@ def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch
     assert bands.title_structures(names) == titles
     assert bands.title_structures({"a": "bracket"}) == {"a": "bracket"}
     assert bands.title_structures({"a": "a", "b": "b"}) == {"a": "a", "b": "b"}
-    row = dict.fromkeys(("force", "median", "low", "high", *bands.NAMES.values()), 1.0)
-    monkeypatch.setattr(bands, "tabulate_loads", lambda at: pd.DataFrame([row | {"ratio": r} for r in bands.RATIOS]))
+    over = [f"linear_overprediction_{end}" for end in ("percent", "low", "high")]
+    row = dict.fromkeys(("force", "median", "low", "high", *over, *(f"sd_percent_{name}" for name in bands.PARTS)), 1.0)
+    rows = pd.DataFrame([row | {"extrapolation_ratio": ratio} for ratio in bands.RATIOS])
+    monkeypatch.setattr(bands.forms, "tabulate_loads", lambda at: rows)
     columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")
     left_out = pd.DataFrame([dict.fromkeys(columns, 0)]).astype({"refused": bool})
     nothing = SimpleNamespace(laws=[], trend=SimpleNamespace(p=[]), cautions=[])

@@ -24,8 +24,11 @@ def study() -> StudyResult:
     one = next(
         one for one in read_inputs(settings, data_folder() / "saturn-v") if one.settings.name == "config-2-mode-1"
     )
-    ranking = rank_laws(one.data, 0, [Law(("viscous",)), Law(("velocity-squared",))])
-    record = RecordResult("peaks", "Peaks", one.record, one.mode, one.data, ranking, (), None, None, ())
+    prepared = one.prepared
+    ranking = rank_laws(prepared.all_rows, 0, [Law(("viscous",)), Law(("velocity-squared",))])
+    record = RecordResult(
+        "peaks", "Peaks", prepared.given[0], prepared.mode, prepared.all_rows, ranking, (), None, None, ()
+    )
     exhibit = Exhibit([], figures={"further": "<svg/>"}, drawings={"further": lambda: Figure(figsize=(1.0, 1.0))})
     return StudyResult("A study", 1, 0.9, (record,), {}, {}, (exhibit,))
 

@@ -58,7 +58,7 @@ def mode() -> Mode:
 
 def test_the_participation_and_its_uncertainty_come_from_the_rows(record, mode):
     measured = prepare(record, mode)
-    forced, said = measured.mode, measured.said
+    forced, said = measured.mode, measured.notes
     assert forced.drive == "force"
     # rows of 1 % noise: three masses of 25 rows each, three standard errors as stated
     np.testing.assert_allclose(1.0 / forced.mass, PARTICIPATION, rtol=3.0 * forced.tolerance.mass)
@@ -126,7 +126,7 @@ def test_a_steady_record_is_returned_as_it_is(record, mode, tmp_path):
     forced = replace(mode, drive="force", mass=1.0 / PARTICIPATION, damping={})
     found = prepare(read, forced)
     assert found.record is read
-    assert found.said == ()
+    assert found.notes == ()
 
 
 def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
@@ -135,10 +135,10 @@ def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
     of_rig = prepare(record, replace(forced, rig=Rig(rate=0.4)))
     of_rows = prepare(dp.Record(record.table.assign(sweep_rate=0.4)), forced)
     pd.testing.assert_frame_equal(of_rig.record.table, of_rows.record.table)
-    assert "sweep rate" in of_rig.said[0]
+    assert "sweep rate" in of_rig.notes[0]
     slow = prepare(record, replace(forced, rig=Rig(rate=0.005)))  # .014 half-power bandwidths in the time one takes
     np.testing.assert_array_equal(slow.record.column("amplitude"), record.column("amplitude"))
-    assert slow.said == ()
+    assert slow.notes == ()
 
 
 def test_the_page_of_bands_rests_on_the_steady_states(record, mode, tmp_path, few_laws):
@@ -149,5 +149,5 @@ def test_the_page_of_bands_rests_on_the_steady_states(record, mode, tmp_path, fe
     write_text(tmp_path / "mode.toml", describe_mode_to_toml(forced))
     band, measured = predict_structure(tmp_path, seed=1), prepare(swept, forced)
     np.testing.assert_allclose(band.plan.data.tested_force, near_resonance(measured.record).tested_force, rtol=1e-12)
-    assert band.said == measured.said
-    assert "sweep rate" in band.said[0]
+    assert band.notes == measured.notes
+    assert "sweep rate" in band.notes[0]

@@ -64,7 +64,7 @@ def record_result(name: str, title: str, record: Record, mode: Mode, forces: np.
 
 
 def _sampled(candidate, data: Observations, failing: bool) -> LawPosterior:
-    settings = Settings(budget=20, kept=50) if failing else Settings()
+    settings = Settings(budget=20, draws_kept=50) if failing else Settings()
     coordinates = candidate.coordinates
     posterior = sample(coordinates, data, candidate.evidence, lambda x: {}, seed=1, settings=settings)
     assert posterior.converged is not failing

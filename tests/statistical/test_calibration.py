@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks._structures import CANDIDATES, SPAN, simulated_levels, structures
+from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.draws import Member
 from damping.extrapolation.near import plan_loads
 from damping.extrapolation.prediction import predict
@@ -29,6 +29,9 @@ pytestmark = pytest.mark.sampling
 #: One false alarm in a thousand sets of seeds; the seeds are fixed.
 ALARM = 1e-3
 AT = RATIOS.index(1.5)
+
+#: Largest over smallest tested force.
+SPAN = 4.0
 
 
 @pytest.fixture(scope="module")

@@ -22,11 +22,12 @@ from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines.manifest import open_folder, verify
 from damping_validation.blind import blind, make_cases
-from damping_validation.generator import DEVELOPMENT_SEED, draw, draw_case, draw_further_rows
+from damping_validation.generator import BLIND_SEED, draw, draw_case, draw_further_rows
 from damping_validation.generator.refit import DrawnCase
 
 KINDS = ("null:scatter", "phase-lag", "velocity-squared")
 #: Three cases that are quickly drawn: a null one, one of an effect in the library, one of an effect outside it.
+DEVELOPMENT_SEED = 20250
 QUICK_SEED = DEVELOPMENT_SEED + 9
 
 
@@ -40,6 +41,10 @@ PROPOSED = {
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_development_sees_no_blind_case():
+    assert BLIND_SEED not in (DEVELOPMENT_SEED, QUICK_SEED)
 
 
 @pytest.fixture(scope="module")

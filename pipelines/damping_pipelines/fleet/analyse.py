@@ -2,33 +2,34 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from damping import report
+from damping.agreement import compare, describe_misfit
+from damping.answers import LoadsResult, RankingResult
+from damping.api import diagnose
 from damping.errors import DampingError, escape_control
-from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.backbone import find_backbone
-from damping.extrapolation.curve import Curve, trace_loads
-from damping.extrapolation.near import Plan, near_resonance, observe_ranked
+from damping.extrapolation import predict_record
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
-from damping.gap.diagnose import Diagnosis, diagnose
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
-from damping.infer.observations import Observations
-from damping.plots import identifier, to_svg
-from damping.plots.curves import design_loads
-from damping.predict import prepare
+from damping.plots import identifier
 from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
-from damping.records import Audit, audit
-from damping.records.mode import Mode
-from damping.records.record import Record
+from damping.records import audit
+from damping.records.mode import Units
 from damping.report import forms, page
-from damping.report.gap import describe_diagnosis, render_gap_page, tabulate_hypotheses
+from damping.report.figures import draw_design_loads
+from damping.report.gap import describe_diagnosis, tabulate_hypotheses
+from damping.report.gap_page import render_gap_page
+from damping.report.screens import describe_load
+from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
+from damping.result import DiagnosisResult
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.processes import OutOfTimeError, limit_time
 from damping_pipelines.store import to_json
@@ -43,27 +44,19 @@ SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 
 
 @dataclass(frozen=True)
-class FleetLoads:
-    """What extrapolation gave; ``curve``: damping there; ``bands`` over a grid of forces, None with ``--fast``."""
-
-    plan: Plan
-    design: Loads
-    curve: Curve
-    bands: Loads | None
-
-
-@dataclass(frozen=True)
 class FleetRecord:
-    """What became of a record; a stage that was not asked for or failed is None, and ``reasons`` say why it failed."""
+    """What became of a record; a stage that was not asked for or failed is None, and ``reasons`` say why it failed.
+
+    ``diagnosed``: whether there is a simulation to diagnose. ``bands``: over a grid of forces, None with ``--fast``.
+    """
 
     task: FleetTask
-    record: Record
-    mode: Mode
-    data: Observations
-    audit: Audit
-    ranking: Ranking | None = None
-    loads: FleetLoads | None = None
-    diagnosis: Diagnosis | None = None
+    prepared: PreparedRecord
+    diagnosed: bool
+    ranking: RankingResult | None = None
+    loads: LoadsResult | None = None
+    bands: Loads | None = None
+    diagnosis: DiagnosisResult | None = None
     reasons: tuple[str, ...] = ()
 
 
@@ -93,19 +86,18 @@ def failed(task: FleetTask, reason: str) -> FleetResult:
 def _analyse(task: FleetTask) -> FleetResult:
     try:
         record, mode = read_files(task)
-        findings = audit(record, mode)
-        findings.require(task.settings.despite)
-        measured = prepare(record, mode)
-        data, _ = observe_ranked(measured.record, findings)
+        diagnosed = task.is_model or bool(mode.damping)
+        findings = audit(record, mode).require(task.settings.despite, diagnosed=diagnosed)
+        prepared = prepare_record(record, mode, findings)
     except DampingError as error:
         return failed(task, escape_control(str(error)))
-    return _complete(FleetRecord(task, measured.record, measured.mode or mode, data, findings))
+    return _complete(FleetRecord(task, prepared, diagnosed))
 
 
 def _complete(read: FleetRecord) -> FleetResult:
     """The stages of a record, each tried whatever became of the others, as a row and pages."""
-    task, fast = read.task, read.task.settings.fast
-    estimate, reasons = remember(brief_evidence if fast else evidence), list[str]()
+    task, prepared, settings = read.task, read.prepared, read.task.settings
+    estimate, reasons = remember(brief_evidence if settings.fast else evidence), list[str]()
 
     def attempt(stage: str, work: Callable[[], Made]) -> Made | None:
         try:
@@ -114,33 +106,52 @@ def _complete(read: FleetRecord) -> FleetResult:
             reasons.append(f"{stage}: {escape_control(str(error))}")
             return None
 
-    rank = partial(rank_laws, read.data, task.seed, candidate_laws(), estimate=estimate, hold_out=not fast)
-    ranking = attempt("rank", rank)
-    loads = attempt("extrapolate", lambda: _predict_loads(read, estimate))
-    diagnosed = task.is_model or bool(read.mode.damping)
-    diagnosis = attempt("gap", lambda: diagnose(read.record, read.mode)) if diagnosed else None
-    record = replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis, reasons=tuple(reasons))
-    row = row_of(task) | _columns(record)
-    pages = {row["report"]: record_page(record)}
-    if diagnosis:
-        pages[f"{task.stem}-gap.html"] = render_gap_page(diagnosis, None, _build_footer(task))
-    return FleetResult(row, pages)
+    if attempt("rank and extrapolate", lambda: prepared.findings.require(settings.despite)):
+        read = replace(
+            read,
+            ranking=attempt("rank", lambda: _rank(read, estimate)),
+            loads=attempt("extrapolate", lambda: _predict(read, estimate)),
+        )
+    if read.diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(read))):
+        read = _compare(read, diagnosis)
+    if read.loads and not settings.fast:
+        tested, predicted = prepared.data.tested_force, read.loads.extrapolation
+        ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
+        read = replace(read, bands=predicted.predict_at(np.linspace(*ends, _GRID)))
+    read = replace(read, reasons=tuple(reasons))
+    pages = {row_of(task)["report"]: record_page(read)}
+    if read.diagnosis:
+        pages[f"{task.stem}-gap.html"] = render_gap_page(read.diagnosis.diagnosis, None, _build_footer(task))
+    return FleetResult(row_of(task) | _columns(read), pages)
 
 
-def _predict_loads(read: FleetRecord, estimate: Estimate) -> FleetLoads:
-    settings, data = read.task.settings, near_resonance(read.record)
-    largest = data.tested_force.max()
-    forces = np.array(settings.forces) if settings.forces else largest * np.array(MULTIPLES)
-    predicted = extrapolate_loads(
-        data, forces, settings.level, read.task.seed, mode=read.mode, every=read.data, estimate=estimate, fresh=False
-    )
-    bands = None
-    if not settings.fast:
-        ends = 0.8 * data.tested_force.min(), 1.05 * max(forces.max(), largest)
-        bands = predicted.predict_at(np.linspace(*ends, _GRID))
-    backbone = find_backbone(read.record, read.mode, read.audit.implied)
-    curve = trace_loads(predicted.loads, backbone, predicted.plan.data)
-    return FleetLoads(predicted.plan, predicted.loads, curve, bands)
+def _rank(read: FleetRecord, estimate: Estimate) -> RankingResult:
+    hold_out, rows = not read.task.settings.fast, read.prepared.all_rows
+    ranking = rank_laws(rows, read.task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
+    return RankingResult(ranking, read.prepared)
+
+
+def _predict(read: FleetRecord, estimate: Estimate) -> LoadsResult:
+    asked = np.array(read.task.settings.forces), MULTIPLES, read.task.settings.level, read.task.seed
+    predicted = predict_record(read.prepared, *asked, estimate=estimate, fresh=False)
+    return LoadsResult(predicted, read.prepared)
+
+
+def _diagnose(read: FleetRecord) -> DiagnosisResult:
+    record, mode = read.prepared.given
+    assert mode is not None  # of a fleet every record has one
+    return diagnose(record, mode, compare=False, despite=read.task.settings.despite)
+
+
+def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
+    """The record with its diagnosis, and what that and the laws say against each other."""
+    ranking, loads = read.ranking, read.loads
+    if ranking and ranking.ranking.fit.verdict == "none fits":
+        ranking = replace(ranking, against=describe_misfit(ranking.ranking.fit, diagnosis.diagnosis))
+    if loads:
+        against = compare(loads.extrapolation, diagnosis.diagnosis)
+        loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
+    return replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis)
 
 
 def _columns(record: FleetRecord) -> dict[str, Any]:
@@ -149,55 +160,61 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
     done = [part for part in (ranking, loads, diagnosis) if part is not None]
     columns: dict[str, Any] = _loads_columns(loads) if loads else {}
     if ranking:
-        best = max(ranking.candidates, key=lambda candidate: candidate.weight)
+        best = max(ranking.ranking.candidates, key=lambda candidate: candidate.weight)
         columns |= {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
-        columns |= {"law": best.name, "rank_form": to_json(forms.rank_form(ranking))}
+        columns |= {"law": best.name, "rank_form": to_json(ranking.to_json())}
     if diagnosis:
-        parts = ("nominal", "before", "after", "shrinkage")
-        columns |= {f"gap_{part}": getattr(diagnosis.gap, part) for part in parts}
-        columns["effects"], columns["unexplained"] = list(diagnosis.leading.effects), diagnosis.unexplained
-        columns["effects_probability"] = diagnosis.hypotheses[0].probability
-        columns["gap_form"] = to_json(forms.gap_form(diagnosis))
+        parts, found = ("nominal", "before", "after", "shrinkage"), diagnosis.diagnosis
+        columns |= {f"gap_{part}": getattr(found.gap, part) for part in parts}
+        columns["effects"], columns["unexplained"] = list(found.leading.effects), found.unexplained
+        columns["effects_probability"] = found.hypotheses[0].probability
+        columns["gap_form"] = to_json(diagnosis.to_json())
     return {
-        "mode": record.mode.name,
-        "units_force": record.mode.units.force,
-        "units_length": record.mode.units.length,
-        "rows": len(record.record),
-        "levels": len(record.data.sweeps),
-        "largest_tested_force": record.data.tested_force.max(),
-        "audit": "; ".join(escape_control(str(finding)) for finding in record.audit.findings),
+        "mode": record.prepared.mode.name,
+        "units_force": record.prepared.mode.units.force,
+        "units_length": record.prepared.mode.units.length,
+        "rows": len(record.prepared.measured.record),
+        "levels": len(record.prepared.all_rows.sweeps),
+        "largest_tested_force": record.prepared.all_rows.tested_force.max(),
+        "audit": "; ".join(escape_control(str(finding)) for finding in record.prepared.findings.findings),
         **columns,
         "status": "failed" if not done else "partial" if record.reasons else "done",
         "reason": "; ".join(record.reasons),
     }
 
 
-def _loads_columns(predicted: FleetLoads) -> dict[str, Any]:
+def _loads_columns(predicted: LoadsResult) -> dict[str, Any]:
     """The prediction at the largest design force with the damping there, and the form."""
-    loads, best = predicted.design, predicted.plan.laws[0]
+    loads, best = predicted.loads, predicted.extrapolation.plan.laws[0]
     i = int(loads.force.argmax())
-    row = forms.tabulate_loads(loads, predicted.curve).iloc[i]
+    row = predicted.table.iloc[i]
     return {
         "load_law": best.name,
         "load_weight": best.weight,
         "design_force": row["force"],
         **{name: row[name] for name in SCHEMA.names if name in row},
-        "cautions": list(loads.cautions[i]),
-        "loads_form": to_json(forms.loads_form(loads, predicted.plan, predicted.curve)),
+        "cautions": [*predicted.against, *loads.cautions[i]],
+        "loads_form": to_json(predicted.to_json(whole=False)),
     }
 
 
 def record_page(record: FleetRecord) -> str:
     """The page as HTML. Equal arguments give equal text."""
-    loads, diagnosis = record.loads, record.diagnosis
-    values = {"record": record, "told": describe_diagnosis(diagnosis) if diagnosis else None}
+    ranking, loads, units = record.ranking, record.loads, record.prepared.mode.units
+    diagnosis = record.diagnosis.diagnosis if record.diagnosis else None
+    cautions = [*(ranking.cautions if ranking else ()), *(loads.cautions if loads else ())]
+    values = {
+        "record": record,
+        "told": describe_diagnosis(diagnosis) if diagnosis else None,
+        "best": ranking.ranking.weighted()[0] if ranking else None,
+        "load": describe_load(loads.loads, loads.curve, units) if loads else {},
+        "cautions": dict.fromkeys(cautions),
+    }
     parts: dict[str, page.Block] = {"summary": SUMMARY}
-    if record.ranking or loads:
-        parts["facts"] = _collect_facts(record)
-    if record.ranking:
-        parts["laws"] = _tabulate_laws(record.ranking, record.mode)
+    if ranking:
+        parts["laws"] = _tabulate_laws(ranking.ranking, units)
     if loads:
-        parts |= _build_loads(record, loads)
+        parts |= _build_loads(record, loads.loads, loads.curve)
     if diagnosis:
         listed = tabulate_hypotheses(diagnosis).query("listed")[["explanation", "probability"]]
         parts["explanations"] = page.Table(listed, "", {"probability": report.format_share})
@@ -211,54 +228,25 @@ def _build_footer(task: FleetTask) -> page.Footer:
     return page.Footer(task.seed, task.settings.versions, task.inputs)
 
 
-def _collect_facts(record: FleetRecord) -> page.Facts:
-    facts = []
-    if record.ranking:
-        best = max(record.ranking.candidates, key=lambda candidate: candidate.weight)
-        facts.append((best.name, f"law of largest weight ({report.format_share(best.weight)})"))
-    if record.loads:
-        design, units = record.loads.design, record.mode.units
-        i, average = int(design.force.argmax()), design.average
-        band = report.format_length_band(average.low[i], average.high[i], units.length)
-        where = f"resonant amplitude at {report.format_force_text(design.force[i], units.force)}"
-        where += f" ({band}, {100 * design.level:g} % predictive band)"
-        facts.append((report.format_length(average.median[i], units.length), where))
-        facts.append((report.format_signed(design.overprediction[i]), "linear damping over that"))
-    return page.Facts(facts)
-
-
-def _tabulate_laws(ranking: Ranking, mode: Mode) -> page.Table:
+def _tabulate_laws(ranking: Ranking, units: Units) -> page.Table:
     frame = forms.tabulate_candidates(ranking).drop(columns=["score_standard_error", "physical", "equivalents"])
-    texts = [describe_coefficients(candidate, mode.units) for candidate in ranking.candidates]
+    texts = [describe_coefficients(candidate, units) for candidate in ranking.candidates]
     frame.insert(len(frame.columns) - 1, "coefficients", texts)
-    headings = {"score": "−2 ln Z", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    percents = dict.fromkeys(("held_out_error", "average_absolute_percent"), report.format_percent)
-    formats = {"weight": report.format_share, "score": lambda value: report.format_decimals(value, 1), **percents}
     if frame["held_out_error"].isna().all():  # not asked for, or one level
         frame = frame.drop(columns="held_out_error")
-    return page.Table(frame, "", formats, headings)
+    return list_laws(frame)
 
 
-def _build_loads(record: FleetRecord, loads: FleetLoads) -> dict[str, page.Block]:
-    design, units = loads.design, record.mode.units
-    frame = tabulate_design(design, loads.curve, units)
+def _build_loads(record: FleetRecord, design: Loads, curve: Curve) -> dict[str, page.Block]:
+    name, data, units = record.task.name, record.prepared.all_rows, record.prepared.mode.units
+    frame = tabulate_design(design, curve, units)
     frame["cautions"] = ["; ".join(caution) for caution in design.cautions]
     headings = {"band": f"{100 * design.level:g} % predictive band"}
     laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
     laws.insert(1, "weight", [band.weight for band in design.by_model])
-    blocks: dict[str, page.Block] = {
+    drawn = draw_design_loads(name, data, units, design, record.bands)
+    return {
         "loads by force": page.Table(frame, "", {"times tested": report.number}, headings),
         "loads by law": page.Table(laws, "", {"weight": report.format_share}),
+        **({"loads": page.FigureBlock(drawn.to_svg(identifier(name)), "")} if drawn else {}),
     }
-    if loads.bands is not None and np.isfinite(design.average.median).any():
-        blocks["loads"] = _draw_loads(record, design, loads.bands)
-    return blocks
-
-
-def _draw_loads(record: FleetRecord, design: Loads, bands: Loads) -> page.FigureBlock:
-    data, units, name = record.data, record.mode.units, record.task.name
-    tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))
-    drawn = design_loads(*tables, bands.level, units.force, units.length, bands.limit)
-    band = f"{100 * bands.level:g} per cent predictive band"
-    caption = f"Resonant amplitude against force, tested and beyond, with its {band}."
-    return page.FigureBlock(to_svg(drawn, identifier(name), f"{name}: design loads", caption), caption)

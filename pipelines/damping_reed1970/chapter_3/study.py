@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
+from damping.infer import SEED
 from damping.records.keys import read_toml
 from damping.records.reading import read_table
 from damping.report.page import fill_text, join_lines
@@ -20,7 +21,6 @@ from damping_reed1970.chapter_3.figures import tabulate_fitted_curves
 from damping_reed1970.chapter_3.planar_fit import Fits, Phasors, comparison, fit_table, phasors, planar_fits
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, TAILS, PlanarBand, PlanarPosterior, Posteriors
 
-SEED = 1970
 #: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
 SECOND_PLANE = (11.48, 11.51)
 #: The fit with the report's angle and mass, and the one with everything free.

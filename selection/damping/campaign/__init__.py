@@ -44,7 +44,7 @@ from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
 from damping.campaign.sensors import find_misread
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
-from damping.extrapolation import Rests
+from damping.extrapolation.prepared import PreparedRecord
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.infer import SEED
@@ -103,8 +103,8 @@ def analyse(
 def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
     """The campaign with what was understood of the files and which levels lie apart."""
     for mode in campaign.modes:
-        if mode.apart:
-            summary.note(f"{mode.name}: {mode.apart}")
+        if mode.level_caution:
+            summary.note(f"{mode.name}: {mode.level_caution}")
     return replace(campaign, summary=summary)
 
 
@@ -120,11 +120,11 @@ def _answer_driven(
     asked = [*tested, *wanted]
     if limits:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    predicted, rests = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
-    loads, apart = predicted.loads, predicted.plan.fit.apart
+    predicted, prepared = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    loads, apart = predicted.loads, predicted.plan.fit.level_caution
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     fitted = zip(levels, tested, bands[:, 0], mode.frequency, mode.ratio, strict=False)
-    steady = [_find_steady(rests, level.name, of_force * F, A) or (float(f), float(z)) for level, F, A, f, z in fitted]
+    steady = [_find_steady(prepared, own.name, of_force * F, A) or (float(f), float(z)) for own, F, A, f, z in fitted]
     frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
@@ -137,38 +137,53 @@ def _answer_driven(
             per_amplitude = of_force * level / (2.0 * mode.mode.mass * (2.0 * pi * frequency[k]) ** 2)
             z, high, low = (float(per_amplitude / A) for A in bands[k])
             ratio = (z, low, high)
-        drive, nearest = level * unit(run.drive_unit).factor, levels[k if measured else -1]
-        seen = mode.residues_at(nearest) if measured else (mode.residues, mode.residues_sd)
-        response = (
-            tuple(_list_responses(nearest, mode.number, seen, float(frequency[k]), ratio, drive)) if ratio else ()
-        )
-        cautions = (*join_cautions(rests, apart, () if measured else loads.cautions[k]), *mode.cautions)
-        stated = float(levels[k].run.level or 0.0) if measured else level
-        reached = None if stated == level else level
-        if reached is not None:
-            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
-        places.append(At(stated, measured, float(frequency[k]), ratio, response, cautions, reached))
+        cautions = (*join_cautions(prepared, apart, () if measured else loads.cautions[k]), *mode.cautions)
+        of_run = levels[k] if measured else None
+        places.append(_answer_level(levels[-1], of_run, mode, level, float(frequency[k]), ratio, cautions))
     known = mode.mode.name, places[len(tested) :], max(tested)
     swept = float(levels[-1].f.min()), float(levels[-1].f.max())
     notches = [find_notches(*known, level, limits, swept, run.drive_unit) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
     own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
-    return ModeAnswer(rank_first(rests, seed), answers, *own, list_laws(predicted))
+    return ModeAnswer(rank_first(prepared, seed), answers, *own, list_laws(predicted))
 
 
-def _find_steady(rests: Rests, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
+def _answer_level(
+    highest: Level,
+    tested: Level | None,
+    mode: DrivenMode,
+    level: float,
+    frequency: float,
+    ratio: tuple[float, float, float] | None,
+    cautions: tuple[str, ...],
+) -> At:
+    """The responses at a ``level`` at the mode: of the run that was ``tested`` there, else by the ``highest`` one."""
+    run = (tested or highest).run
+    response: tuple[Response, ...] = ()
+    if ratio:
+        seen = mode.residues_at(tested) if tested else (mode.residues, mode.residues_sd)
+        drive = level * unit(run.drive_unit).factor
+        response = tuple(_list_responses(tested or highest, mode.number, seen, frequency, ratio, drive))
+    stated = float(tested.run.level or 0.0) if tested else level
+    if stated == level:
+        return At(level, tested is not None, frequency, ratio, response, cautions)
+    cautions = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}")
+    return At(stated, True, frequency, ratio, response, cautions, level)
+
+
+def _find_steady(prepared: PreparedRecord, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
     """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested level made steady; None where nothing was done.
 
     Steady states of swept rows are at resonance under less force than was swept with, and so of another damping:
     ``amplitude`` is that under the ``force`` itself, by the laws of all levels; the tested one where they have none.
     """
-    if not rests.done:
+    if not prepared.measured.notes:
         return None
-    data, k = rests.data, list(rests.data.sweeps).index(sweep)
+    data, k = prepared.data, list(prepared.data.sweeps).index(sweep)
     w, A, F = data.tested_omega[k], data.tested_amplitude[k], data.tested_force[k]
     A, F = (amplitude, force) if np.isfinite(amplitude) else (A, F)
-    return float(w / (2.0 * pi)), float(F / (2.0 * rests.mode.mass * w**2 * A))
+    return float(w / (2.0 * pi)), float(F / (2.0 * prepared.mode.mass * w**2 * A))
 
 
 def _find_input(level: Level, frequency: float) -> float:

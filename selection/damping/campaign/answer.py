@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from damping.extrapolation import Extrapolation, Rests, predict_record
+from damping.extrapolation import Extrapolation, predict_record
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.formats.series import Summary
-from damping.progress import silent
 from damping.ranking import weigh_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -51,7 +51,7 @@ class At:
     reached: float | None = None
 
     @property
-    def driven(self) -> float:
+    def input(self) -> float:
         """The input at the mode."""
         return self.level if self.reached is None else self.reached
 
@@ -132,17 +132,17 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
     for mode in campaign.modes:
         near = [earlier for earlier in before if abs(earlier.frequency / mode.frequency - 1.0) < SAME_MODE]
         for at in (at for at in mode.places if at.tested):
-            if any(earlier.tested and abs(earlier.level / at.driven - 1.0) < 0.01 for earlier in near):
+            if any(earlier.tested and abs(earlier.level / at.input - 1.0) < 0.01 for earlier in near):
                 continue
             for response in at.response:
                 own = (row for row in near if (row.sensor, row.unit) == (response.sensor, response.unit))
                 rows = sorted({row.level: row.band for row in own}.items())
                 level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-                if len(rows) < 2 or not level[0] <= at.driven <= level[-1]:
+                if len(rows) < 2 or not level[0] <= at.input <= level[-1]:
                     continue
-                band = [float(np.exp(np.interp(np.log(at.driven), np.log(level), np.log(side)))) for side in bands.T]
+                band = [float(np.exp(np.interp(np.log(at.input), np.log(level), np.log(side)))) for side in bands.T]
                 predicted = (band[0], band[1], band[2])
-                peak = (mode.name, response.sensor, response.unit, at.driven, response.band[0])
+                peak = (mode.name, response.sensor, response.unit, at.input, response.band[0])
                 predictions.append(Outcome(*peak, predicted, campaign.unit))
     return tuple(predictions)
 
@@ -164,7 +164,7 @@ class ModeAnswer:
     """A mode with its record and its levels.
 
     ``law``: the one that a ranking of every row puts first. ``laws``: those that predictions average, with their
-    weights on the resonances. ``apart``: what is to be said of levels that lie apart from the others.
+    weights on the resonances. ``level_caution``: what is to be said of levels that lie apart from the others.
     """
 
     law: str
@@ -174,7 +174,7 @@ class ModeAnswer:
     mode: Mode
     design_forces: tuple[float, ...]
     notches: tuple[Notch, ...] = ()
-    apart: str = ""
+    level_caution: str = ""
     laws: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -194,18 +194,21 @@ class ModeAnswer:
         return audit(self.record, self.mode).findings
 
 
-def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> tuple[Extrapolation, Rests]:
+def predict_mode(
+    record: Record, mode: Mode, forces: Sequence[float], seed: int
+) -> tuple[Extrapolation, PreparedRecord]:
     """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
+    prepared = prepare_record(record, mode, audit(record, mode))
     asked = np.array(forces, dtype=float)
-    return predict_record(record, mode, audit(record, mode), asked, (), LEVEL, seed, silent, fresh=False)
+    return predict_record(prepared, asked, (), LEVEL, seed, fresh=False), prepared
 
 
-def rank_first(rests: Rests, seed: int) -> str:
+def rank_first(prepared: PreparedRecord, seed: int) -> str:
     """The law that a ranking of every row puts first, as ``damping rank`` does of the record."""
-    return weigh_laws(rests.every, seed, candidate_laws()).candidates[0].name
+    return weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
 
 
 def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
@@ -213,10 +216,11 @@ def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
     return tuple((law.name, law.weight) for law in predicted.plan.laws)
 
 
-def join_cautions(rests: Rests, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
+def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
     """What was done, a level that lies ``apart`` from the others where the ``row`` does not say so, and the row's."""
     known = not apart or any(apart in said for said in row)
-    return (*rests.done, *row) if known else (*rests.done, apart, *row)
+    notes = prepared.notes
+    return (*notes, *row) if known else (*notes, apart, *row)
 
 
 @dataclass(frozen=True)
@@ -270,7 +274,7 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
             {
                 "level": at.level,
                 "tested": at.tested,
-                "input": at.driven,
+                "input": at.input,
                 "frequency": at.frequency,
                 "damping_ratio": _band(at.ratio),
                 "response": [

@@ -7,6 +7,7 @@ left of the others in it is what the shapes do not tell apart; the window of ``s
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, pi
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ from damping.campaign.answer import (
     rank_first,
 )
 from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
-from damping.campaign.sensors import DEAD
+from damping.campaign.sensors import find_unfit_sensors
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -40,8 +41,6 @@ from damping.signals.ringdown import PERIODS, list_weights, ring_down
 PARTS = 8  #: parts of a record whose spectra are averaged
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
 ABOVE = 30.0  #: least power of a peak, over the median of the spectrum
-#: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
-FOLLOWS = 0.9
 LEVELS = 8  #: levels that a decay is cut into
 _ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
 _SAMPLES = 8.0  # a period must have more
@@ -50,6 +49,9 @@ _SAME_SHAPE = 0.98  # modal assurance criterion
 _NO_PEAK = "no mode: no sensor has a peak in its spectrum above the noise"
 REACH = 30.0  #: amplitudes are answered up to this many times those of the test, or below: beyond no law is known
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
+
+#: Largest amplitude of each run, what is to be known, and the record of a mode of mass 1 with that mode.
+FittedDecay: TypeAlias = tuple[FloatArray, tuple[str, ...], Record, Mode]
 
 
 @dataclass(frozen=True)
@@ -92,9 +94,8 @@ def decay_modes(
     size = [float(np.max(np.abs(x))) for _, x in motions]
     loudest = motions[int(np.argmax(size))]
     at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])[0]
-    unused = (
-        {} if frequencies else dict.fromkeys(_peaks(*loudest)[1], f"a period must have more than {_SAMPLES:g} samples")
-    )
+    fast = [] if frequencies else _peaks(*loudest)[1]
+    unused = dict.fromkeys(fast, f"a period must have more than {_SAMPLES:g} samples")
     if not at:
         raise AnalysisError("; ".join([_NO_PEAK, *_list_unused(unused)]))
     shapes = [_shape(*loudest, frequency, [other for other in at if other != frequency]) for frequency in at]
@@ -102,33 +103,47 @@ def decay_modes(
         own = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
         at, shapes = [at[k] for k in own], [shapes[k] for k in own]
     inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
-    modes: list[DecayMode] = []
-    unusable: dict[float, str] = {}
-    for k, (frequency, (shape, sd, follows)) in enumerate(zip(at, shapes, strict=True)):
-        motion = [(run.label, t, inverse[k] @ x) for run, (t, x) in zip(runs, motions, strict=True)]
-        try:
-            decay = _mode(motion, frequency, order, f"mode-{len(modes) + 1}")
-        except AnalysisError as error:
-            if frequencies:
-                raise
-            unusable[frequency] = str(error)
-            continue
-        if not frequencies and abs(decay[3].frequency / frequency - 1.0) > _ELSEWHERE:
-            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
-            continue
-        left_out = {**runs[0].left_out, **_left_out(names, loudest[1], follows)}
+    parts = [[(run.label, t, row @ x) for run, (t, x) in zip(runs, motions, strict=True)] for row in inverse]
+    found, unusable = _fit_modes(parts, at, order, known=bool(frequencies))
+    modes = []
+    for k, (tops, cautions, record, mode) in found.items():
+        shape, sd, follows = shapes[k]
+        left_out = {**runs[0].left_out, **find_unfit_sensors(names, loudest[1], follows)}
         kept = np.array([name not in left_out for name in names])
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
-        tops, cautions, record, mode = decay
         modes.append(DecayMode(reference, np.where(kept, shape, np.nan), sd, tops, left_out, cautions, record, mode))
     if not modes:
         raise AnalysisError("; ".join(unusable.values()))
     if summary is not None:
         for note in _list_unused(unused | unusable):
             summary.note(note)
-    if unusable:  # their shapes have no part in telling the others apart
+    if unusable:  # their shapes have no part in telling the others apart; what was not used has been said
         return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
     return modes
+
+
+def _fit_modes(
+    motions: Sequence[Sequence[tuple[str, FloatArray, FloatArray]]], at: Sequence[float], order: int, *, known: bool
+) -> tuple[dict[int, FittedDecay], dict[float, str]]:
+    """The decay of each mode that has one, by its place in ``at``, and why each other frequency has none.
+
+    ``known``: the frequencies are stated, so that AnalysisError is of the first without a decay.
+    """
+    found: dict[int, FittedDecay] = {}
+    unusable: dict[float, str] = {}
+    for k, (frequency, motion) in enumerate(zip(at, motions, strict=True)):
+        try:
+            decay = _mode(motion, frequency, order, f"mode-{len(found) + 1}")
+        except AnalysisError as error:
+            if known:
+                raise
+            unusable[frequency] = str(error)
+            continue
+        if known or abs(decay[3].frequency / frequency - 1.0) <= _ELSEWHERE:
+            found[k] = decay
+        else:
+            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
+    return found, unusable
 
 
 def _list_unused(peaks: Mapping[float, str]) -> list[str]:
@@ -187,21 +202,10 @@ def _shape(
     return shape / largest, rest / abs(largest), follows
 
 
-def _left_out(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
-    size = np.std(x, axis=1)
-    out = {}
-    for name, motion, part in zip(names, size, follows, strict=True):
-        if motion < DEAD * np.median(size):
-            out[name] = "dead: it reads next to nothing"
-        elif part < FOLLOWS:
-            out[name] = f"only {100.0 * part:.0f} % of its motion there follows this mode"
-    return out
-
-
 def _mode(
     motions: Sequence[tuple[str, FloatArray, FloatArray]], frequency: float, order: int, name: str
-) -> tuple[FloatArray, tuple[str, ...], Record, Mode]:
-    """Record of a mode of mass 1, largest amplitude of each run, and what is to be known, by its motion in each run."""
+) -> FittedDecay:
+    """A mode of mass 1 by its motion in each run."""
     tables: list[pd.DataFrame] = []
     tops, cautions = [], []
     for label, t, q in motions:
@@ -267,14 +271,14 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
     asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
-    predicted, rests = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
-    law, apart = rank_first(rests, seed), predicted.plan.fit.apart
-    places = [replace(at, cautions=(*at.cautions, *join_cautions(rests, apart))) for at in places]
-    curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, rests.data)
+    predicted, prepared = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
+    law, apart = rank_first(prepared, seed), predicted.plan.fit.level_caution
+    places = [replace(at, cautions=(*at.cautions, *join_cautions(prepared, apart))) for at in places]
+    curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, prepared.data)
     for k, level in enumerate(beyond):
         zeta, of = curve.damping_ratio, curve.frequency
         ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
-        cautions = (*mode.cautions, *join_cautions(rests, apart, curve.cautions[k]))
+        cautions = (*mode.cautions, *join_cautions(prepared, apart, curve.cautions[k]))
         response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
         places.append(At(level, False, float(of.median[k]), known, response, cautions))
     forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))

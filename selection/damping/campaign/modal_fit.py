@@ -147,7 +147,7 @@ def _fit_cluster(
     sd, count, parts = _evaluate_sd(H, noise), len(cluster), 3 + friction
 
     def misfit(x: FloatArray) -> FloatArray:
-        rest = _solve_residues(poles.moved(cluster, *np.split(x, parts)).columns(f), H, sd)[1].ravel()
+        rest = _solve_residues(poles.with_cluster(cluster, *np.split(x, parts)).columns(f), H, sd)[1].ravel()
         return np.concatenate([rest.real, rest.imag])
 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])
@@ -155,7 +155,7 @@ def _fit_cluster(
     high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97, _LARGEST_FRICTION], count)[: parts * count]
     start = np.clip(x0[: parts * count], low + 1e-9, high - 1e-9)
     optimum = least_squares(misfit, start, bounds=(low, high), x_scale="jac", max_nfev=40)
-    return poles.moved(cluster, *np.split(optimum.x, parts))
+    return poles.with_cluster(cluster, *np.split(optimum.x, parts))
 
 
 def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:

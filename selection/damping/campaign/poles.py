@@ -40,7 +40,7 @@ class Poles:
         terms = [self.sign * w**2 * receptance(f, *mode, there / at) for mode, at in zip(modes, at_modes, strict=True)]
         return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
 
-    def moved(
+    def with_cluster(
         self,
         cluster: Sequence[int],
         shift: FloatArray,

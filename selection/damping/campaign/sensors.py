@@ -8,6 +8,8 @@ from damping.arrays import FloatArray
 from damping.campaign.modal_fit import LEAST_T, Level
 
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
+#: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
+FOLLOWS = 0.9
 #: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
 #: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
 MISREAD = 2.0
@@ -51,6 +53,18 @@ def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
         at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
         bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
     return find_changed_gains(levels) | bad
+
+
+def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
+    """Sensors of a free decay x (sensors, n) with nothing of a mode, each with why; ``follows``: the mode's share."""
+    size = np.std(x, axis=1)
+    out: dict[str, str] = {}
+    for name, motion, part in zip(names, size, follows, strict=True):
+        if motion < DEAD * np.median(size):
+            out[name] = "dead: it reads next to nothing"
+        elif part < FOLLOWS:
+            out[name] = f"only {100.0 * part:.0f} % of its motion there follows this mode"
+    return out
 
 
 def _measure_base(level: Level) -> FloatArray:

@@ -207,7 +207,6 @@ class Form:
         report: see `Report`.
         natural: a strength of the order of one, in the units of the problem: where difference quotients are taken.
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
-        label: which form it is, for people; empty where there is only one.
         replaces: variable of the simulation that the effect takes the place of, if any.
         sizes: strengths from which fits are started too where the gap is large.
         mirror: name that it shares with the form whose small strengths change the terms the other way, if any.
@@ -221,7 +220,6 @@ class Form:
     natural: float = 1.0
     shapes: tuple[FormVariable, ...] = ()
     largest: float = np.inf
-    label: str = ""
     replaces: str = ""
     sizes: tuple[float, ...] = ()
     mirror: str = ""
@@ -273,13 +271,14 @@ class Effect:
         return Form(self.name, self.changed_by(report), report, natural, **rest)
 
     def either_sign(
-        self, report: Report, label: str = "", change: Callable[..., Terms] | None = None, **rest: Any
+        self, report: Report, mirror: str | None = None, change: Callable[..., Terms] | None = None, **rest: Any
     ) -> tuple[Form, Form]:
         """The two forms of a strength that has a sign: ``report`` takes it so, and ``change`` where it is not its own.
 
-        ``rest``: of a `Form`; each mirrors the other unless told that there is no ``mirror``.
+        ``mirror``: key of the two among the effect's forms, by default its name; empty where neither mirrors the
+        other. ``rest``: of a `Form`.
         """
-        options: dict[str, Any] = {"natural": 0.1, "mirror": label or self.name} | rest
+        options: dict[str, Any] = {"natural": 0.1, "mirror": self.name if mirror is None else mirror} | rest
         own = change or self.changed_by(report)
 
         def side(sign: float) -> Form:
@@ -287,7 +286,6 @@ class Effect:
                 self.name,
                 lambda terms, strength, *shapes: own(terms, sign * strength, *shapes),
                 lambda strength, *shapes: report(sign * strength, *shapes),
-                label=f"{label}, {sign:+.0f}" if label else f"{sign:+.0f}",
                 **options,
             )
 

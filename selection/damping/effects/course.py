@@ -60,7 +60,7 @@ def _jumping_form(scales: Scales) -> Form:
         return {f"frequency_{sweep}": size * jump for sweep, jump in enumerate(jumps, 1)}
 
     sizes = tuple(scales.bandwidth * share for share in _DRIFTS)
-    return DRIFT.form(report, scales.bandwidth, shapes=shapes, largest=_MOST_DRIFT, label="level to level", sizes=sizes)
+    return DRIFT.form(report, scales.bandwidth, shapes=shapes, largest=_MOST_DRIFT, sizes=sizes)
 
 
 def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes: FormVariable) -> tuple[Form, Form]:
@@ -70,10 +70,10 @@ def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes
         own = {quantity: size} | dict(zip(shapes, values, strict=True))
         return own | ({"sweep": float(sweep)} if sweep else {})
 
-    label = f"{kind} of sweep {sweep}" if sweep else kind
+    mirror = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
     variables = tuple(shapes.values())
-    return DRIFT.either_sign(report, label, natural=natural, shapes=variables, largest=most, sizes=sizes)
+    return DRIFT.either_sign(report, mirror, natural=natural, shapes=variables, largest=most, sizes=sizes)
 
 
 def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
@@ -141,8 +141,8 @@ def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
         values[of] = float(number)
         return values | ({"force": 1.0} if force else {})
 
-    label = f"{'force' if force else 'readings'} of {of} {number}"
-    return LEVEL_OFFSET.either_sign(report, label, change, largest=log(3.0))
+    mirror = f"{'force' if force else 'readings'} of {of} {number}"
+    return LEVEL_OFFSET.either_sign(report, mirror, change, largest=log(3.0))
 
 
 def in_place(terms: Terms, of: str, number: float, size: Floats, force: bool) -> Terms:

@@ -182,19 +182,19 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
     kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
     return (
-        _joint_form("one joint", (limit,), scales),
-        _joint_form("many joints", (spread, kappa), scales),
-        _joint_form("many joints to a largest", (spread, kappa), scales, bounded=True),
+        _joint_form((limit,), scales),
+        _joint_form((spread, kappa), scales),
+        _joint_form((spread, kappa), scales, bounded=True),
         *less_forms(SLIP, scales),
     )
 
 
-def _joint_form(label: str, shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool = False) -> Form:
+def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool = False) -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
         spread = {"kappa": kappa[0]} if kappa else {}
         return {"stiffness": stiffness, "limit": limit} | spread | ({"bounded": 1.0} if bounded else {})
 
-    return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness, label=label)
+    return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness)
 
 
 SLIP = Effect(
@@ -221,8 +221,8 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
             stated = {"exponent": exponent[0]} if exponent else {}
             return {"coefficient": stiffness * scales.A_high ** (1.0 - stated.get("exponent", 3.0))} | stated
 
-        cubic = effect.form(report, scales.loss, largest=scales.stiffness, label="cubic")
-        return cubic, replace(cubic, shapes=(_EXPONENT,), label="of any power")
+        cubic = effect.form(report, scales.loss, largest=scales.stiffness)
+        return cubic, replace(cubic, shapes=(_EXPONENT,))
 
     def force(table: Mapping[str, Floats]) -> Force:
         coefficient, exponent = sign * table["coefficient"], table["exponent"]

@@ -93,8 +93,7 @@ def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
         place = {} if centre is None else {"centre": centre}
         return {"depth": strength / (1.0 + strength), "width": width} | place | kind
 
-    label = notch if len(shapes) == 1 else f"{notch} beside resonance"
-    return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0, label=label)
+    return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0)
 
 
 def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
@@ -210,8 +209,8 @@ def saturation_forms(scales: Scales) -> tuple[Form, ...]:
 
     power = FormVariable.between(1.0, 8.0, starts=(-0.5, 0.7))
     return (
-        SENSOR_SATURATION.form(report, 1.0, label="clipped", sizes=(0.85, 1.0, 1.2, 2.0)),
-        SENSOR_SATURATION.form(report, 0.5, shapes=(power,), largest=2.0, label="compressed"),
+        SENSOR_SATURATION.form(report, 1.0, sizes=(0.85, 1.0, 1.2, 2.0)),
+        SENSOR_SATURATION.form(report, 0.5, shapes=(power,), largest=2.0),
     )
 
 

@@ -72,7 +72,8 @@ def frequency_forms(scales: Scales) -> tuple[Form, ...]:
     def report(beyond: Floats) -> dict[str, Floats]:
         return {"relative": beyond + np.copysign(least, beyond)}
 
-    options: dict[str, Any] = {"largest": 0.3, "replaces": "frequency", "mirror": ""}  # as above
+    # neither side mirrors the other: both begin at 3 tolerances
+    options: dict[str, Any] = {"largest": 0.3, "replaces": "frequency", "mirror": ""}
     return NATURAL_FREQUENCY.either_sign(report, change=change, natural=scales.bandwidth, **options)
 
 
@@ -106,8 +107,7 @@ def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | N
         plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": (1.0 + distance) ** sign}
         return plane | {"damping_ratio": damping} | ({"alike": 1.0} if in_both else {})
 
-    label = ("above" if sign > 0.0 else "below") + (", damped alike" if in_both else "")
-    return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, label=label, twin=twin)
+    return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, twin=twin)
 
 
 PLANAR_COUPLING = Effect(

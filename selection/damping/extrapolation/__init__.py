@@ -9,14 +9,14 @@ Higher levels of a record left out and predicted from the lower ones: an honest 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.extrapolation.backbone import Backbone, find_backbone, observe_backbone
+from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
     LEAST_WEIGHT,
     Member,
@@ -32,11 +32,10 @@ from damping.extrapolation.near import (
     Plan,
     Planned,
     judge_rows,
-    near_resonance,
-    observe_ranked,
     plan_loads,
 )
 from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
@@ -44,14 +43,11 @@ from damping.infer.importance import LEAST_DRAWS, draw_again
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
-from damping.predict import prepare
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
 from damping.ranking.candidates import load_candidates
-from damping.records import Audit
 from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
-from damping.records.record import Record
 from damping.records.resonance import number_levels
 
 #: Levels below a held-out one, at least.
@@ -124,7 +120,7 @@ def extrapolate_loads(
     mode: Mode | None = None,
     laws: Sequence[Law] | None = None,
     plan: Plan | None = None,
-    every: Observations | None = None,
+    all_rows: Observations | None = None,
     estimate: Estimate = evidence,
     fresh: bool = True,
     progress: Progress = silent,
@@ -134,7 +130,7 @@ def extrapolate_loads(
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
-        laws: candidates, by default those of the record. plan: where it was made before. every: all rows, where the
+        laws: candidates, by default those of the record. plan: where it was made before. all_rows: where the
             laws are judged on them too. estimate: of marginal likelihoods. fresh: whether laws of weight are drawn from
             again (:func:`draw_fresh`).
 
@@ -147,7 +143,7 @@ def extrapolate_loads(
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
-    plan = judge_rows(plan, every) if every else plan
+    plan = judge_rows(plan, all_rows) if all_rows else plan
     members, backbone = [], observe_backbone(data, mode)
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:
@@ -163,56 +159,25 @@ def extrapolate_loads(
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
 
 
-@dataclass(frozen=True)
-class Rests:
-    """What predictions of a record rest on: rows under a force, as swept and made ``steady``, and the mode under it.
-
-    ``data``: rows near resonance, of ``every`` row that laws are ranked on. ``done``: what was done, in words.
-    """
-
-    record: Record
-    steady: Record
-    mode: Mode
-    findings: Audit
-    data: Observations
-    every: Observations
-    done: tuple[str, ...]
-
-    @cached_property
-    def backbone(self) -> Backbone:
-        """Where the resonances lie."""
-        return find_backbone(self.steady, self.mode, self.findings.implied)
-
-    @property
-    def said(self) -> tuple[str, ...]:
-        """What was done, and where weights rest on fewer rows than those of a ranking."""
-        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-        fewer = len(self.data.A) < len(self.steady)
-        return (*self.done, f"{why}; a ranking weighs them on every row, with others") if fewer else self.done
-
-
 def predict_record(
-    record: Record,
-    mode: Mode,
-    findings: Audit,
+    prepared: PreparedRecord,
     forces: FloatArray,
     times: Sequence[float],
     level: float,
     seed: int,
-    progress: Progress,
     *,
+    estimate: Estimate = evidence,
     fresh: bool = True,
-) -> tuple[Extrapolation, Rests]:
+    progress: Progress = silent,
+) -> Extrapolation:
     """Predictions at the forces, or, of none, at ``times`` the largest tested one.
 
-    ``fresh``: see :func:`extrapolate_loads`.
+    ``estimate``, ``fresh``: see :func:`extrapolate_loads`.
     """
-    measured = prepare(record, mode)
-    mode, data = measured.mode or mode, near_resonance(measured.record)
-    every, _ = observe_ranked(measured.record, findings)
+    data, mode = prepared.data, prepared.mode
     asked = forces if len(forces) else np.array(times) * data.tested_force.max()
-    predicted = extrapolate_loads(data, asked, level, seed, mode=mode, every=every, fresh=fresh, progress=progress)
-    return predicted, Rests(measured.driven, measured.record, mode, findings, data, every, measured.said)
+    how: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
+    return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **how)
 
 
 #: What is asked, as messages name it.
@@ -261,12 +226,12 @@ def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.nd
 
 
 def leave_higher_levels_out(
-    data: Observations, level: float, seed: int = 0, mode: Mode | None = None, every: Observations | None = None
+    data: Observations, level: float, seed: int = 0, mode: Mode | None = None, all_rows: Observations | None = None
 ) -> pd.DataFrame:
     """Predict every sweep of the higher levels from the k lowest ones, for every k >= ``FEWEST_BELOW``.
 
     Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
-    ``every``: all rows of the sweeps of ``data``, where the laws are judged on them too.
+    ``all_rows``: of the sweeps of ``data``, where the laws are judged on them too.
 
     Returns:
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
@@ -275,10 +240,10 @@ def leave_higher_levels_out(
     levels = number_levels(data.tested_force)
     tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
-        lower, rows = data.keep_sweeps(levels < below), every and every.keep_sweeps(levels < below)
+        lower, rows = data.keep_sweeps(levels < below), all_rows and all_rows.keep_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
-        predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode, every=rows)
+        predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode, all_rows=rows)
         loads, plan, measured = predicted.loads, predicted.plan, data.tested_amplitude[higher]
         linear = plan.data.tested_amplitude[plan.data.top] * loads.ratio
         columns = {

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-import pandas as pd
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.errors import InputError
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
@@ -64,9 +62,9 @@ MOST_LOST = 0.5
 #: Components of the average below this share of the largest are left out.
 NEGLIGIBLE = 1e-6
 #: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
-SCATTER_LOG_SD = 1.5
+FREQUENCY_SCATTER_LOG_SD = 1.5
 #: Quantiles of that prior which stand for it.
-_SCATTERS = FREQUENCY_SCATTER * np.exp(SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
+_SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
 #: A frequency this many times a tested one, or as many times below, is another mode's: none is predicted.
 FARTHEST = 2.0
 #: Change of the resonance, relative, from which on amplitudes are solved along the backbone: what less of it does is
@@ -257,32 +255,20 @@ def _regress(X: FloatArray, y: FloatArray, V: FloatArray, s: FloatArray) -> tupl
     return log_z, b, np.asarray(np.linalg.inv(precision))
 
 
-def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = None) -> Backbone:
+def find_backbone(record: Record, mode: Mode) -> Backbone:
     """Frequencies and masses at the phase resonances of a record.
 
-    The mass is that of the record's rows, else the mode's, known to its tolerance. Of a structure shaken at its base
-    neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
-    Frequencies are those of the structure without ``added_mass``, whose stiffness is the same.
-
-    Args:
-        implied: what the audit says of each sweep (:attr:`damping.records.Audit.implied`).
-
-    Raises:
-        InputError: the structure is shaken at its base and no sweep shows the participation.
+    The mass is that of the record's rows, else the mode's, known to its tolerance. Frequencies are those of the
+    structure without ``added_mass``, whose stiffness is the same.
     """
     resonances = tabulate_resonances(record)
-    mass, sd = record.masses(mode.mass)[resonances["row"].to_numpy()], mode.tolerance.mass
-    if getattr(mode, "drive", "force") == "base":
-        known = np.array([]) if implied is None else implied["mass"].dropna().to_numpy(float)
-        if len(known) == 0:
-            raise InputError("no sweep shows the participation", file=record.source, expected="sweeps with phases")
-        mass, sd = np.full(len(resonances), np.median(known)), float(np.std(np.log(known)) / np.sqrt(len(known)))
+    mass = record.masses(mode.mass)[resonances["row"].to_numpy()]
     with_added = 1.0 + record.added_masses[resonances["row"]] / mass
     return Backbone(
         amplitude=resonances["amplitude"].to_numpy(float),
         omega=RAD_S_PER_HZ * resonances["frequency"].to_numpy(float) * np.sqrt(with_added),
         mass=mass,
-        mass_sd=sd,
+        mass_sd=mode.tolerance.mass,
         scatter=mode.repeatability.frequency or 0.0,
     )
 

@@ -51,8 +51,7 @@ def near_resonance(record: Record) -> Observations:
     for sweep in range(len(data.sweeps)):
         own = np.flatnonzero(data.sweep == sweep)
         near[own[np.argmin(cotangent[own])]] = True
-    rows = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-    data = replace(data, **{name: getattr(data, name)[near] for name in rows})
+    data = data.take_rows(near)
     one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
@@ -73,7 +72,7 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
     if freed is record:
         return observe(record), ()
     offset = float(np.median(record.column("phase") - freed.column("phase")))
-    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before the laws were ranked"
+    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before laws were fitted"
     return observe(freed), (said,)
 
 
@@ -226,24 +225,24 @@ class Plan:
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
-def judge_rows(plan: Plan, every: Observations) -> Plan:
-    """The plan as ``every`` row allows: with the verdict that no law fits where none fits them, though one may its
+def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
+    """The plan as ``all_rows`` allow: with the verdict that no law fits where none fits them, though one may its
     resonances, and without laws that miss them where others do not.
 
     Rows tell how far a level scatters: one that lies apart beside them is named.
     """
-    if len(every.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
+    if len(all_rows.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
         return plan
     laws = [own.law for own in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
-    fits = {fit.law: fit for fit in fit_laws(laws, every) if isinstance(fit, BestFit)}
+    fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
     best = min(fits.values(), key=lambda fit: fit.squares)
-    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law], best, every)]
+    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law], best, all_rows)]
     kept = [own for own in plan.laws if own not in missing]
     leader = next((fits[own.law] for own in kept if own.law in fits), best)
-    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], every)
+    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
     if on_rows.verdict == "none fits":
         return replace(plan, fit=on_rows)
-    plan = replace(plan, fit=replace(plan.fit, apart=on_rows.apart or plan.fit.apart))
+    plan = replace(plan, fit=replace(plan.fit, level_caution=on_rows.level_caution or plan.fit.level_caution))
     if not kept:
         return plan
     whole = sum(own.weight for own in kept)
@@ -287,7 +286,7 @@ def plan_loads(
     few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     exponents = trend(data, float(np.median(scatter)))
-    if joint.told and joint.probability < JOINTS:
+    if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
         data=data,

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,12 +60,27 @@ def read_arrays(
         raise too_large(path, max_size)
     if rows is not None or max_size is None:
         size = min(size, _BLOCKWISE)
-    script = Path(__file__).with_name("worker.py")
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
-    words = [kind, os.path.abspath(path), json.dumps(list(names)), *map(str, limits), json.dumps(rows)]
+    answer, body = _run_worker(path, kind, [json.dumps(list(names)), *map(str, limits), json.dumps(rows)])
+    known = {name: tuple(shape) for name, shape in answer["known"].items()}
+    units = {name: text for name, text in answer["units"].items() if text}
+    steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
+    arrays: dict[str, list[Samples]] = {}
+    place = 0
+    for name, form, shape in answer["loaded"]:
+        dtype = np.complex128 if form == "complex" else np.float64
+        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=place)
+        arrays.setdefault(name, []).append(values.reshape(shape))
+        place += values.nbytes
+    return Arrays(arrays, units, known, steps)
+
+
+def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict[str, Any], bytes]:
+    """What ``worker.py`` says of a file in a process of its own, and the bytes of its arrays."""
+    script = Path(__file__).with_name("worker.py")
     try:
         done = subprocess.run(
-            [sys.executable, "-P", str(script), *words],
+            [sys.executable, "-P", str(script), kind, os.path.abspath(path), *words],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=LONGEST,
@@ -84,17 +100,7 @@ def read_arrays(
     if answer["missing"]:
         needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
         raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
-    known = {name: tuple(shape) for name, shape in answer["known"].items()}
-    units = {name: text for name, text in answer["units"].items() if text}
-    steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
-    arrays: dict[str, list[Samples]] = {}
-    place = 0
-    for name, form, shape in answer["loaded"]:
-        dtype = np.complex128 if form == "complex" else np.float64
-        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=place)
-        arrays.setdefault(name, []).append(values.reshape(shape))
-        place += values.nbytes
-    return Arrays(arrays, units, known, steps)
+    return answer, body
 
 
 def read_blocks(

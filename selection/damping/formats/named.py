@@ -15,7 +15,7 @@ import numpy.typing as npt
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS, PHASES
-from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, convert_angles
+from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -27,7 +27,6 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-_MOST_SWEEPS = 1000
 #: Another sweep begins where the frequency goes back by more than this share of the range that it has covered ...
 _RESTART = 0.5
 #: ... and the sweep has at least this many rows by then.
@@ -234,9 +233,9 @@ def _matrix(values: Samples, n: int, role: str) -> Samples:
         return squeezed.reshape(n, 1)
     if squeezed.ndim == 2 and n in squeezed.shape:
         matrix = squeezed if squeezed.shape[0] == n else squeezed.T
-        if matrix.shape[1] <= _MOST_SWEEPS:
+        if matrix.shape[1] <= MOST_SWEEPS:
             return matrix
-    expected = f"{n} values as of the abscissa, or {n} for each of at most {_MOST_SWEEPS} sweeps"
+    expected = f"{n} values as of the abscissa, or {n} for each of at most {MOST_SWEEPS} sweeps"
     raise InputError(f"array of {role} has the shape {tuple(values.shape)}", expected=expected)
 
 

@@ -18,6 +18,8 @@ from damping.formats.headers import PHASES, parse_header
 from damping.records.text import describe_shortened
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
+#: Sweeps that a file may hold beside each other.
+MOST_SWEEPS = 1000
 
 
 @dataclass(frozen=True)

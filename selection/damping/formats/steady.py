@@ -12,7 +12,7 @@ from damping.formats.conversion import Conversion, Statements, ask, conversion, 
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
-from damping.records.text import name_apart
+from damping.records.text import count, name_apart
 
 #: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
 MOST_ROWS = 100_000
@@ -35,10 +35,10 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
 
 def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.DataFrame:
     low, high = stated.band or (0.0, np.inf)
-    count = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
-    if count > MOST_ROWS:
+    many = sum(int(np.count_nonzero((row.abscissa >= low) & (row.abscissa <= high))) for row in series)
+    if many > MOST_ROWS:
         expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
-        raise InputError(f"{count} rows", expected=expected)
+        raise InputError(f"{many} rows", expected=expected)
     labels, forces = _list_labels(series, stated), _stated_forces(series, stated)
     with np.errstate(all="ignore"):  # what overflows is found by the range check below
         tables = [
@@ -58,7 +58,7 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
         force, length = SYSTEMS[stated.system]
         system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
         summary.add("record", system, "stated")
-    summary.add("rows", f"{len(table)} in {len(tables)} sweep{'s' if len(tables) > 1 else ''}", "follows")
+    summary.add("rows", f"{len(table)} in {count(len(tables), 'sweep')}", "follows")
     if "phase" not in table:
         summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
         return table
@@ -135,7 +135,7 @@ def _usable(row: Series, label: str, known: Statements) -> BoolArray:
     sizes = {reason: int(np.count_nonzero(rows)) for reason, rows in reasons.items()}
     counts = ", ".join(f"{count} {reason}" for reason, count in sizes.items() if count)
     if lost:
-        known.summary.note(f"{lost} row{'s' if lost > 1 else ''} of {label!r} left out: {counts}")
+        known.summary.note(f"{count(lost, 'row')} of {label!r} left out: {counts}")
     if band is not None:
         known.summary.add("band", f"{band[0]:g} to {band[1]:g} Hz", "stated")
         keep &= (f >= band[0]) & (f <= band[1])

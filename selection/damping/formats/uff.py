@@ -14,7 +14,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS, NAMES, refuse_decibels
 from damping.formats.quantity import unit
-from damping.formats.series import FileFacts, Samples, Series, Summary
+from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Summary
 from damping.formats.uff_blocks import FREQUENCY, DataSet, find_sets
 from damping.formats.uff_values import PEAK, values
 from damping.records.text import describe_shortened
@@ -24,7 +24,6 @@ _FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["fu
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _MOST_LISTED = 12
-_MOST_SWEEPS = 1000
 
 
 def read_uff(
@@ -146,8 +145,8 @@ def _describe_unfit(entry: DataSet) -> str:
 
 def _require_one_point(responses: list[DataSet], datasets: tuple[int, ...]) -> None:
     """InputError for too many responses, or for several points that nobody chose."""
-    if len(responses) > _MOST_SWEEPS:
-        expected = f"--dataset numbers of at most {_MOST_SWEEPS}"
+    if len(responses) > MOST_SWEEPS:
+        expected = f"--dataset numbers of at most {MOST_SWEEPS}"
         raise InputError(f"{len(responses)} responses", expected=expected)
     points = list(dict.fromkeys(response.place for response in responses))
     if len(points) > 1 and not datasets:

@@ -32,7 +32,7 @@ class RefusedError(Exception):
 class Contents:
     """Shapes, units, (start, step) in s by name; bytes allowed; first and behind the last row read, empty for all."""
 
-    most: int
+    bytes_left: int
     rows: list[int] = field(default_factory=list)
     known: dict[str, list[int]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Contents:
 
     def refuse_beyond(self, shape: Any, item: int = 16) -> None:
         """Refuse an array of that shape, its items of ``item`` bytes, that is larger than the file warrants."""
-        if item * math.prod(max(int(n), 1) for n in shape) > self.most:
+        if item * math.prod(max(int(n), 1) for n in shape) > self.bytes_left:
             raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
 
 
@@ -63,8 +63,8 @@ def main() -> None:
     try:
         for name, array in _READERS[kind](path, kind, names, contents):
             arrays.append((name, np.ascontiguousarray(array, dtype=complex if np.iscomplexobj(array) else float)))
-            contents.most -= arrays[-1][1].nbytes
-            if contents.most < 0:
+            contents.bytes_left -= arrays[-1][1].nbytes
+            if contents.bytes_left < 0:
                 raise RefusedError("the arrays are larger than the file warrants")
     except RefusedError as error:
         problem = str(error)

@@ -23,7 +23,7 @@ from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
-#: Draws from which intervals are taken; their content.
+#: Draws from which intervals are taken; content of every interval of a diagnosis.
 _DRAWS = 400
 CONTENT = 0.9
 #: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
@@ -113,7 +113,7 @@ def describe_gain(fit: ModelFit) -> list[str]:
     return [
         f"a generalized mass of {stated * ratio:.4g}{unit} in place of {stated:.4g} ({100.0 * (ratio - 1.0):+.2g} %"
         f"{times if tolerance else ''}), with stiffness and damping in the same ratio, reads like this gain in every "
-        "steady sweep; a mass added on purpose, or a calibrated shaker and sensor, tell them apart"
+        "steady sweep. A mass added on purpose, or a calibrated shaker and sensor, tell them apart"
     ]
 
 

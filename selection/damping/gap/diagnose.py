@@ -62,8 +62,8 @@ class Explained:
             repeatability were taken. search: finished.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. unexplained: more than noise is left; ``rest``: in
-            the rows, and not only in how the levels scatter.
+        in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
+            ``unexplained_rows``: in the rows, and not only in how the levels scatter.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -77,7 +77,7 @@ class Explained:
     doubts: FloatArray
     in_library: float
     unexplained: bool
-    rest: bool
+    unexplained_rows: bool
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -166,7 +166,7 @@ def explain(
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = [*driven.said, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
+    cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)

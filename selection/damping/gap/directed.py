@@ -25,13 +25,12 @@ from scipy.special import chdtrc, ndtr
 from damping.arrays import ComplexArray, FloatArray
 from damping.effects.contract import Effect
 from damping.gap.fit import ModelFit, decorrelate
+from damping.gap.unknowns import CLIP
 
 #: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
 ALARM = 0.003
 #: Most missing forces that an explanation may name and still count as one.
 MOST_FORCES = 2
-#: Limit, in units of noise, at which residuals are cut off in sums of squares: wild points say nothing of a model.
-CLIP = 3.0
 #: Splines of stiffness, and of damping, with amplitude.
 SPLINES = 6
 #: Rows in a window of frequency.

@@ -40,14 +40,14 @@ class Driven:
         shaken: mass of the structure, without what is added, that the base's acceleration acts on, in each row of each
             record; 0 where a force drives.
         groups: numbers of the states that share a participation which is a free parameter.
-        said: what was done.
+        notes: what was done.
     """
 
     states: tuple[State, ...]
     shaken: tuple[FloatArray, ...]
     unit: float = 1.0
     groups: tuple[tuple[int, ...], ...] = ()
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driven:
@@ -69,7 +69,7 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
             viscous, mass = float(np.hypot(stated.viscous, known.spread)), max(stated.mass, NO_KNOWLEDGE["mass"])
             counted = replace(counted, tolerance=replace(stated, viscous=viscous, mass=mass))
         unit = known.value * mode.mass
-        return Driven(((record, counted),), (np.ones(len(record)),), unit, said=(f"base drive: {known}",))
+        return Driven(((record, counted),), (np.ones(len(record)),), unit, notes=(f"base drive: {known}",))
     if simulated:
         what = "a simulator is a function of force and frequency, and knows nothing of masses that a base shakes too"
         raise AnalysisError(f'{record.source}: {what}: give it one state without added mass, or drive = "force"')
@@ -81,8 +81,8 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
     used = {k: known if known.known else shared for group, known in zip(groups, found, strict=True) for k in group}
     unit = used[0].value * mode.mass if 0 in used else 1.0
     pairs = [_count(state, mode, used.get(k), unit, same=same[k]) for k, state in enumerate(states)]
-    said = [f"base drive{_name(group, states)}: {known}" for group, known in zip(groups, found, strict=True)]
-    return Driven(tuple(pair for pair, _ in pairs), tuple(mass for _, mass in pairs), unit, tuple(groups), tuple(said))
+    notes = [f"base drive{_name(group, states)}: {known}" for group, known in zip(groups, found, strict=True)]
+    return Driven(tuple(pair for pair, _ in pairs), tuple(mass for _, mass in pairs), unit, tuple(groups), tuple(notes))
 
 
 def as_given(mode: Mode, unit: float, groups: Sequence[Sequence[int]]) -> Mode:

@@ -120,7 +120,7 @@ class Sensitivity(NamedTuple):
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first.
 
-    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``every``:
+    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``stride``:
     stride of the models that have a derivative by ln omega_n.
     """
 
@@ -128,11 +128,11 @@ class Residuals:
     sensitivity: Sensitivity
     prediction: Prediction
     motion: FloatArray
-    every: int = 1
+    stride: int = 1
 
     def by_sweep(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of models 0, k, 2k ..., k = ``every``."""
-        own, step = self.sensitivity, self.every
+        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of models 0, k, 2k ..., k = ``stride``."""
+        own, step = self.sensitivity, self.stride
         own = own._replace(per_sd=own.per_sd[::step], follow=own.follow[::step])
         by_gain = np.zeros_like(self.r[::step])
         by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * own.per_sd
@@ -173,10 +173,10 @@ class Model:
             terms = part.form.change(terms, *part.values(own))
         return with_effects(terms, simulation.mode.effects)
 
-    def residuals(self, y: FloatArray, every: int = 1) -> Residuals:
+    def residuals(self, y: FloatArray, stride: int = 1) -> Residuals:
         """Residuals at variables y (batch, size + 2 sweeps)."""
         z = y[:, self.size :]
-        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at, every)
+        return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at, stride)
 
     def at_motion(self, y: FloatArray) -> Model:
         """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
@@ -202,15 +202,15 @@ class Model:
 
 
 def residuals(
-    terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None, every: int = 1
+    terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None, stride: int = 1
 ) -> Residuals:
     """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
 
-    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``every``:
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``stride``:
     stride of the models that are asked how they change by sweep.
     """
     u0 = rows.u if at is None else at
-    prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, every)
+    prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, stride)
     d = 1.0 - prediction.by_u.real
     squared = d * d + FOLD**2
     misfit = u0 - prediction.P.real
@@ -226,7 +226,7 @@ def residuals(
         parts.append(wrapped(rows.phase - phase) / sd_phase)
     if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
-    return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion, every)
+    return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion, stride)
 
 
 def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:

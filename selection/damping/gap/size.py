@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Terms
+from damping.gap.corrected import CONTENT
 from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import Model, Problem, deviated
@@ -20,9 +21,8 @@ from damping.gap.search import Search
 OUTLYING = 3.3
 #: What an explanation leaves, with two standard errors of it, over a noise that is plainly too large.
 _QUIET = 0.8
-#: Most levels held out, the highest first; content of the interval.
+#: Most levels held out, the highest first.
 MOST_FOLDS = 3
-CONTENT = 0.9
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
 _CLOSED = 0.8
 _FAILED = 0.5

@@ -26,7 +26,7 @@ _OF_NORMAL = 0.7215
 #: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
 SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
 _PRICE = 2.0
-#: A deviation beyond this many standard deviations counts as if it were this large.
+#: A deviation beyond this many standard deviations counts as if it were this large: wild points say nothing of a model.
 CLIP = 3.0
 #: Noise that is assumed before anything is known: of the order of a careful sine test.
 FIRST_GUESS = 0.02

@@ -20,7 +20,7 @@ FEW_TERMS = 3
 DEPENDENT = 1e-13
 
 
-def solve_nonnegative(columns: FloatArray, target: FloatArray) -> FloatArray:
+def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArray:
     """Least squares with coefficients >= 0 of many problems, (k, terms); NaN where none exist.
 
     Args:

@@ -25,7 +25,7 @@ from damping.arrays import FloatArray, Floats, IntArray
 from damping.errors import AnalysisError
 from damping.forces import Component
 from damping.forces.contract import Sum
-from damping.infer import solve_nonnegative
+from damping.infer import solve_nonnegative_batch
 from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
@@ -264,7 +264,7 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
     moving, variance = np.arange(len(scale)), rows.find_variance(np.abs(rows.D))
     for _ in range(REWEIGHTINGS):
         X, own, weight = columns[moving], rows.take(moving), 1.0 / np.sqrt(variance)
-        fit = solve_nonnegative(X * weight[:, :, None], own.D * weight)
+        fit = solve_nonnegative_batch(X * weight[:, :, None], own.D * weight)
         fit[fit < NOTHING * fit.max(axis=1, keepdims=True)] = 0.0
         variance = own.find_variance(np.einsum("kij,kj->ki", slopes[moving], fit))
         left = own.D - np.einsum("kij,kj->ki", X, fit)

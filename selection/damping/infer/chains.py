@@ -52,7 +52,7 @@ class Settings:
         ensembles, walkers: groups of walkers, and walkers in each. tries: draws that a walker chooses among at a step.
         first, budget: steps before the first look at convergence, and at most.
         effective_size, lengths, r_hat: the criteria (at least, at least, at most).
-        kept: draws kept of each ensemble.
+        draws_kept: draws kept of each ensemble.
     """
 
     ensembles: int = 4
@@ -63,7 +63,7 @@ class Settings:
     effective_size: float = 1000.0
     lengths: float = 50.0
     r_hat: float = 1.01
-    kept: int = 400
+    draws_kept: int = 400
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def run(target: Target, start: Evidence, seed: int, settings: Settings | None = 
         steps = min(int(GROWTH * steps), settings.budget)
     parts = x.reshape(len(x), settings.ensembles, -1, target.dimension).swapaxes(0, 1)
     parts = parts.reshape(settings.ensembles, -1, target.dimension)
-    kept = parts[:, np.linspace(0, parts.shape[1] - 1, settings.kept).astype(int)]
+    kept = parts[:, np.linspace(0, parts.shape[1] - 1, settings.draws_kept).astype(int)]
     acceptance = float(np.mean(sampler.acceptance_fraction))
     return Chains(x=kept, diagnoses=diagnoses, failure=failure, steps=steps, acceptance=acceptance)
 

@@ -91,13 +91,14 @@ SLOPES = (0.25, 3.0)
 class JointEvidence(NamedTuple):
     """What the resonances say of a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A.
 
-    ``told``: whether they say anything; where levels have one frequency they do not. ``failing``: how sure it is, 0 to
-    1, that damping fails at the top of the test though no joint slips, as of an eddy-current damper that is too fast.
+    ``informative``: whether they say anything; where levels have one frequency they do not. ``failing``: how sure it
+    is, 0 to 1, that damping fails at the top of the test though no joint slips, as of an eddy-current damper that is
+    too fast.
     """
 
     probability: float = JOINTS
     fall: float = 0.0
-    told: bool = False
+    informative: bool = False
     failing: float = 0.0
 
 
@@ -208,7 +209,7 @@ def find_joint(
     log_other = -0.5 * (fall / other) ** 2 - np.log(other)
     log_joint = -0.5 * (fall / joint) ** 2 - np.log(joint) + np.log(2.0) + log_ndtr(fall * JOINT_FALL / other / joint)
     odds = logsumexp(log_joint, b=OTHER_SHARES) - logsumexp(log_other, b=OTHER_SHARES)
-    return JointEvidence(float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS)), float(fall), told=True)
+    return JointEvidence(float(1.0 / (1.0 + np.exp(-odds) * (1.0 - JOINTS) / JOINTS)), float(fall), informative=True)
 
 
 def extend(
@@ -229,7 +230,7 @@ def extend(
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
         bent = np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
         untold = UNTOLD * bent
-        least = (LETS_GO * max(lean, 0.0) * near if joint.told else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
+        least = (LETS_GO * max(lean, 0.0) * near if joint.informative else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
         spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
         fails = FAILS * joint.failing * (1.0 - bent) / np.maximum(spread, 1e-6)

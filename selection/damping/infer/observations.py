@@ -127,10 +127,14 @@ class Observations:
     def take_sweeps(self, places: IntArray) -> Observations:
         """The sweeps at ``places``, in that order; the rows of each in theirs."""
         rows = np.concatenate([np.flatnonzero(self.sweep == place) for place in places])
-        per_row = {name: getattr(self, name)[rows] for name in _PER_ROW}
         per_sweep = {name: value[places] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
         number = np.repeat(np.arange(len(places)), self.rows_per_sweep[places])
-        return replace(self, **per_row, **per_sweep, sweep=number, sweeps=tuple(self.sweeps[i] for i in places))
+        labels = tuple(self.sweeps[i] for i in places)
+        return replace(self.take_rows(rows), **per_sweep, sweep=number, sweeps=labels)
+
+    def take_rows(self, rows: BoolArray | IntArray) -> Observations:
+        """Some rows of the same sweeps: those marked (shape (rows,)), or those at places, in that order."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in _PER_ROW})
 
 
 def round_bits(values: FloatArray, bits: int) -> FloatArray:
@@ -139,7 +143,7 @@ def round_bits(values: FloatArray, bits: int) -> FloatArray:
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
 
 
-_PER_ROW = ("A", "omega", "D", "R", "sd_amplitude", "sd_force", "sd_phase")
+_PER_ROW = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
 _PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass", "added_mass")
 
 

@@ -26,6 +26,7 @@ from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from damping.errors import check_kind
 from damping.forces import CATALOGUE, Viscous
+from damping.records.text import describe_shortened
 
 
 def describe_scales(figure: Figure) -> str:
@@ -75,8 +76,10 @@ INK = "#1f2328"
 MUTED = "#5c6670"
 #: A label beside a bar.
 BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
+#: Dots per inch of a figure on a page in Markdown.
+PAGE_DPI = 130
 #: Lines of the grid.
-GRID = "#e3e6e9"
+GRIDLINE = "#e3e6e9"
 #: Measured values.
 MEASURED = "#1f2328"
 #: The average over models.
@@ -84,7 +87,7 @@ AVERAGE = "#0b2545"
 #: What linear damping says.
 LINEAR = "#a3123a"
 #: Ground of what lies beyond the test.
-BEYOND = "#f6f1e6"
+BEYOND_TEST = "#f6f1e6"
 #: What needs attention.
 ALERT = "#c8500a"
 #: Credible band of the average, inner of the two.
@@ -177,13 +180,6 @@ def describe_with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
-def weight_text(weight: float) -> str:
-    """A posterior probability for a label: three decimals where it is small."""
-    if weight >= 0.0095 or weight == 0.0:
-        return f"{weight:.2f}" if weight else "0"
-    return f"{weight:.3f}" if weight >= 0.0005 else "< 0.001"
-
-
 def plain_log(axis: Axis) -> None:
     """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
     low, high = sorted(axis.get_view_interval())
@@ -202,8 +198,7 @@ def draw_plain_rows(axes: Axes, labels: list[str]) -> None:
 
 def describe_short(label: object, most: int = 14) -> str:
     """A label for beside a point: one line of at most ``most`` characters."""
-    text = " ".join(str(label).split())
-    return text if len(text) <= most else text[: most - 1] + "…"
+    return describe_shortened(" ".join(str(label).split()), most, "…")
 
 
 def distinguish(labels: Iterable[object], most: int = 10) -> list[str]:
@@ -223,7 +218,7 @@ def identifier(name: str) -> str:
     return slug if slug[:1].isalpha() else f"n-{slug}"
 
 
-def to_png(figure: Figure, dpi: float) -> bytes:
+def to_png(figure: Figure, dpi: float = PAGE_DPI) -> bytes:
     """The figure as PNG; equal figures give equal bytes."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})

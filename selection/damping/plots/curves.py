@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from damping import plots as look
 from damping.plots import build_panel, build_panels, describe_short, describe_with_unit, distinguish, law_style, styled
+from damping.records.text import count
 
 #: The median within the test.
 _MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}
@@ -97,7 +98,7 @@ def _to_q(percent: Any) -> Any:
 def shade_beyond(axes: Axes, edge: float, end: float) -> None:
     """Hatch the ground from ``edge`` to ``end``, where nothing was tested."""
     if end > edge:
-        axes.axvspan(edge, end, facecolor=look.BEYOND, edgecolor=look.GRID, hatch="///", linewidth=0, zorder=0)
+        axes.axvspan(edge, end, facecolor=look.BEYOND_TEST, edgecolor=look.GRIDLINE, hatch="///", linewidth=0, zorder=0)
 
 
 def _explain(figure: Figure, axes: Axes | None, marks: list[Artist]) -> None:
@@ -143,7 +144,7 @@ def fitted_sweeps(
         for label, x, y in zip(distinguish(tops["sweep"]), tops["x"], tops["y"], strict=True):
             axes.annotate(label, (x, y), (5, 2), textcoords="offset points", fontsize=7.5)
     axes.margins(x=0.1, y=0.1)
-    measured_label = f"measured ({sweeps.ngroups} sweep{'s' * (sweeps.ngroups != 1)}, n = {len(measured)})"
+    measured_label = f"measured ({count(sweeps.ngroups, 'sweep')}, n = {len(measured)})"
     marks = [
         Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=measured_label),
         Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),

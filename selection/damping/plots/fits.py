@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 from damping import plots as look
 from damping.arrays import FloatArray
 from damping.plots import describe_short, draw_plain_rows, law_style, styled
+from damping.records.text import format_share
 
 #: Points from which on they are drawn as one picture: a mark each would make a file many times the data.
 MANY = 5_000
@@ -102,7 +103,7 @@ def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
     hatches = ["///" if "viscous + " in law else "" for law in laws]
     axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
     for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
-        label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else look.weight_text(weight)
+        label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else format_share(weight)
         axes.annotate(label, (weight, row), (4, 0), **look.BESIDE)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")

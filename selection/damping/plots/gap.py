@@ -9,7 +9,8 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from damping import plots as look
-from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, plain_log, styled, weight_text
+from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, plain_log, styled
+from damping.records.text import format_share
 
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
@@ -185,6 +186,6 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
     colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
     ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
     for row, probability in enumerate(table["probability"].tolist()):
-        ax.annotate(weight_text(probability), (probability, row), (4, 0), **look.BESIDE)
+        ax.annotate(format_share(probability), (probability, row), (4, 0), **look.BESIDE)
     ax.set_xlim(0.0, 1.12)
     return figure

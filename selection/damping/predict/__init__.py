@@ -1,4 +1,4 @@
-"""Response: lumped masses to modes, first-harmonic steady states and their branches, time integration for reference.
+"""Response of a mode: first-harmonic steady states and their branches, time integration for reference.
 
 Here what a test measured, as laws are fitted to it: base drive as a force, swept rows as the steady states of them.
 
@@ -31,7 +31,7 @@ class Measured:
     record: Record
     mode: Mode | None
     driven: Record
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def prepare(record: Record, mode: Mode | None = None) -> Measured:
@@ -43,10 +43,10 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     is.
     """
     if mode is not None:
-        said = []
+        notes = []
         if mode.drive == "base":
             participation = find_participation([(record, mode.mass, 0.0)])
-            record, said = shake(record, mode, participation), [f"base drive: {participation}"]
+            record, notes = shake(record, mode, participation), [f"base drive: {participation}"]
             mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
         driven = record
         if mode.rig.rate and "sweep_rate" not in record.table.columns:
@@ -55,12 +55,12 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
     elif "sweep_rate" not in record.table.columns:
         return Measured(record, None, record)
     else:  # what the rows imply; NaN where they imply none
-        implied, said, driven = View(record, None).implied, [], record
+        implied, notes, driven = View(record, None).implied, [], record
         mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
     if not mass > 0.0:
-        return Measured(record, mode, driven, tuple(said))
+        return Measured(record, mode, driven, tuple(notes))
     steady, swept = as_steady(record, mass, frequency)
-    return Measured(steady, mode, driven, (*said, *swept))
+    return Measured(steady, mode, driven, (*notes, *swept))
 
 
 def count_in(mode: Mode, participation: Participation) -> Mode:

@@ -74,7 +74,7 @@ class Oscillator:
 class State:
     """Displacement, velocity and the joints' stretches at the time t.
 
-    ``sums``: time integrals of q sin(omega t), q cos(omega t), q and q^2 since a start.
+    ``sums``: time integrals of q sin(omega t) and q cos(omega t) since a start.
     """
 
     t: float
@@ -86,7 +86,7 @@ class State:
     @property
     def restarted(self) -> State:
         """The same state with the integrals set to zero."""
-        return replace(self, sums=np.zeros(4))
+        return replace(self, sums=np.zeros(2))
 
 
 def advance(oscillator: Oscillator, state: State, periods: int) -> State:
@@ -138,8 +138,7 @@ def _stick(oscillator: Oscillator, state: State, until: float) -> State:
     """Rest at the present position."""
     w, q, a, b = oscillator.omega, state.q, state.t, until
     sine, cosine = (math.cos(w * a) - math.cos(w * b)) / w, (math.sin(w * b) - math.sin(w * a)) / w
-    held = np.array([q * sine, q * cosine, q * (b - a), q * q * (b - a)])
-    return replace(state, t=until, sums=state.sums + held)
+    return replace(state, t=until, sums=state.sums + q * np.array([sine, cosine]))
 
 
 def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> State:
@@ -153,14 +152,14 @@ def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> Stat
         force = oscillator.resistance(q, max(sign * v, 0.0), sign)
         for joint, stretch in joints:
             force += float(joint.stiffness) * joint.stretch(stretch, q - start)
-        return [v, (F * sine - force) / M, q * sine, q * math.cos(w * t), q, q * q]
+        return [v, (F * sine - force) / M, q * sine, q * math.cos(w * t)]
 
     def turning(t: float, y: FloatArray) -> float:
         return float(y[1])
 
     turning.terminal, turning.direction = True, -sign  # type: ignore[attr-defined]  # how solve_ivp takes events
     scale = max(abs(state.q), abs(state.v) / w, F / oscillator.K)
-    size = _RTOL * np.array([scale, scale * w, *(scale * oscillator.period * np.array([1.0, 1.0, 1.0, scale]))])
+    size = _RTOL * np.array([scale, scale * w, scale * oscillator.period, scale * oscillator.period])
     from scipy.integrate import solve_ivp  # noqa: PLC0415 - slow to import, and few commands integrate in time
 
     begin, most = np.array([state.q, state.v, *state.sums]), oscillator.period / 12.0
@@ -181,15 +180,11 @@ class TimeState:
 
     Attributes:
         amplitude, phase: first harmonic A sin(omega t - phase) of the displacement over a window.
-        distortion: root of the power of all higher harmonics over that of the first one.
-        drift: relative difference of the first harmonics of the last two windows.
         state: displacement, velocity and joints at the end, at a zero of the drive: where to go on from.
     """
 
     amplitude: float
     phase: float
-    distortion: float
-    drift: float
     state: State
 
 
@@ -205,7 +200,7 @@ def steady_state_in_time(
     AnalysisError: no steady state is reached, or a part of the force has no law in time.
     """
     oscillator = Oscillator(force, float(F), float(omega), float(M), float(omega_n))
-    at_rest = State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(force.joints), sums=np.zeros(4))
+    at_rest = State(t=0.0, q=0.0, v=0.0, stretches=(0.0,) * len(force.joints), sums=np.zeros(2))
     state = at_rest if start is None else replace(start, t=0.0).restarted
     for periods in _FREE_FROM_REST if start is None else _FREE:
         state = advance(oscillator, state, periods)
@@ -275,16 +270,9 @@ def _settle(oscillator: Oscillator, state: State, radius: float | None) -> TimeS
             change = abs(harmonic - previous) / max(abs(harmonic), 1e-300)
             ratio = radius**_WINDOW if radius is not None else min(change / last, 1.0) if last > 0.0 else 0.0
             if (radius is not None or np.isfinite(last)) and change <= _AGREEMENT * (1.0 - ratio):
-                return _result(oscillator, state, harmonic, change)
+                return TimeState(abs(harmonic), float(-np.angle(harmonic)), state.restarted)
             last = change
         previous = harmonic
     raise AnalysisError(
         f"no steady state within {_MOST_WINDOWS * _WINDOW} periods at {oscillator.omega / (2 * np.pi):.6g} Hz"
     )
-
-
-def _result(oscillator: Oscillator, state: State, harmonic: complex, drift: float) -> TimeState:
-    window, power = _WINDOW * oscillator.period, 0.5 * abs(harmonic) ** 2
-    other = max(state.sums[3] / window - (state.sums[2] / window) ** 2 - power, 0.0)
-    distortion = float(np.sqrt(other / power)) if harmonic else 0.0
-    return TimeState(abs(harmonic), float(-np.angle(harmonic)), distortion, float(drift), state.restarted)

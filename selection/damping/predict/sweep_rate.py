@@ -20,16 +20,13 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.errors import AnalysisError
-from damping.records.implied import sense_rate
+from damping.records.check_sweeps import FAST
+from damping.records.implied import NEAR, sense_rate
 from damping.records.record import Record
 from damping.records.runs import runs_of
 
-#: (df/dt)/(2 zeta f)^2 above which peaks differ from steady ones by more than some per cent.
-FAST = 0.3
-#: ... and below which they are steady to less than the noise that a correction adds: 0.1 % in amplitude.
+#: (df/dt)/(2 zeta f)^2 below which peaks are steady to less than the noise that a correction adds: 0.1 % in amplitude.
 SLOW = 0.05
-#: Rows of smaller amplitude, as a share of the largest of the sweep, are noise and tails: neither corrected nor fitted.
-NEAR = 0.35
 _STEP = 0.15  # of the phase of the transient between two points of the integration, rad
 #: Standard errors from which on a rate is believed, and octaves/min in a first look from which on it is looked for.
 _KNOWN = 5.0

@@ -28,6 +28,7 @@ from damping.ranking.candidates import (
     percent_errors,
 )
 from damping.ranking.verdict import FitVerdict, judge_fit
+from damping.records.text import count
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
 #: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
@@ -263,22 +264,18 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     cautions = []
     freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
-        degrees = f"{_count(freedom, 'degree')} of freedom" if freedom >= 0 else "more parameters than points"
-        cautions.append(f"{_count(len(data.A), 'point')}, {degrees}: the spread rests on the prior")
+        degrees = f"{count(freedom, 'degree')} of freedom" if freedom >= 0 else "more parameters than points"
+        cautions.append(f"{count(len(data.A), 'point')}, {degrees}: the spread rests on the prior")
     fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
     for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
         edges = shape.prior.range if shape.prior else None
         if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
             cautions.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
-        cautions.append(f"{_count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
+        cautions.append(f"{count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
     if row.weight < NEGLIGIBLE and row.evidence.effective_draws < FEW_DRAWS:
         cautions.append("negligible beside the others and drawn for no further: its numbers are rough")
     elif row.evidence.effective_draws < FEW_DRAWS:
         doubt = 200 * row.evidence.standard_error
         cautions.append(f"marginal likelihood uncertain by {doubt:.0f} % (2 standard errors)")
     return tuple(cautions)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"

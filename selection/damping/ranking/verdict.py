@@ -56,14 +56,14 @@ class FitVerdict:
     Attributes:
         verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
         p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
-        apart: what is said of levels that scatter about the leading law far more than their rows do, or of rows that no
-            law fits and that read far more than a resonance; empty if none do.
+        level_caution: what is said of levels that scatter about the leading law far more than their rows do, or of rows
+            that no law fits and that read far more than a resonance; empty if none do.
     """
 
     verdict: Verdict
     p_value: float
     misfit: float
-    apart: str = ""
+    level_caution: str = ""
 
     @property
     def sentence(self) -> str:
@@ -74,7 +74,7 @@ class FitVerdict:
             "poor": f"the leading law fits poorly: it {by}; a law of less weight fits",
             "none fits": f"no law fits: the leading law {by}",
         }
-        return "; ".join(filter(None, [said[self.verdict], self.apart]))
+        return "; ".join(filter(None, [said[self.verdict], self.level_caution]))
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
@@ -186,7 +186,8 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     return (
         f"levels scatter about {fit.law.name} by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
         f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} is farthest off, its amplitudes {abs(by):.2g} %"
-        f" {'below' if by < 0.0 else 'above'} what the others imply; damping gap names what is wrong, if not the law"
+        f" {'below' if by < 0.0 else 'above'} what the others imply. The command damping gap"
+        " names what is wrong, if it is not the law"
     )
 
 

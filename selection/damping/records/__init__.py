@@ -80,11 +80,14 @@ class Audit:
         columns = list(Finding.__dataclass_fields__)
         return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
 
+    def list_findings(self) -> list[dict[str, Any]]:
+        """The findings as forms hold them."""
+        return [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
+
     def to_json(self) -> dict[str, Any]:
         """The form ``audit/1``; ``implied`` is an extra key."""
-        findings = [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
         implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
-        return {"format": FORMAT, "verdict": self.verdict, "findings": findings, "implied": implied}
+        return {"format": FORMAT, "verdict": self.verdict, "findings": self.list_findings(), "implied": implied}
 
     def require(self, despite: Collection[str] = (), *, diagnosed: bool = False) -> Audit:
         """The audit of a record that may be worked on: Refused where a finding refuses that is not in ``despite``.

@@ -7,7 +7,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
-from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_peaks_of
+from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
 
@@ -81,7 +81,7 @@ SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies are of di
 
 
 def _find_further_peaks(view: View) -> list[tuple[Run, FloatArray]]:
-    peaks = [(run, run.omega[find_peaks_of(run)] / RAD_S_PER_HZ) for run in view.runs]
+    peaks = [(run, run.omega[find_run_peaks(run)] / RAD_S_PER_HZ) for run in view.runs]
     return [(run, peaks) for run, peaks in peaks if len(peaks) > 1]
 
 
@@ -104,7 +104,8 @@ def check_several_modes(view: View) -> Finding | None:
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
 
 
-#: Half-power bandwidths in the time one takes, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state.
+#: Half-power bandwidths in the time one takes, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state:
+#: peaks differ by more than some per cent.
 FAST = 0.3
 #: The same beyond which no answer holds: damping of a linear mode, integrated, whose mass is taken from the sweep, is
 #: 6 % off at 1.7, and 12 % off, beyond the band, at 2.1.

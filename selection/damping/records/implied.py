@@ -29,15 +29,15 @@ class Implied:
     """What a run implies: ``mass`` complex, its argument the offset of the phases; ``scatter`` its relative sd.
     ``damping``: median damping ratio of the rows it rests on, which is what a law may move the offset by.
 
-    ``taken``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard error:
-    below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1 where the
-    phases have nothing to do with the amplitudes. ``both_sides``: seen from rows on both sides of resonance.
+    ``energy_sign``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard
+    error: below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1
+    where the phases have nothing to do with the amplitudes. ``both_sides``: seen from rows on both sides of resonance.
     """
 
     mass: complex
     scatter: float
     damping: float
-    taken: float
+    energy_sign: float
     miss: float
     both_sides: bool
 
@@ -202,8 +202,8 @@ def classify_phase(run: Run, turn: Implied) -> str:
     """
     assert run.phase is not None
     half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is half a turn rather than a quarter or none
-    kind = ("acceleration" if half else "negated") if turn.taken < -CERTAIN else ""
-    if half and turn.taken > CERTAIN:
+    kind = ("acceleration" if half else "negated") if turn.energy_sign < -CERTAIN else ""
+    if half and turn.energy_sign > CERTAIN:
         kind = "minus pi"
     return "" if kind != "acceleration" and bool(np.all(np.sin(run.phase) > 0.0)) else kind
 
@@ -226,7 +226,8 @@ def has_antiresonance(run: Run) -> bool:
     return bool(rise > max(FALL, NOISE_BESIDE_FALL * run.noise))
 
 
-#: Rows of at least this share of the largest A/F show a rate of sweeping; beyond, the response beats after its peak.
+#: Rows of at least this share of the largest A/F show a rate of sweeping, and are corrected for it; beyond, they are
+#: noise and tails, and the response beats after its peak.
 NEAR = 0.35
 #: Slopes of the phase are taken over a row on either side, and one more for each further group of this many rows.
 ROWS_A_SIDE = 30

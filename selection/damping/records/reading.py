@@ -16,7 +16,7 @@ from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
 from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
 from damping.records.record import CellProblem, Record, find_problems, require_columns
-from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, describe_shortened, read_bytes, unguarded
+from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, count, describe_shortened, read_bytes, unguarded
 
 MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
 MOST_COLUMNS = 2000  #: most columns of a header: the same
@@ -142,7 +142,7 @@ def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputE
     problem = None
     for line, row in rows:
         if len(row) != len(growing):
-            message = f"{len(row)} cell{'s' if len(row) != 1 else ''} in the row"
+            message = f"{count(len(row), 'cell')} in the row"
             problem = InputError(message, line=line, expected=f"{len(growing)} as in the header")
             break
         if len(lines) == MOST_ROWS:

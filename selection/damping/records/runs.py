@@ -142,7 +142,7 @@ def measure_whiteness(runs: list[Run]) -> float | None:
     return steps / spread if spread > 0.0 else None
 
 
-def find_peaks_of(run: Run) -> IntArray:
+def find_run_peaks(run: Run) -> IntArray:
     """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)

@@ -1,12 +1,13 @@
-"""Files as text: bytes of bounded size, UTF-8, and the rows of a CSV file with the line on which each starts."""
+"""Files as text: bytes of bounded size, UTF-8, rows of a CSV file with the line of each. Words of many messages."""
 
 import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
 from html import escape
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, SupportsFloat
 
 from damping.errors import InputError, describe_nearest
 
@@ -102,9 +103,28 @@ def recode(data: bytes) -> tuple[bytes, str]:
     return data, ""
 
 
-def describe_shortened(text: str, length: int = 30) -> str:
-    """``text``, cut to ``length`` characters for a message."""
-    return text if len(text) <= length else text[: length - 3] + "..."
+def describe_shortened(text: str, length: int = 30, mark: str = "...") -> str:
+    """``text``, cut to ``length`` characters for a message, ``mark`` at its end among them."""
+    return text if len(text) <= length else text[: max(length - len(mark), 0)] + mark
+
+
+def count(n: int, what: str) -> str:
+    """``1 sweep``, ``3 sweeps``."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+#: What stands for a number that does not exist.
+NOTHING = "–"
+
+
+def format_share(value: SupportsFloat) -> str:
+    """A probability with two decimals, three where small."""
+    x = float(value)
+    if not isfinite(x):
+        return NOTHING
+    if x == 0.0 or x >= 0.0095:
+        return f"{x:.2f}" if x else "0"
+    return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
 
 
 def name_apart(names: Iterable[str]) -> list[str]:

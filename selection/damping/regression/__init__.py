@@ -179,6 +179,13 @@ def _error(text: str, position: int, problem: str, expected: str) -> InputError:
     return InputError(f"terms {text.strip()!r}, character {position + 1}: {problem}", expected=expected)
 
 
+def list_columns_for(response: str, terms: Iterable[Term]) -> tuple[str, ...]:
+    """The response, then the columns of ``terms``, each once. InputError: a response without a name."""
+    if not (wanted := response.strip()):
+        raise InputError("the name of the response is empty", expected="a column of the table")
+    return tuple(dict.fromkeys([wanted, *list_columns_of(terms)]))
+
+
 def list_columns_of(terms: Iterable[Term]) -> tuple[str, ...]:
     """The columns that the terms need, each once, in order of first use."""
     return tuple(dict.fromkeys(column for term in terms for column in term.columns))

@@ -129,7 +129,7 @@ def best_subsets(design: Design, criterion: str = "bic", *, nonnegative: bool = 
     return replace(subsets.take(np.arange(len(subsets))[:number]), proof=Proof(2**design.k - 1, nodes, bound))
 
 
-def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool = False) -> Subsets:
+def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool) -> Subsets:
     """The models that have the criterion (and every coefficient > 0), best first; of equal ones the first first.
 
     AnalysisError: no model qualifies.

@@ -12,6 +12,9 @@ from damping.arrays import RAD_S_PER_HZ, STANDARD_GRAVITY_M_S2
 from damping.forces import shapes_of
 from damping.forces.shapes import Dimension
 from damping.records.mode import Units
+from damping.records.text import NOTHING as NOTHING
+from damping.records.text import count as count
+from damping.records.text import format_share as format_share
 
 _SMALL = ("no", "one", "two", "three", "four", "five", "six")
 
@@ -46,8 +49,6 @@ def format_counted(n: int, what: str) -> str:
     return f"{_SMALL[n] if n < len(_SMALL) else n} {what}{'s' * (n > 1)}"
 
 
-#: What stands for a number that does not exist.
-NOTHING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -79,21 +80,6 @@ def describe_written(value: Any) -> str:
 def format_decimals(value: float, digits: int) -> str:
     """``value`` with ``digits`` decimals, a dash where there is none."""
     return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
-
-
-def format_share(value: SupportsFloat) -> str:
-    """A probability with two decimals, three where small."""
-    x = float(value)
-    if not isfinite(x):
-        return NOTHING
-    if x == 0.0 or x >= 0.0095:
-        return f"{x:.2f}" if x else "0"
-    return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
-
-
-def count(n: int, what: str) -> str:
-    """``1 sweep``, ``3 sweeps``."""
-    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:

@@ -10,11 +10,14 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.extrapolation.backbone import Backbone
+from damping.extrapolation.prediction import Loads
 from damping.forces.contract import Force
+from damping.infer.observations import Observations
 from damping.plots import Drawn
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking
 from damping.predict.steady import resonant_amplitude
+from damping.records.mode import Units
 from damping.report import forms, tables
 from damping.report.page import Block, FigureBlock
 from damping.report.results import LawPosterior, RecordResult, Svgs, posterior_draws, prior_draws
@@ -32,7 +35,7 @@ def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
     drawn = {
         "damping_curve": _draw_curve(result),
         "fitted": _draw_fitted(result),
-        "design_loads": _draw_design_loads(result),
+        "design_loads": draw_design_loads(result.title, result.data, result.mode.units, result.design, result.bands),
         "ranking": _draw_ranking(result),
         "corner": _draw_corner(result),
         "predictive_check": _draw_predictive_check(result, level),
@@ -177,17 +180,19 @@ def _draw_predictive_check(result: RecordResult, level: float) -> Drawn | None:
     return Drawn(predictive_check(table, level), f"{result.title}: predictive check", description)
 
 
-def _draw_design_loads(result: RecordResult) -> Drawn | None:
-    if result.bands is None or result.design is None or not np.isfinite(result.design.average.median).any():
+def draw_design_loads(
+    title: str, data: Observations, units: Units, predicted: Loads | None, grid: Loads | None
+) -> Drawn | None:
+    """Tested resonances, predictions at design forces and bands on a ``grid`` of forces; None where there are none."""
+    if grid is None or predicted is None or not np.isfinite(predicted.average.median).any():
         return None
-    data, units = result.data, result.mode.units
-    design, bands = forms.tabulate_loads(result.design), forms.tabulate_loads(result.bands)
+    design, bands = forms.tabulate_loads(predicted), forms.tabulate_loads(grid)
     factor, length = words.choose_length(units.length, bands["median"].max())
     tested = forms.tabulate_tested(data)
     tested["amplitude"] *= factor
     for table in (design, bands):
         table[["median", "low", "high", "linear"]] *= factor
-    figure = design_loads(bands, tested, design, result.bands.level, units.force, length, result.bands.limit)
+    figure = design_loads(bands, tested, design, grid.level, units.force, length, grid.limit)
     predictions = words.format_joined(
         f"at {words.format_force_text(force, units.force)} median {words.number(median)} {length} "
         f"({words.number(low)} to {words.number(high)}), linear {words.number(linear)}"
@@ -196,9 +201,9 @@ def _draw_design_loads(result: RecordResult) -> Drawn | None:
     low, high = data.tested_force.min(), data.tested_force.max()
     description = (
         f"Tested from {words.number(low)} to {words.number(high)} {units.force}; beyond that extrapolated. "
-        f"Resonant amplitude with its {100 * result.bands.level:g} per cent predictive interval: {predictions}."
+        f"Resonant amplitude with its {100 * grid.level:g} per cent predictive interval: {predictions}."
     )
-    return Drawn(figure, f"{result.title}: resonant amplitude against force", description)
+    return Drawn(figure, f"{title}: resonant amplitude against force", description)
 
 
 _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "linear")
@@ -223,7 +228,9 @@ def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
     stem = result.stem("design_loads")
     if stem not in svgs or result.bands is None or result.design is None:
         return {}
-    table = pd.concat([tables.tabulate_loads(result.bands), tables.tabulate_loads(result.design)], ignore_index=True)
+    table = pd.concat(
+        [tables.tabulate_study_loads(result.bands), tables.tabulate_study_loads(result.design)], ignore_index=True
+    )
     # a design force keeps the numbers of the table of design loads, whatever the grid says there
     table = table.drop_duplicates("force", keep="last").sort_values("force", ignore_index=True)
     factor, length = words.choose_length(result.mode.units.length, table["median"].max())

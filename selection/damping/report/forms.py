@@ -114,7 +114,7 @@ def _build_forces(candidate: Candidate) -> list[Form]:
 #: Keys of a band: of a prediction of ``loads/1`` before the parts of its spread.
 _BAND_KEYS = ("median", "low", "high", "credible_low", "credible_high")
 #: Prefix of the columns of the parts of a predictive distribution, standard deviations in per cent of amplitude.
-_PART = "sd_percent_"
+PART = "sd_percent_"
 
 
 def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
@@ -133,7 +133,7 @@ def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
             "linear_overprediction_percent": loads.overprediction,
             "linear_overprediction_low": loads.overprediction_low,
             "linear_overprediction_high": loads.overprediction_high,
-            **{f"{_PART}{part}": loads.parts[part] for part in PARTS},
+            **{f"{PART}{part}": loads.parts[part] for part in PARTS},
             **(curve.table[damped] if curve else {}),
             "cautions": ["; ".join(caution) for caution in loads.cautions],
         }
@@ -163,7 +163,7 @@ def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = Non
         {
             asked: row[asked],
             **{key: row[key] for key in _BAND_KEYS},
-            "parts_percent": {part: row[f"{_PART}{part}"] for part in loads.parts},
+            "parts_percent": {part: row[f"{PART}{part}"] for part in loads.parts},
             **{key: value for key, value in row.items() if str(key).startswith("linear")},
             "extrapolation_ratio": row["extrapolation_ratio"],
             **(_build_ratio(curve, i) if curve else {}),
@@ -208,7 +208,7 @@ def curve_form(curve: Curve) -> Form:
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     # a ranking needs no diagnosis to load
-    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - see above
+    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - for a gap alone
 
     leading, held = diagnosis.leading, diagnosis.held_out
     parameters, places = describe_effects(leading.best)

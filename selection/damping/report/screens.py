@@ -4,6 +4,7 @@ Their sentences are in ``screens.txt``; here the numbers and the tables that fil
 (:mod:`damping.report.study`).
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import pandas as pd
 
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.ranking import Candidate
+from damping.records.mode import Units
 from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
@@ -66,7 +69,7 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         "ratio": design.ratio[i] if design is not None and i is not None else 0.0,
         "fitting": len(ranking.weighted(LEAST_SHOWN)),
         "best": ranking.weighted()[0],
-        "load": _describe_load(result),
+        "load": describe_load(design, result.design_curve, result.mode.units, result.design_levels),
         "top": _describe_top(result),
         "drawn": result.stem("damping_curve") in svgs,
         "measured": "sweeps" if result.data.has_repeats else "resonances",
@@ -76,14 +79,19 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
     }
 
 
-def _describe_load(result: RecordResult) -> dict[str, str]:
-    """The prediction at the largest design force that has one, in words; empty where none has."""
-    i, design, curve, units = find_largest(result.design), result.design, result.design_curve, result.mode.units
+def describe_load(
+    design: Loads | None, curve: Curve | None, units: Units, levels: Sequence[str] = ()
+) -> dict[str, str]:
+    """The prediction at the largest design force that has one, in words; empty where none has.
+
+    ``curve``: damping there. ``levels``: what each design force stands for, where not for itself.
+    """
+    i = find_largest(design)
     if i is None or design is None:
         return {}
     force = words.format_force_text(design.force[i], units.force)
     return {
-        "force": f"{result.design_levels[i]} (a modal force of {force})" if result.design_levels else force,
+        "force": f"{levels[i]} (a modal force of {force})" if levels else force,
         "median": words.format_length(design.average.median[i], units.length),
         "band": words.format_length_band(design.average.low[i], design.average.high[i], units.length),
         "level": f"{100 * design.level:g}",
@@ -115,8 +123,9 @@ def _tabulate_answers(study: StudyResult) -> Table:
     """A row for each record: what was tested, damping there, the law, the amplitude at the largest design force."""
     rows = []
     for result in study.records:
-        best, load, top, data = result.ranking.weighted()[0], _describe_load(result), _describe_top(result), result.data
-        tested = words.format_quantity(data.tested_force.max(), result.mode.units.force)
+        best, top, data, units = result.ranking.weighted()[0], _describe_top(result), result.data, result.mode.units
+        load = describe_load(result.design, result.design_curve, units, result.design_levels)
+        tested = words.format_quantity(data.tested_force.max(), units.force)
         frequency = words.number(data.tested_omega[data.top] / RAD_S_PER_HZ, 4)
         law = f"{best.name} {words.format_share(best.weight)}" if _count_levels(result) > 1 else "open"
         rows.append(

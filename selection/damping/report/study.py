@@ -116,17 +116,22 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     ranking = forms.tabulate_candidates(result.ranking).drop(columns="score_standard_error")
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
-    names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
-    formats: dict[str, page.Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
-    formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
     deviations = _tabulate_deviations(result)
     return {
-        "ranking": Table(ranking, "", formats, names),
+        "ranking": list_laws(ranking),
         "coefficients": Table(tables.tabulate_coefficients(result), "", dict.fromkeys(numbers, words.number), ends),
         "deviations": Table(deviations, "", dict.fromkeys(map(str, deviations.columns[1:]), words.format_percent)),
     }
+
+
+def list_laws(ranking: pd.DataFrame) -> Table:
+    """Every law with its weight, score and errors as pages say them: columns of ``forms.tabulate_candidates``."""
+    names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
+    formats: dict[str, page.Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
+    formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
+    return Table(ranking, "", formats, names)
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:

@@ -36,7 +36,7 @@ def record_tables(result: RecordResult) -> dict[str, pd.DataFrame]:
         "posteriors": tabulate_posteriors(result),
         "checks": tabulate_checks(result),
         "convergence": tabulate_convergence(result),
-        "design_loads": tabulate_loads(result.design),
+        "design_loads": tabulate_study_loads(result.design),
         "design_loads_by_model": forms.tabulate_loads_by_model(result.design) if result.design else pd.DataFrame(),
         "power_laws": tabulate_power_laws(result),
         "predictive_check": tabulate_predictive_check(result),
@@ -121,7 +121,7 @@ def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
     )
 
 
-def tabulate_loads(loads: Loads | None) -> pd.DataFrame:
+def tabulate_study_loads(loads: Loads | None) -> pd.DataFrame:
     """One row for each force, empty without loads; of a linear overprediction the shorter names that files keep."""
     if loads is None:
         return pd.DataFrame()

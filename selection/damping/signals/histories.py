@@ -85,7 +85,7 @@ def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArr
     along the record by more than their scatter explains are no jitter but a stretch, which would pass for a change of
     frequency: those times stay as they are, and are refused.
     """
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - as above
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only free decays need it
 
     step, notes = np.diff(t), []
     dt = float((t[-1] - t[0]) / (len(t) - 1))
@@ -123,7 +123,7 @@ def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[
 
 def flat_window(frequency: float, periods: float, dt: float) -> Window:
     """Hann window times a + b tau^2 of area 2 and no second moment, ``periods`` of ``frequency`` (Hz) long."""
-    from scipy.signal.windows import hann  # noqa: PLC0415 - as above
+    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only free decays need it
 
     half = round(0.5 * periods / (frequency * dt))
     offsets = dt * np.arange(-half, half + 1)
@@ -139,7 +139,7 @@ def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
 
     Taken beside the pass band, where there is noise alone, and at most what is in the band, motion or noise.
     """
-    from scipy.signal.windows import blackmanharris  # noqa: PLC0415 - as above
+    from scipy.signal.windows import blackmanharris  # noqa: PLC0415 - slow to import, and only free decays need it
 
     tail = np.abs(z[-(len(z) // 10 + 1) :])
     weights = np.asarray(blackmanharris(len(window.offsets)), dtype=np.float64)

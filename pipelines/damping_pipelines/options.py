@@ -1,4 +1,4 @@
-"""Commands on files and folders, and the options that commands share.
+"""Options of commands: those that several share, and every command on files and folders.
 
 A command is written as its options, whose meaning ``--help`` says; what it does stands in the module that it names.
 """
@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 MAX_SIZE = 200_000_000
+#: The year of the report; `damping.infer.SEED`, which this module is too light to import.
 DEFAULT_SEED = 1970
 #: Processes of one machine.
 MOST_PROCESSES = 1024

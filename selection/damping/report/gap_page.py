@@ -1,0 +1,227 @@
+"""The page of a gap diagnosis: its tables and figures, and what they draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from scipy.special import ndtri
+
+from damping import report as words
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.effects.contract import Drive, Terms
+from damping.effects.terms import complex_stiffness
+from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
+from damping.gap.diagnose import Diagnosis
+from damping.gap.directed import free_form
+from damping.gap.fit import ModelFit
+from damping.gap.model import Model, deviated, steady
+from damping.gap.rows import Rows
+from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
+from damping.gap.where import by_quantity, footprint
+from damping.report.gap import MOST_BARS, describe_diagnosis, list_sentences, tabulate_hypotheses
+from damping.report.page import FigureBlock, Footer, Table, render_page, write_sections
+
+if TYPE_CHECKING:
+    from damping.plots import Drawn
+
+#: Cells of a table.
+_MOST_CELLS = 12
+#: Points of a curve between the ends of a sweep.
+_POINTS = 160
+
+
+def render_gap_page(diagnosis: Diagnosis, posterior: EffectPosterior | None, footer: Footer) -> str:
+    """The page as HTML. Equal arguments give equal text."""
+    model = diagnosis.leading.best.model
+    rows = model.problem.rows
+    values = {
+        **vars(diagnosis),
+        "told": describe_diagnosis(diagnosis),
+        "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
+        "rows": rows,
+        "sd_amplitude": np.median(rows.sd_amplitude),
+        "sd_phase": np.median(rows.sd_phase),
+        "scatter": model.scatter,
+    }
+    drawn = gap_figures(diagnosis).items()
+    figures = {name: FigureBlock(figure.to_svg(f"gap-{name}"), figure.caption) for name, figure in drawn}
+    parts = {**figures, **_build_tables(diagnosis, posterior)}
+    sections = write_sections(Path(__file__).with_name("gap_page.txt"), values, parts)
+    return render_page(f"Gap diagnosis: {diagnosis.mode.name}", sections, footer)
+
+
+def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:
+    """Tables by name; the text has their captions."""
+    explanations = tabulate_hypotheses(diagnosis).drop(columns="listed")
+    tables = {
+        "cells": _tabulate(diagnosis.where[:_MOST_CELLS]),
+        "explanations": Table(explanations, "", {"probability": words.format_share}),
+        "parameters": Table(_tabulate_parameters(diagnosis), ""),
+        "tests": replace(_tabulate(diagnosis.tests), headings={"gain": "chi-square"}),
+    }
+    if diagnosis.footprint:
+        tables["marks"] = _tabulate(diagnosis.footprint[:_MOST_CELLS])
+    if posterior is not None:
+        low, median, high = pd.DataFrame(posterior.draws).quantile([0.05, 0.5, 0.95]).to_numpy()
+        interval = pd.DataFrame({"parameter": posterior.names, "5 %": low, "median": median, "95 %": high})
+        tables["posterior"] = Table(interval, "")
+    if diagnosis.held_out is not None:
+        tables["levels"] = Table(_tabulate_folds(diagnosis.held_out.folds), "")
+    if diagnosis.next_tests:
+        tables["candidates"] = _tabulate(diagnosis.next_tests)
+    return tables
+
+
+def _tabulate(rows: Sequence[Any]) -> Table:
+    return Table(pd.DataFrame([asdict(row) for row in rows]), "")
+
+
+def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
+    leading = diagnosis.leading.best
+    rows = [
+        {"of": effect, "parameter": name, "value": value}
+        for effect, values in describe_effects(leading)[0].items()
+        for name, value in values.items()
+    ]
+    corrections = refitted_values(leading).items()
+    rows += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
+    return pd.DataFrame(rows, columns=["of", "parameter", "value"])
+
+
+def _tabulate_folds(folds: Sequence[HeldOutFold]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"held out": ", ".join(fold.sweeps), "chosen without it": " + ".join(fold.effects) or "no effect"}
+        | {name: (getattr(fold, name) / fold.count) ** 0.5 for name in ("nominal", "before", "after")}
+        for fold in folds
+    )
+
+
+def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
+    """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
+    from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
+
+    leading, units = diagnosis.leading.best, diagnosis.mode.units
+    rows = leading.model.problem.rows
+    measured = _tabulate_measured(leading)
+    if rows.at_resonance:
+        overlay = gap.gap_resonances(measured, _tabulate_resonance(leading), units.force, units.length)
+    else:
+        overlay = gap.gap_overlay(measured, _tabulate_predicted(leading), units.length)
+    figures = {"overlay": overlay}
+    residuals = by_quantity(rows, nominal_residuals(leading))
+    figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
+    if leading.model.parts:
+        figures["footprint"] = gap.gap_map(_map(rows, footprint(leading)), "change (sigma)")
+    if len(diagnosis.hypotheses) > 1:
+        figures["probabilities"] = gap.gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
+    if diagnosis.local:
+        estimates = pd.DataFrame([vars(estimate) for estimate in diagnosis.local])
+        figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows), units.length)
+    sections = write_sections(Path(__file__).with_name("gap_figures.txt"), {})
+    described = {section.id: (section.title, *list_sentences(section.blocks[0])) for section in sections}
+    suffix = "-at-resonance" if rows.at_resonance else ""
+    return {name: Drawn(figure, *described.get(f"{name}{suffix}", described[name])) for name, figure in figures.items()}
+
+
+def _list_models(leading: ModelFit, terms_of: Callable[[ModelFit], Terms]) -> dict[str, Terms]:
+    """The simulation as given, refitted, and with the explanation."""
+    nominal = Model(leading.model.problem, (), leading.model.scatter)
+    given = nominal.terms(np.zeros((1, nominal.size)))
+    return {"nominal": given, "refitted": terms_of(refitted(leading)), "explained": terms_of(leading)}
+
+
+def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
+    """Amplitude at phase resonance over force of each model: ``model, force, amplitude``."""
+    rows = leading.model.problem.rows
+    order = np.argsort(rows.F)
+    F = np.linspace(0.9 * rows.F.min(), 1.1 * rows.F.max(), _POINTS)
+    filled = {name: np.interp(F, rows.F[order], getattr(rows, name)[order]) for name in ("omega", "u", "mass")}
+    nearest = np.argmin(np.abs(rows.F[:, np.newaxis] - F), axis=0)
+    dense = rows.taken(nearest, F=F, sweep=np.zeros(_POINTS, dtype=np.int64), **filled)
+    tables = []
+    for name, terms in _list_models(leading, lambda fit: fitted_terms(fit, deviations=False)).items():
+        flat = terms._replace(gain=np.ravel(terms.gain)[:1], omega_n=np.ravel(terms.omega_n)[:1])
+        A = np.exp(steady(flat, dense, dense.u).u)
+        tables.append(pd.DataFrame({"model": name, "force": F, "amplitude": A}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _locate(rows: Rows) -> dict[str, Any]:
+    return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
+
+
+def _tabulate_measured(leading: ModelFit) -> pd.DataFrame:
+    """Measured rows: ``sweep, frequency, force, amplitude, sd`` (relative)``, phase, wild`` (left out of the fit)."""
+    rows = leading.model.problem.rows
+    wild = ~np.all(regular_values(leading).reshape(-1, len(rows)), axis=0)
+    phase = rows.phase if rows.has_phase else np.nan
+    measured = {"force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude, "phase": phase, "wild": wild}
+    return pd.DataFrame({**_locate(rows), **measured})
+
+
+def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
+    """Curves of each model through every sweep: ``sweep, frequency, model, amplitude, phase``."""
+    dense = _dense(leading.model.problem.rows)
+    tables = []
+
+    def find_terms(fit: ModelFit) -> Terms:  # with each sweep's own deviation
+        own = fit.model.terms(fit.y[np.newaxis, : fit.model.size])
+        return deviated(own, dense, fit.y[np.newaxis, fit.model.size :], fit.model.scatter)
+
+    for name, terms in _list_models(leading, find_terms).items():
+        motion = steady(terms, dense, dense.u)
+        phase = motion.phase + 2.0 * np.pi * np.round((np.pi / 2.0 - motion.phase) / (2.0 * np.pi))
+        motions = {"model": name, "amplitude": np.exp(motion.u), "phase": phase}
+        tables.append(pd.DataFrame({**_locate(dense), **motions}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _dense(rows: Rows) -> Rows:
+    """Rows on a fine grid of frequencies in every sweep, force and amplitude interpolated."""
+    parts = []
+    for number in range(len(rows.sweeps)):
+        own = np.flatnonzero(rows.sweep == number)
+        grid = np.linspace(rows.omega[own[0]], rows.omega[own[-1]], _POINTS)
+        nearest = own[np.argmin(np.abs(rows.omega[own][:, np.newaxis] - grid), axis=0)]
+        filled = {name: np.interp(grid, rows.omega[own], getattr(rows, name)[own]) for name in ("F", "u", "mass")}
+        parts.append((nearest, filled | {"omega": grid}))
+    joined = {name: np.concatenate([filled[name] for _, filled in parts]) for name in parts[0][1]}
+    return rows.taken(np.concatenate([nearest for nearest, _ in parts]), **joined)
+
+
+def _map(rows: Rows, values: dict[str, FloatArray]) -> pd.DataFrame:
+    tables = [pd.DataFrame({**_locate(rows), "quantity": name, "value": value}) for name, value in values.items()]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
+    """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
+    A = np.geomspace(rows.A.min(), rows.A.max(), 80)
+    tables = []
+    for name, fit in (("refitted", refitted(leading)), ("explained", leading)):
+        terms = fitted_terms(fit, deviations=False)
+        M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
+        drive = Drive(np.ones(80), np.full(80, omega_n))
+        Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
+        frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
+        damping = Z.imag / (2.0 * M * omega_n**2)
+        tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
+    if not rows.at_resonance:
+        tables.append(_tabulate_free_curves(leading, tables[-1]))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _tabulate_free_curves(leading: ModelFit, explained: pd.DataFrame) -> pd.DataFrame:
+    """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
+    free = free_form(leading)
+    f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))
+    curves = {"amplitude": free.A, "frequency": f * (1.0 + free.frequency), "damping": xi + free.damping}
+    for end, reach in (("low", -float(ndtri(0.95))), ("high", float(ndtri(0.95)))):
+        curves[f"frequency_{end}"] = f * (1.0 + free.frequency + reach * free.frequency_sd)
+        curves[f"damping_{end}"] = xi + free.damping + reach * free.damping_sd
+    return pd.DataFrame({"model": "free", **curves})
