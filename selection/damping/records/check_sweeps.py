@@ -80,11 +80,12 @@ def check_edge(view: View) -> Finding | None:
 def check_jump(view: View) -> Finding | None:
     """Sweeps that jump past their resonance, so that no row stands at it: a bistable mode on its lower branch."""
     jumps: dict[str, str] = {}
-    for at in tabulate_resonances(view.right).query("method == 'beside'").itertuples():
-        rows, _ = order_rows(view.right.table[view.right.table["sweep"].astype(str) == at.sweep])
+    table = tabulate_resonances(view.right).query("method == 'beside'")
+    for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
+        rows, _ = order_rows(view.right.table[view.right.table["sweep"].astype(str) == sweep])
         F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
-        if (row := find_jump(F, f, A, phase - at.phase_offset)) is not None:
-            jumps[str(at.sweep)] = f"sweep {at.sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
+        if (row := find_jump(F, f, A, phase - offset)) is not None:
+            jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
     if not jumps:
         return None
     named = ", ".join(list(jumps.values())[:MOST_NAMED])
