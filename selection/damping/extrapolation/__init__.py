@@ -32,6 +32,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.near import (
     Plan,
     Planned,
+    describe_rests,
     judge_rows,
     near_resonance,
     observe_ranked,
@@ -186,11 +187,8 @@ class Rests:
 
     @property
     def said(self) -> tuple[str, ...]:
-        """What was done, and where weights rest on fewer rows than those of a ranking."""
-        if len(self.data.A) == len(self.steady):
-            return self.done
-        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-        return (*self.done, f"{why}; a ranking weighs them on every row, with others")
+        """What was done, and what weights rest on."""
+        return (*self.done, *describe_rests(self.data, len(self.steady)))
 
 
 def predict_record(

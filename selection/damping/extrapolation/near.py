@@ -58,6 +58,22 @@ def near_resonance(record: Record) -> Observations:
     return data if one_telling else at_resonance(data)
 
 
+#: What is said of a record of one level: of structures outside the library the 90 % band of one sweep misses a quarter.
+ONE_LEVEL = (
+    "one level does not tell how damping changes with amplitude, as frequency changes with it along a sweep: do not "
+    "believe the band beyond the tested force, and test a second level"
+)
+
+
+def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
+    """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
+    on = "resonances of the sweeps, as rows of one share their error"
+    on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
+    fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row, with others"
+    one_level = number_levels(data.tested_force).max() == 0
+    return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
+
+
 def without_offset(record: Record) -> Record:
     """The record with each sweep's phase offset taken off its phases; as it is where energies were recorded."""
     if not record.has_phase or "energy" in record.table.columns:
