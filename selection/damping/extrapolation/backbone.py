@@ -265,18 +265,16 @@ def find_backbone(record: Record, mode: Mode, implied: pd.DataFrame | None = Non
     """Frequencies and masses at the phase resonances of a record.
 
     The mass is that of the record's rows, else the mode's, known to its tolerance. Of a structure shaken at its base
-    neither is the mass that the force moves, and what the sweeps imply is taken: the participation is in it.
+    neither is the mass that the force moves, and what the sweeps imply is taken (``implied``, of the audit): the
+    participation is in it.
     Frequencies are those of the structure without ``added_mass``, whose stiffness is the same, and of several masses
     (:meth:`damping.records.mode.Mode.find_states`) with that of the largest force.
-
-    Args:
-        implied: what the audit says of each sweep (:attr:`damping.records.Audit.implied`).
 
     Raises:
         InputError: the structure is shaken at its base and no sweep shows the participation.
     """
     resonances = tabulate_resonances(record)
-    amplitude, frequency = (resonances[name].to_numpy(float) for name in ("amplitude", "frequency"))
+    amplitude, frequency = resonances[["amplitude", "frequency"]].to_numpy(float).T
     rows, top = resonances["row"].to_numpy(), int(np.argmax(resonances["force"]))
     mass, sd = record.masses(mode.mass)[rows], mode.tolerance.mass
     if getattr(mode, "drive", "force") == "base":
