@@ -164,7 +164,7 @@ def add_damping_ratio(data: Any, posterior: Posterior, tested: Observations, bac
     """
     A, omega = tested.tested_amplitude, tested.tested_omega
     law, draws = posterior.coordinates.law, posterior.draws
-    ratio = posterior.coordinates.force(draws).quadrature(A, omega) / (2.0 * backbone.mass_at(A) * omega**2 * A)
+    ratio = posterior.coordinates.force(draws).quadrature(A, omega) / (2.0 * backbone.stiffness_at(A) * A)
     shape = (*posterior.x.shape[:2], len(A))
     about = {"units": "1", "of": "critical damping", "law": law.name, "amplitude": A, "frequency_rad_s": omega}
     values = np.broadcast_to(ratio, (len(draws), len(A))).astype(np.float32).reshape(shape)

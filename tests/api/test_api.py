@@ -380,3 +380,8 @@ def test_weights_of_loads_that_are_not_those_of_the_ranking_are_explained(record
     for own, of, differ in ((record, mode, False), (swept, linear, True)):
         for answer in (dp.extrapolate(own, of, [60.0]), dp.curve(own, of, forces=[60.0])):
             assert any("a ranking weighs them on every row" in said for said in answer.to_json()["cautions"]) == differ
+    one = dp.Record(swept.table[swept.table["sweep"] == "0"].reset_index(drop=True))
+    said = "; ".join(dp.extrapolate(one, linear, [12.0]).to_json()["cautions"])
+    assert "on the rows between the half-power points" in said
+    assert "one level does not tell how damping changes with amplitude" in said
+    assert "resonances of the sweeps" not in said

@@ -254,6 +254,13 @@ def test_mass_is_that_of_the_rows_and_what_was_added_is_taken_off(peaks):
     )
     bare = find_backbone(dp.Record(slowed), mode)
     np.testing.assert_allclose(bare.omega, find_backbone(record, mode).omega, rtol=1e-12)
+    # masses of three states, at the frequencies that follow of one stiffness: predictions are for the last
+    mass = np.array([1.2, 1.1, 0.9]) * M
+    emptied = record.table.assign(mass=mass, frequency=record.table["frequency"] * np.sqrt(M / mass))
+    of_last = find_backbone(dp.Record(emptied), mode)
+    np.testing.assert_allclose(of_last.omega, OMEGA_N * np.sqrt(M / mass[-1]), rtol=1e-12)
+    np.testing.assert_allclose(of_last.mass, mass[-1], rtol=1e-12)
+    np.testing.assert_allclose(of_last.stiffness_at(amplitude), M * OMEGA_N**2, rtol=1e-12)
     heavy = dp.Record(record.table.assign(mass=2.0 * M))
     traced = trace_loads(known(FORCE, amplitude), find_backbone(heavy, mode), peaks(amplitude, FORCE, OMEGA_N))
     np.testing.assert_allclose(traced.damping_ratio.median, 0.12 / (4.0 * M * OMEGA_N), rtol=1e-9)

@@ -11,17 +11,17 @@ from scipy.special import softmax
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
+from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.near import (
-    BISTABLE,
     CHANGES,
     NEAR,
     judge_rows,
     near_resonance,
     plan_loads,
-    read_resonances,
     trend,
     without_offset,
 )
+from damping.extrapolation.states import BISTABLE, read_resonances
 from damping.forces import CubicStiffness, Slip, Sum, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, JointEvidence
@@ -55,6 +55,21 @@ def test_rows_kept_lie_between_the_half_power_points(swept):
     # sin(phase) >= 1/sqrt(2): 15 of 21 rows between 0.15 pi and 0.85 pi; of several levels one row each
     assert data.rows_per_sweep.tolist() == [15]
     assert near_resonance(swept(PAIR.force, LEVELS)).rows_per_sweep.tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_repeats_of_one_level_tell_what_one_sweep_of_it_does(swept, number):
+    """Viscous and velocity-squared damping, a A + b A^2 at one frequency: half as much again as the tested force."""
+    record = swept(PAIR.force, np.array([1.0, 1.01, 0.99])[:number], noise=0.003)
+    data = near_resonance(record)
+    assert data.rows_per_sweep.min() >= 13
+    once, twice = PAIR.force.quadrature(np.array([1.0, 2.0]), 10.0)
+    a, b = 2.0 * once - 0.5 * twice, 0.5 * twice - once
+    truth = (np.sqrt(a * a + 4.0 * b * 1.45) - a) / (2.0 * b)
+    band = extrapolate_loads(data, [1.45], laws=CANDIDATES, every=observe(without_offset(record))).loads.average
+    assert band.low[0] < truth < band.high[0]
+    assert band.median[0] == pytest.approx(truth, rel=0.03)
+    assert band.high[0] / band.low[0] < 1.25
 
 
 def test_drop_out_changes_nothing_where_the_force_was_measured(swept):
@@ -305,6 +320,29 @@ def test_a_known_mass_is_no_joint():
     # masses read from the rows that gave the mode's are estimates of one mass, as in Table 4.I
     estimates = replace(mode, tolerance=replace(mode.tolerance, from_record=True))
     assert read_resonances(replace(data, tested_mass=M + added), estimates)[1].probability > 0.7
+
+
+def test_a_tank_that_is_emptied_between_levels_is_not_bistable(peaks):
+    """Masses of the levels move a linear spring's resonance by arithmetic, omega = sqrt(K/M), by 2 bandwidths."""
+    A, K, mass = np.geomspace(1.0, 3.0, 4), 100.0, np.array([1.0, 0.95, 0.9, 0.85])
+    omega = np.sqrt(K / mass)
+    data = replace(peaks(4.0 * A, A, omega), tested_mass=mass)
+    mode = Mode(name="", frequency=10.0 / (2.0 * np.pi), mass=1.0)
+    assert np.ptp(omega) > 1.5 * 4.0 / (mass[-1] * omega[-1])  # F/(M omega A)
+    assert read_resonances(replace(data, tested_mass=None), mode)[0]
+    assert not read_resonances(data, mode)[0]
+    np.testing.assert_allclose(
+        observe_backbone(replace(data, tested_omega=omega * (1.0 + 1e-9 * A)), mode).omega, omega[-1]
+    )
+    plan = plan_loads(data, CANDIDATES[:2], mode=mode)
+    assert "0.85 to 1: frequencies and damping ratios hold for 0.85" in plan.state
+    # a spring that hardens is bistable none the less: K (1 + .12 A^2) of the same masses
+    hard = replace(data, tested_omega=omega * np.sqrt(1.0 + 0.12 * A**2))
+    assert read_resonances(hard, mode)[0]
+    # estimates that scatter by their tolerance, 2 %, are of one mass
+    close = replace(data, tested_mass=np.array([1.0, 0.98, 1.03, 1.0]))
+    assert read_resonances(close, mode)[0] == read_resonances(replace(data, tested_mass=None), mode)[0]
+    assert not plan_loads(close, CANDIDATES[:2], mode=mode).state
 
 
 def test_a_law_that_rows_exclude_takes_no_part(swept):

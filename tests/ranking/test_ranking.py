@@ -21,6 +21,7 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.observations import observe
 from damping.ranking import NEGLIGIBLE, prior_masses, rank_laws, weigh_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
+from damping.ranking.verdict import fit_probability, judge_fit
 from damping.records.record import Record
 
 OMEGA = 12.0
@@ -310,6 +311,25 @@ def test_a_law_that_is_never_met_does_not_spoil_the_others(peaks):
         raise stuck
     alone = fit_law(Law(("velocity-power",)), below)
     np.testing.assert_array_equal(fitted.coefficients, alone.coefficients)
+
+
+def decays(draw, misfit=0.0):
+    """Sixteen levels of viscous damping whose stated deviations, exact, span two decades, as those of a decay do."""
+    A, deviation = np.exp(-0.4 * np.arange(16.0)), np.geomspace(3e-4, 0.05, 16)
+    force = 2.0 * A * (1.0 + misfit * (-1.0) ** np.arange(16) + deviation * draw.standard_normal(16))
+    columns = {"sweep": [f"{k:02d}" for k in range(16)], "force": force, "frequency": 4.0, "amplitude": A}
+    return observe(Record(pd.DataFrame({**columns, "force_sd": deviation * force})))
+
+
+def test_the_verdict_tests_the_fit_that_is_best_under_the_stated_deviations():
+    """The law and its deviations are exact: p is uniform, as chi-square of 15 degrees of freedom makes it."""
+    draw = np.random.default_rng(4)
+    p = [fit_probability(fit_law(Law(("viscous",)), data), data) for data in (decays(draw) for _ in range(200))]
+    # Kolmogorov-Smirnov: 1.63/sqrt(200) is exceeded by one in a hundred
+    assert np.max(np.abs(np.sort(p) - (np.arange(200) + 0.5) / 200)) < 1.63 / 200**0.5
+    off = decays(draw, misfit=0.15)
+    fits = [fit for fit in fit_laws(candidate_laws(), off) if isinstance(fit, BestFit)]
+    assert judge_fit(min(fits, key=lambda fit: fit.squares), fits, off).verdict == "none fits"
 
 
 def test_a_fit_does_not_depend_on_what_was_fitted_before_or_with_it(saturn):

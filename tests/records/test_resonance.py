@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from damping.gap.rows import read_rows
 from damping.infer.observations import observe
+from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import (
     energy_per_cycle,
+    find_jump,
     find_resonance,
     number_levels,
     phase_offset,
@@ -187,6 +189,57 @@ def test_a_sweep_that_jumps(cubic):
         assert found.method == "interpolated"
         # the last row before the jump is at sin(phase) = sin(1.41) = 0.987; equal h on both branches gives the rest
         assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=5e-3)
+
+
+@pytest.mark.parametrize("cubic", [-2e6, 2e6])
+@pytest.mark.parametrize("growth", [0.0, 3.0])
+def test_a_sweep_that_jumps_past_resonance(cubic, growth):
+    """A bistable mode swept against its bend: the small branch to its fold, then the large one beside resonance.
+
+    With h A (1 + growth (A/top)^2) in quadrature both branches are closed form, as in ``friction``.
+    """
+    top = LINEAR_PEAK
+
+    def damping(A):
+        return C * OMEGA_N * A * (1 + growth * (A / top) ** 2)
+
+    A = np.linspace(0.02, 1.0, 20001) * top
+    A = A[damping(A) < 1.5]
+    cubic *= (top / A[-1]) ** 2  # bent alike
+    phase = np.arcsin(damping(A) / 1.5)
+    squared = OMEGA_N**2 + 0.75 * cubic * A**2 / M
+    side = np.sign(cubic)  # the small branch above resonance of a hardening spring, the large one below it
+    small, large = (np.sqrt(squared + s * side * 1.5 * np.cos(phase) / A / M) / (2 * pi) for s in (1.0, -1.0))
+    fold = int(np.argmin(side * small))
+    before = small[fold] + side * HALF_WIDTH * (0.1 + 0.4 * np.arange(20)[::-1])
+    after = small[fold] - side * HALF_WIDTH * (0.3 + 0.4 * np.arange(12))
+    amplitude, lag = (
+        np.r_[
+            np.interp(side * before, side * small[fold::-1], own[fold::-1]), np.interp(side * after, side * large, big)
+        ]
+        for own, big in ((A, A), (pi - phase, phase))
+    )
+    lag = lag if cubic > 0 else pi - lag
+    swept = record(1.5, np.r_[before, after], amplitude, lag)
+    found = resonance(swept, "A")
+    assert (found.method, found.amplitude) == ("beside", amplitude.max())
+    assert found.amplitude < 0.95 * A[-1]  # it is none at the force of the sweep, 1.5
+    assert found.force == pytest.approx(damping(found.amplitude), rel=1e-6)
+    bent = np.sqrt(OMEGA_N**2 + 0.75 * cubic * found.amplitude**2 / M) / (2 * pi)
+    assert found.frequency == pytest.approx(bent, abs=0.01 * HALF_WIDTH)
+    said = [f.what for f in audit(swept).findings if f.check == "edge-of-sweep"]
+    assert len(said) == 1
+    assert f"sweep A between {before[-1]:.4g} and {after[0]:.4g} Hz" in said[0]
+
+
+def test_a_coarse_sweep_of_a_linear_mode_does_not_jump():
+    """Neighbours 1 to 6 half-widths apart, 3 % noise: however far the phase steps, the resonance stays."""
+    rng = np.random.default_rng(1)
+    for step in np.tile([1.0, 2.0, 4.0, 6.0], 50):
+        frequency = grid(9, span=4.0 * step) + rng.uniform(-0.5, 0.5) * step * HALF_WIDTH
+        A, phase = linear(frequency)
+        noisy = A * (1 + 0.03 * rng.standard_normal(9)), phase + 0.03 * rng.standard_normal(9)
+        assert find_jump(np.full(9, 1.5), frequency, *noisy) is None
 
 
 def test_repeated_points_alone():

@@ -8,7 +8,7 @@ frequencies of the tested resonances.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -157,6 +157,10 @@ class Backbone:
         order = np.argsort(self.amplitude, kind="stable")
         return np.exp(np.interp(np.log(amplitude), np.log(self.amplitude[order]), np.log(self.mass[order])))
 
+    def stiffness_at(self, amplitude: FloatArray) -> FloatArray:
+        """M omega^2 at each amplitude, as `mass_at`."""
+        return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
+
     def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
@@ -259,28 +263,28 @@ def find_backbone(record: Record, mode: Mode) -> Backbone:
     """Frequencies and masses at the phase resonances of a record.
 
     The mass is that of the record's rows, else the mode's, known to its tolerance. Frequencies are those of the
-    structure without ``added_mass``, whose stiffness is the same.
+    structure without ``added_mass``, whose stiffness is the same, and of several masses
+    (:meth:`damping.records.mode.Mode.find_states`) with that of the largest force.
     """
     resonances = tabulate_resonances(record)
-    mass = record.masses(mode.mass)[resonances["row"].to_numpy()]
-    with_added = 1.0 + record.added_masses[resonances["row"]] / mass
-    return Backbone(
-        amplitude=resonances["amplitude"].to_numpy(float),
-        omega=RAD_S_PER_HZ * resonances["frequency"].to_numpy(float) * np.sqrt(with_added),
-        mass=mass,
-        mass_sd=mode.tolerance.mass,
-        scatter=mode.repeatability.frequency or 0.0,
-    )
+    amplitude, frequency = resonances[["amplitude", "frequency"]].to_numpy(float).T
+    rows, top = resonances["row"].to_numpy(), int(np.argmax(resonances["force"]))
+    mass = record.masses(mode.mass)[rows]
+    omega = RAD_S_PER_HZ * frequency * np.sqrt(1.0 + record.added_masses[rows] / mass)
+    if np.ptp(state := mode.find_states(mass, len(rows))) > 0.0:
+        omega, mass = omega * np.sqrt(state / state[top]), np.full(len(rows), state[top])
+    return Backbone(amplitude, omega, mass, mode.tolerance.mass, mode.repeatability.frequency or 0.0)
 
 
 def observe_backbone(data: Observations, mode: Mode | None) -> Backbone | None:
     """The backbone of the levels that laws rest on; None where all have one frequency. Its mass is of no account.
 
-    Frequencies are those of the structure without added mass, where a mode says what it adds to.
+    Frequencies are those of the structure without added mass and at one mass, where a mode says what it adds to.
     """
     omega, scatter = data.tested_omega, (mode.repeatability.frequency if mode else None) or 0.0
-    if mode and data.added_mass is not None:
-        omega = omega * np.sqrt(1.0 + data.added_mass / mode.mass)
+    if mode:
+        state, added = mode.find_states(data.tested_mass, len(omega)), data.added_mass
+        omega = omega * np.sqrt(state / state[data.top] * (1.0 if added is None else 1.0 + added / state))
     if not np.ptp(omega) > 0.0:
         return None
     return Backbone(data.tested_amplitude, omega, np.ones_like(omega), 0.0, scatter)

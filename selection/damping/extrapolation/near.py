@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
+from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence, find_joint
+from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
@@ -52,8 +53,24 @@ def near_resonance(record: Record) -> Observations:
         own = np.flatnonzero(data.sweep == sweep)
         near[own[np.argmin(cotangent[own])]] = True
     data = data.take_rows(near)
-    one_telling = len(data.sweeps) == 1 and data.A.max() > TELLING * data.A.min()
+    one_telling = number_levels(data.tested_force).max() == 0 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
+
+
+#: What is said of a record of one level: of structures outside the library the 90 % band of one sweep misses a quarter.
+ONE_LEVEL = (
+    "one level does not tell how damping changes with amplitude, as frequency changes with it along a sweep: do not "
+    "believe the band beyond the tested force, and test a second level"
+)
+
+
+def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
+    """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
+    on = "resonances of the sweeps, as rows of one share their error"
+    on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
+    fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row, with others"
+    one_level = number_levels(data.tested_force).max() == 0
+    return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
 
 
 def without_offset(record: Record) -> Record:
@@ -78,18 +95,6 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 #: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
 CHANGES = 1.64
-#: Shift of the resonance, in half-power bandwidths, of a bistable mode: at 0.77 a cubic spring makes the response curve
-#: vertical (4/(3 sqrt(3))); the rest is for the error of the mass.
-BISTABLE = 1.0
-#: What is said then, with the shift in bandwidths: of measured resonances, and of a predicted one.
-OF_LEVELS = (
-    "the resonance moved by {:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
-    "and what it reaches depends on how it is driven there"
-)
-OF_PREDICTED = (
-    "the resonance is predicted to move by {:.1f} half-power bandwidths from that of the lowest level: the mode is "
-    "bistable there, and a sweep may jump before it reaches this amplitude"
-)
 
 
 @dataclass(frozen=True)
@@ -147,34 +152,6 @@ def trend(data: Observations, scatter: float) -> Trend:
     return Trend(force, p, sd, float(-bend / np.sqrt(covariance[0, 0])))
 
 
-def read_resonances(data: Observations, mode: Mode) -> tuple[str, JointEvidence]:
-    """What the levels' resonance frequencies say: a caution of bistability, and whether a joint slips.
-
-    Mass that was added is known. Masses that the record gives of its sweeps err by the mode's tolerance each; where
-    the mode was taken from the record (``from_record``) they are estimates of one and the same, which is the mode's.
-    """
-    error, tested = mode.tolerance.mass, (data.tested_amplitude, data.tested_force, data.tested_omega)
-    mass = np.full(len(data.sweeps), mode.mass) + (0.0 if data.added_mass is None else data.added_mass)
-    top = data.top
-    width = data.tested_force[top] / (mass[top] * data.tested_omega[top] * data.tested_amplitude[top])
-    bistable = describe_bistability(data.tested_omega * np.sqrt(mass / mass[top]), float(width))
-    if data.tested_mass is None or mode.tolerance.from_record:
-        return bistable, find_joint(*tested, mass, error)
-    own = np.where(np.isnan(data.tested_mass), mode.mass, data.tested_mass)
-    return bistable, find_joint(*tested, mass - mode.mass + own, error, apart=error)
-
-
-def describe_bistability(omega: FloatArray, width: float, said: str = OF_LEVELS) -> str:
-    """``said`` where two stable amplitudes are likely to belong to one force and frequency; else empty.
-
-    ``omega``: resonances of one mass, rad/s. ``width``: the half-power bandwidth 2 zeta omega = F/(M omega A) of the
-    one of largest amplitude. A cubic spring that moves the resonance by 4/(3 sqrt(3)) of it makes the response curve
-    vertical somewhere.
-    """
-    moved = float(np.ptp(omega)) / width
-    return said.format(moved) if moved >= BISTABLE else ""
-
-
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
 ENOUGH_LEVELS = 3
 #: Times the largest tested force that fewer levels allow.
@@ -208,7 +185,8 @@ class Plan:
         data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
             prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
             bistable: caution, empty where there is none or the mass is not known. joint: what the frequencies
-            of the levels say of one. excluded: what is said of laws that the rows beside resonance exclude.
+            of the levels say of one. excluded: what is said of laws that the rows beside resonance exclude. state: for
+            which mass predictions hold, where levels had several.
     """
 
     data: Observations
@@ -219,6 +197,7 @@ class Plan:
     bistable: str = ""
     joint: JointEvidence = ANY_JOINT
     excluded: str = ""
+    state: str = ""
 
     def allows(self, force: FloatArray) -> BoolArray:
         """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
@@ -296,4 +275,5 @@ def plan_loads(
         fit=ranked.fit,
         bistable=bistable,
         joint=joint,
+        state=describe_state(data, mode) if mode else "",
     )

@@ -44,7 +44,7 @@ def list_cautions(
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
     """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says."""
-    p, said = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded]
+    p, said = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
     beyond = force > plan.data.tested_force.max()
     if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
         said.append("the levels have one frequency, which would tell a joint from a damper: the band allows for either")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from damping.extrapolation.backbone import Backbone, find_backbone
-from damping.extrapolation.near import near_resonance, observe_ranked
+from damping.extrapolation.near import describe_rests, near_resonance, observe_ranked
 from damping.infer.observations import Observations
 from damping.predict import Measured, prepare
 from damping.records import Audit
@@ -46,10 +46,8 @@ class PreparedRecord:
 
     @property
     def notes_of_loads(self) -> tuple[str, ...]:
-        """What was done, and where weights rest on fewer rows than those of a ranking."""
-        why = "weights are those of the laws on the resonances of the sweeps, as rows of one share their error"
-        fewer = len(self.data.A) < len(self.measured.record)
-        return (*self.notes, f"{why}; a ranking weighs them on every row, with others") if fewer else self.notes
+        """What was done, and what the weights of loads rest on."""
+        return (*self.notes, *describe_rests(self.data, len(self.measured.record)))
 
 
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:

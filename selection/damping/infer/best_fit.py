@@ -142,7 +142,7 @@ def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | Anal
 _Key: TypeAlias = tuple[Law, tuple[Component, ...]]
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _remember_fits(record: tuple[object, ...]) -> dict[_Key, Searched | None]:
     """Fits of a record without dimension, empty at first: a ranking and predictions of loads ask for the same ones."""
     return {}

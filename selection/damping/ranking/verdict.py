@@ -6,20 +6,20 @@ whose smaller probability, doubled (Bonferroni), is the p-value:
 - size: T = n^T V^-1 n against chi-square, averaged over what is known of the scatter in V = diag(s^2) + s_l^2 h h^T
   (predictive check of Gelman, Meng and Stern 1996, with the scatter's own prior in place of a posterior that the misfit
   would inflate). s is the stated uncertainty, else drawn from the prior, and no less than what the second differences
-  along the sweeps show, which no smooth misfit moves;
+  along the sweeps show, which no smooth misfit moves; where any is stated the law is fitted under V for it;
 - runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), few where a misfit is smooth; asked
   where the misfit is larger than a few per cent, which is what laws of a few terms leave on real structures.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc, ndtr
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats, IntArray
-from damping.infer.best_fit import BestFit
+from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
@@ -30,6 +30,8 @@ Verdict = Literal["fits", "poor", "none fits"]
 UNLIKELY = 0.01
 #: Draws of the scatters: the p-value is then known to 1.6 % at a half and to 0.2 % at ``UNLIKELY``.
 DRAWS = 1000
+#: Stated deviations over the scatter of a fit from which on that counts for nothing: its square is 1e-4 of theirs.
+FAR_ABOVE = 100.0
 #: Root mean square misfit, relative amplitude, from which on few runs speak against a law: what laws of a few
 #: terms leave on real structures.
 SYSTEMATIC = 0.04
@@ -111,7 +113,19 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
     roughness, differences = _measure_roughness(n, data)
     if differences > 0.0:  # scaled inverse chi-square
         variance = np.maximum(variance, (roughness**2 * differences / rng.chisquare(differences, DRAWS))[:, None])
-    return float(np.mean(chdtrc(_count_freedom(fit), _measure_discrepancy(fit, data, variance, level))))
+    fits = [fit, _fit_under(variance, fit, data)] if data.states_uncertainty else [fit]
+    return max(
+        float(np.mean(chdtrc(_count_freedom(own), _measure_discrepancy(own, data, variance, level)))) for own in fits
+    )
+
+
+def _fit_under(variance: FloatArray, fit: BestFit, data: Observations) -> BestFit:
+    """The law at its best under the ``variance`` of the test (draws, rows): that of a fit has scatter beside what is
+    stated, so that rows which state little miss the law by more than they need to.
+    """
+    sd = np.sqrt(1.0 / np.mean(1.0 / variance, axis=0))
+    far = FAR_ABOVE * SCATTER_MEDIAN * sd / sd.min()  # the same weights, and no scatter beside them
+    return fit_law(fit.law, replace(data, sd_amplitude=far, sd_phase=far, sd_force=np.zeros(len(sd))))
 
 
 def _count_freedom(fit: BestFit) -> int:

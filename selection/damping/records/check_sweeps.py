@@ -7,8 +7,9 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
-from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks
-from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
+from damping.records.resonance import find_jump, tabulate_resonances
+from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
+from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_noise(view: View) -> Finding | None:
@@ -74,6 +75,23 @@ def check_edge(view: View) -> Finding | None:
     advice = "sweep on past the resonance"
     advice += ", or record the phase: without it the edge would be taken for it" if blind else ""
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
+
+
+def check_jump(view: View) -> Finding | None:
+    """Sweeps that jump past their resonance, so that no row stands at it: a bistable mode on its lower branch."""
+    jumps: dict[str, str] = {}
+    table = tabulate_resonances(view.right).query("method == 'beside'")
+    for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
+        rows, _ = order_rows(view.right.table[view.right.table["sweep"].astype(str) == sweep])
+        F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
+        if (row := find_jump(F, f, A, phase - offset)) is not None:
+            jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
+    if not jumps:
+        return None
+    named = ", ".join(list(jumps.values())[:MOST_NAMED])
+    what = f"jumps past the resonance: {named}; the damping is that of the row beside it"
+    advice = "sweep the other way, or hold the phase at 90 degrees, to reach the resonance"
+    return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
 
 
 SPLIT = 1.03  #: a simulated mode farther than this from both of two peaks is neither

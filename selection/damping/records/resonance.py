@@ -27,11 +27,19 @@ LEAVES = 0.01
 FOLLOWS = 0.7
 #: Two neighbours on either side of resonance are interpolated if one is within 60 degrees of it (|cot phase| <= 1.73).
 NEIGHBOUR = 3.0**0.5
+#: A sweep jumps where the resonance itself moves by this between two rows, in half-widths (1: damping ratio times
+#: frequency): a resonance that stays moves by noise, and one that is bent little from row to row.
+JUMP = 1.0
+#: |cot phase| of the nearer row up to which a jump past resonance is read as a passage: F/Im Z is then 3 % more than
+#: its amplitude at most.
+JUMP_AT_RESONANCE = 0.25
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
 ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
+FEWEST_BESIDE = 2  #: steps from row to row, beside the one past resonance, that tell whether that is a jump
+_TELLING = 1e-6  # least sin(phase) of a row that is told from one that noise carries beyond 0..pi
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
 ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
 _FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
@@ -44,8 +52,8 @@ class Resonance:
 
     ``force``, ``frequency`` (Hz) and ``amplitude`` there; ``phase_offset`` (rad) is what was taken off the phases of
     the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows), ``beside``
-    (damping alone at the row of largest amplitude, where phases do not reach pi/2) or ``peak`` (that row, taken for
-    resonance); ``row`` is the row of the record at or nearest to it.
+    (damping alone at the row of largest amplitude, where phases do not reach pi/2 or jump past it) or ``peak`` (that
+    row, taken for resonance); ``row`` is the row of the record at or nearest to it.
     """
 
     sweep: str
@@ -107,8 +115,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     nearer by (``WINDOWS``) where the force drops within them. It is exact for a linear mode under constant force or at
     constant amplitude, averages noise, and minds neither order, direction nor repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
-    force; where the sweep jumps past resonance the nearer one decides. The amplitude is force / Im Z. Without phases or
-    a passage, the row of largest amplitude is taken.
+    force; where the sweep jumps from a row at resonance that one decides. The amplitude is force / Im Z. Without phases
+    or a passage (:func:`find_jump`), the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -187,10 +195,9 @@ def _at_resonance(
     force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
 ) -> tuple[float, float, float] | None:
     """Force, frequency and amplitude where the phase (freed of its offset) passes pi/2; None where it does not."""
-    cosine, sine = np.cos(phase), np.sin(phase)
-    telling = sine > 1e-6  # no row of a driven mode, but noise carries phases beyond 0..pi
+    cosine, sine, cotangent = np.cos(phase), np.sin(phase), _find_cotangent(phase)
+    telling = np.isfinite(cotangent)
     cosecant = np.divide(1.0, sine, out=np.full_like(sine, np.inf), where=telling)
-    cotangent = np.multiply(cosine, cosecant, out=np.full_like(sine, np.inf), where=telling)
     columns = np.column_stack([force, frequency, amplitude / force * np.where(telling, cosecant, 0.0)])
     for window in WINDOWS:
         near = np.abs(cotangent) <= window
@@ -201,10 +208,8 @@ def _at_resonance(
         if not follows:
             break
     if values is None:
-        passes = cosine[:-1] * cosine[1:] <= 0.0
-        nearest = np.where(passes, np.minimum(*np.abs([cotangent[:-1], cotangent[1:]])), np.inf)
-        i = int(np.argmin(nearest))
-        if nearest[i] > NEIGHBOUR:
+        i, nearest, _ = _find_passage(phase)
+        if nearest > NEIGHBOUR or find_jump(force, frequency, amplitude, phase) is not None:
             return None
         pair = slice(i, i + 2)
         values = _interpolated(cosine[pair] * force[pair] / amplitude[pair], columns[pair], telling[pair])
@@ -212,6 +217,42 @@ def _at_resonance(
     if min(F, f, compliance) <= 0.0:  # noise alone
         return None
     return float(F), float(f), float(F * compliance)
+
+
+def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> int | None:
+    """The row (of n in the order of the sweep, phases freed of their offset) after which it jumps past its resonance.
+
+    Re Z/M = omega_r^2 - omega^2 tells the resonance omega_r at the amplitude of each row, M being the median of
+    -d Re Z/d omega^2 from row to row. Of a resonance that stays it is the same on either side of phase pi/2, however
+    far apart the rows are; over a fold it leaps with the amplitude. None where it moves by less than ``JUMP``
+    half-widths Im Z of the nearer row, or half as far as the frequency (a coarse sweep with noise), or where that row
+    is at resonance (``JUMP_AT_RESONANCE``).
+    """
+    i, nearest, nearer = _find_passage(phase)
+    if not JUMP_AT_RESONANCE < nearest < np.inf:
+        return None
+    Z = force / amplitude * np.exp(1j * phase)
+    rise, step = np.diff(Z.real), np.diff(frequency**2)
+    beside = (step != 0.0) & (np.arange(len(step)) != i)
+    if beside.sum() < FEWEST_BESIDE:
+        return None
+    slope = np.median(rise[beside] / step[beside])
+    least = JUMP * max(Z.imag[nearer], -0.5 * slope * abs(step[i]))
+    return i if slope < 0.0 and abs(rise[i] - slope * step[i]) > least else None
+
+
+def _find_cotangent(phase: FloatArray) -> FloatArray:
+    """cot(phase); infinite where no row of a driven mode has the phase, though noise may carry it there."""
+    sine = np.sin(phase)
+    return np.divide(np.cos(phase), sine, out=np.full_like(sine, np.inf), where=sine > _TELLING)
+
+
+def _find_passage(phase: FloatArray) -> tuple[int, float, int]:
+    """The row before phase pi/2 is passed, and |cot phase| and place of the nearer of the two; infinite: no passage."""
+    cosine, size = np.cos(phase), np.abs(_find_cotangent(phase))
+    nearest = np.where(cosine[:-1] * cosine[1:] <= 0.0, np.minimum(size[:-1], size[1:]), np.inf)
+    i = int(np.argmin(nearest))
+    return i, float(nearest[i]), i + int(size[i + 1] < size[i])
 
 
 def _beside_resonance(

@@ -58,8 +58,8 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
     table["amplitude"] *= factor
     tested = None
     if result.backbone is not None:
-        mass = result.backbone.mass_at(data.tested_amplitude)
-        ratio = data.tested_force / (2.0 * mass * data.tested_omega**2 * data.tested_amplitude)
+        stiffness = result.backbone.stiffness_at(data.tested_amplitude)
+        ratio = data.tested_force / (2.0 * stiffness * data.tested_amplitude)
         tested = pd.DataFrame({"amplitude": factor * data.tested_amplitude, "damping_ratio": ratio})
     columns = ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
     rows = table.loc[np.isfinite(table["damping_ratio"]), columns]
