@@ -86,7 +86,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
-    """InputError before any work: an output, by option, is an input or another output, or ``--plot`` is no picture."""
+    """InputError before any work: an output, by option, is an input, another output, or of a kind not made."""
     for option, target in targets.items():
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     seen: dict[str, str] = {}
@@ -96,9 +96,11 @@ def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> No
             if other != option:  # the later would replace the earlier
                 expected = "another file for each output"
                 raise InputError(f"{option} is the file of {other}", file=target, expected=expected)
-    plot = targets.get("--plot")
-    if plot is not None and Path(plot).suffix.lower() not in PICTURES:
-        raise InputError(f"--plot {Path(plot).name!r} is of no known format", expected="a name ending in .svg or .png")
+    for option, endings in (("--plot", PICTURES), ("--report", PAGES)):
+        target = targets.get(option)
+        if target is not None and Path(target).suffix.lower() not in endings:
+            expected = f"a name ending in {' or '.join(endings)}"
+            raise InputError(f"{option} {Path(target).name!r} is of no known format", expected=expected)
 
 
 def make_folder(path: Path) -> None:
@@ -156,6 +158,8 @@ def to_parquet(table: pd.DataFrame) -> bytes:
 PNG_DPI = 200
 #: Endings of a picture's name.
 PICTURES = (".svg", ".png")
+#: Endings of a page's name.
+PAGES = (".html", ".htm")
 
 
 def write_picture(path: Path, figure: Any, title: str) -> None:

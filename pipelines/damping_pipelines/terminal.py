@@ -17,6 +17,7 @@ from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import describe_shortened
+from damping.report import end_sentence
 from damping_pipelines import QUIET
 
 
@@ -70,7 +71,7 @@ class Notes:
             for line in wrap(caution, console.width, initial_indent=f"{number:3d}  ", subsequent_indent="     "):
                 console.print(line, soft_wrap=True)
         for caution in cautions:
-            console.print(f"Caution: {caution}.", highlight=False)
+            console.print(f"Caution: {end_sentence(caution)}", highlight=False)
 
 
 #: Characters between two columns of a table.

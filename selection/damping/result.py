@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
 from damping.records.text import MOST_SHOWN, describe_as_html
@@ -130,7 +131,7 @@ class DiagnosisResult(Result):
 
         told = describe_diagnosis(self.diagnosis)
         disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
-        cautions = (f"Caution: {caution}." for caution in self.diagnosis.cautions)
+        cautions = (f"Caution: {words.end_sentence(caution)}" for caution in self.diagnosis.cautions)
         parts = (told[what] for what in ("verdict", "sizes", "place", "doubts", "reach", "following"))
         units = f"Units: {self.diagnosis.mode.units}."
         return (*disagreements, *(sentence for part in parts for sentence in part), *cautions, units)

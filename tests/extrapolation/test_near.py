@@ -66,7 +66,7 @@ def test_repeats_of_one_level_tell_what_one_sweep_of_it_does(swept, number):
     once, twice = PAIR.force.quadrature(np.array([1.0, 2.0]), 10.0)
     a, b = 2.0 * once - 0.5 * twice, 0.5 * twice - once
     truth = (np.sqrt(a * a + 4.0 * b * 1.45) - a) / (2.0 * b)
-    band = extrapolate_loads(data, [1.45], laws=CANDIDATES, every=observe(without_offset(record))).loads.average
+    band = extrapolate_loads(data, [1.45], laws=CANDIDATES, all_rows=observe(without_offset(record))).loads.average
     assert band.low[0] < truth < band.high[0]
     assert band.median[0] == pytest.approx(truth, rel=0.03)
     assert band.high[0] / band.low[0] < 1.25

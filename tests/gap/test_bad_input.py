@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.errors import AnalysisError
+from damping.errors import AnalysisError, InputError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import diagnose
-from damping.gap.driven import list_repeated
 from damping.gap.problem import MOST_ROWS, list_unread
 from damping.gap.rows import read_rows
+from damping.gap.states import list_repeated
 from damping.records.record import Record
 
 PLAN = {"levels": 3, "points": 12}
@@ -148,7 +148,17 @@ def test_a_state_that_repeats_another_is_told(lab, honest):
     assert list_repeated([(part, mode), (one, mode)]) == ["the rows " + said.format(1, 2)]
     mixed = Record(pd.concat([one.table.iloc[:20], other.table.iloc[20:]], ignore_index=True))
     assert list_repeated([(one, mode), (mixed, mode)]) == ["20 rows " + said.format(1, 2)]
-    assert "the rows " + said.format(1, 2) in diagnose(one, mode, {}, states=[(one, mode)]).cautions
+    assert "the rows " + said.format(1, 2) in diagnose(one, mode, {}, states=[(renamed, mode)]).cautions
+
+
+def test_a_record_that_is_given_twice_is_refused(lab, honest):
+    """As rows that are identical in every column of one record are; empty cells are as good as equal."""
+    one = honest()
+    blank = Record(one.table.assign(mass=np.nan))
+    for record in (one, blank, Record(one.table.iloc[3:20].reset_index(drop=True))):
+        other = blank if record is blank else one
+        with pytest.raises(InputError, match=r"states 1 and 2 are identical in every column; expected each .* once"):
+            diagnose(other, lab.mode(), {}, states=[(record, lab.mode())])
 
 
 def test_too_many_rows(lab, honest):
@@ -229,3 +239,21 @@ def test_noise_that_is_not_stated_is_said_and_found(lab, honest):
     rows = found.setting.problem.rows
     # 1 %, from 60 values each of which half are free of the fit: known to 13 per cent; three of these
     np.testing.assert_allclose([np.median(rows.sd_amplitude), np.median(rows.sd_phase)], lab.noise, rtol=0.4, atol=0.0)
+
+
+def test_an_uncertainty_of_0_states_no_noise_and_is_said(lab, honest):
+    """It is taken as where the column is missing, in all rows; in some as the median of the others."""
+    record = honest()
+    some = np.where(np.arange(len(record)) < 5, 0.0, record.table["amplitude_sd"])
+    none = Record(record.table.drop(columns=["amplitude_sd", "phase_sd"]))
+    zero = Record(record.table.assign(amplitude_sd=0.0, phase_sd=0.0))
+    partly = Record(record.table.assign(amplitude_sd=some))
+    said = [diagnose(own, lab.mode(), {}) for own in (none, zero, partly)]
+    assert said[0].gap == said[1].gap
+    estimated = "estimated from the roughness along each sweep"
+    assert f"noise is not stated: it was {estimated}" in said[0].cautions
+    assert f"noise is not stated (amplitude_sd is 0): it was {estimated}" in said[1].cautions
+    assert f"phase_sd is 0, which states none: it was {estimated}" in said[1].cautions
+    (told,) = [caution for caution in said[2].cautions if "amplitude_sd" in caution]
+    assert told.startswith(f"amplitude_sd is 0 in 5 of {len(record)} rows")
+    assert told.endswith("the median of the others")

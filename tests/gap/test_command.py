@@ -183,11 +183,23 @@ def test_bad_usage(damping, case, tmp_path):
         ((tmp_path / "empty", "--json", tmp_path / "out"), "holds no case"),
         ((model, "--json", tmp_path / "out"), "folder"),
         ((model,), f"{model}: no record beside it"),
+        ((model, data, "--report", tmp_path / "page.pdf"), "expected a name ending in .html or .htm"),
     ):
         done = damping("gap", *words)
         assert (done.code, done.out) == (2, ""), words
         assert says in done.err
         assert len(done.err.strip().splitlines()) == 1
+
+
+def test_a_record_given_twice_is_bad_input(damping, case):
+    model, data = case / "model.toml", case / "data.csv"
+    done = damping("gap", model, data, "--with", model, data)
+    assert (done.code, done.out) == (2, "")
+    *findings, refused = done.err.strip().splitlines()
+    assert all("(caution)" in finding for finding in findings)
+    assert refused.endswith(
+        "the rows of states 1 and 2 are identical in every column; expected each measured state once"
+    )
 
 
 def test_an_analysis_that_cannot_be_done(damping, case, tmp_path):

@@ -263,5 +263,5 @@ def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
     assert said(("velocity-squared",)) == (
         "the explanation fails on levels that did not choose it: it closes nothing of their gap"
     )
-    assert "without one displacement is chosen, which closes nothing of the gap there" in said(("displacement",))
+    assert "displacement is chosen, and nothing of the gaps held out is closed" in said(("displacement",))
     assert "no effect is chosen" in said(())

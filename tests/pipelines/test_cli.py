@@ -91,10 +91,10 @@ def test_no_command_writes_over_its_input(damping, saturn_data, tmp_path):
 
 def test_outputs_of_a_diagnosis_are_different_files(damping, saturn_data, tmp_path):
     record, mode = saturn_data / "records" / "config-2-mode-1.csv", saturn_data / "modes" / "config-2-mode-1.toml"
-    done = damping("gap", mode, record, "--report", tmp_path / "x", "--model-out", tmp_path / "x")
+    done = damping("gap", mode, record, "--report", tmp_path / "x.html", "--model-out", tmp_path / "x.html")
     assert (done.code, done.out) == (2, "")
     assert "--report is the file of --model-out" in done.err
-    assert not (tmp_path / "x").exists()
+    assert not (tmp_path / "x.html").exists()
 
 
 def test_help_names_every_command(damping):

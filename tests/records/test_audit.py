@@ -17,6 +17,7 @@ from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
+from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import Run, find_prominent
 from damping.records.view import View
@@ -394,3 +395,26 @@ def test_lags_that_fall_between_a_resonance_and_an_antiresonance_keep_their_sign
     checks = {own.check for own in audit(record_of(table.assign(phase=lag))).findings}
     assert "edge-of-sweep" in checks
     assert "phase-sign" not in checks
+
+
+def test_a_wrong_sign_of_one_sweep_names_it_and_leaves_the_others():
+    """One resonance in closed form, three levels, the phases of the second negated, its readings halved; .1 % noise."""
+    rng, frequency = np.random.default_rng(1), np.linspace(9.7, 10.3, 25)
+    Z = (2.0 * np.pi) ** 2 * (100.0 - frequency**2 + 0.02j * 10.0 * frequency)
+    parts = [
+        pd.DataFrame({"sweep": name, "force": F, "frequency": frequency, "amplitude": A, "phase": np.angle(Z)})
+        for name, F in (("A", 1.0), ("B", 2.0), ("C", 4.0))
+        for A in [F / abs(Z) * (1.0 + 1e-3 * rng.normal(size=25))]
+    ]
+    parts[1] = parts[1].assign(phase=-parts[1]["phase"], amplitude=parts[1]["amplitude"] / 2.0)
+    found = audit(Record(pd.concat(parts, ignore_index=True)))
+    (sign,) = [finding for finding in found.findings if finding.check == "phase-sign"]
+    assert sign.sweeps == ("B",)
+    assert sign.what.startswith("the phase of sweep B falls through -pi/2")
+    assert sign.advice == "negate it in sweep B, and leave the others as they are"
+    with pytest.raises(dp.Refused, match=r"--despite phase-sign \(damping check also finds level-offset\)$"):
+        found.require()
+    every = audit(Record(pd.concat([part.assign(phase=-np.angle(Z)) for part in parts], ignore_index=True)))
+    (sign,) = [finding for finding in every.findings if finding.check == "phase-sign"]
+    assert sign.advice == "negate it (lead_deg where the file is imported)"
+    assert sign.what.startswith("the phase falls through -pi/2")

@@ -71,7 +71,7 @@ REFUSED = {
         ", line 6, column frequncy: unknown key in [mode]; "
         "expected frequency (nearest of name, frequency, mass, drive, tolerance)",
     ),
-    "no plane": (MODE + "[rig]\nplanes = 0\n", ", line 6, column planes: is 0; expected a number >= 1 and < 3"),
+    "no plane": (MODE + "[rig]\nplanes = 0\n", ", line 6, column planes: is 0; expected 1 or 2"),
     "unknown tolerance": (
         MODE + "[mode.tolerance]\nmass = 0.1\n\nfreq = 1\n",
         ", line 8, column freq: unknown key in [mode.tolerance]; "

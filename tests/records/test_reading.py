@@ -53,7 +53,11 @@ REFUSED = {
         ", line 2, column force: '1,5' is not a number; expected a finite number",
     ),
     "empty cell": (HEAD + ROW + "A,1,11,,1\n", ", line 3, column amplitude: empty cell; expected a finite number"),
-    "empty phase": (HEAD + "A,1,11,1, \n", ", line 2, column phase: empty cell; expected a finite number"),
+    "empty phase": (
+        HEAD + "A,1,11,1, \n",
+        ", line 2, column phase: empty cell; expected a finite number: leave out the sweep that has none, or the "
+        "column for all",
+    ),
     "no label": (HEAD + ROW + " ,1,11,1,1\n", ", line 3, column sweep: empty cell; expected text"),
     "zero force": (HEAD + "A,0,10,0.5,1\n", ", line 2, column force: 0; expected a force amplitude > 0"),
     "negative": (HEAD + ROW + "A,1,11,-3,1\n", ", line 3, column amplitude: -3; expected a displacement amplitude > 0"),

@@ -30,6 +30,8 @@ CONTENT = 0.9
 #: counts as one at the end of its range.
 _FAR = 2.5
 _FULL = 0.9
+#: Effects whose shape has at its upper end another form of theirs: a compression of large power is a hard clip.
+_CLIPS = {"sensor-saturation"}
 #: Share of a simulated damping force below which it counts as none: it is known to a tolerance of this order at best.
 _GONE = 0.05
 #: What an effect of one sweep or state acts on where it is not the readings or the force, by a parameter that it has.
@@ -92,9 +94,12 @@ def list_ends(fit: ModelFit) -> list[str]:
     """Effects of a fit whose best values lie at the end of what was thought possible, in words."""
     ends = []
     for part, x in fit.model.own_variables(fit.y[np.newaxis]):
-        strength = float(part.values(x)[0][0, 0])
-        if strength > _FULL * part.form.largest or np.any(np.abs(x[0, 1:]) > _FAR):
-            ends.append(f"the best fit of {part.form.effect} ends at the end of its range: no estimate, but a finding")
+        strength, shapes = float(part.values(x)[0][0, 0]), x[0, 1:]
+        far = np.maximum(-shapes, 0.0 if part.form.effect in _CLIPS else shapes)
+        if strength > _FULL * part.form.largest or np.any(far > _FAR):
+            ends.append(
+                f"{part.form.effect} fits best at the end of what it may be: its values are limits, no estimates"
+            )
     return ends
 
 

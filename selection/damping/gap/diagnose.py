@@ -11,10 +11,10 @@ from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
-from damping.gap import size, weighing
+from damping.gap import readings, size, weighing
 from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import as_given, drive_by_forces, list_repeated
+from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_outside
@@ -29,6 +29,7 @@ from damping.gap.problem import (
 )
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
+from damping.gap.states import list_repeated, refuse_copies
 from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
@@ -63,7 +64,8 @@ class Explained:
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
         in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
-            ``unexplained_rows``: in the rows, and not only in how the levels scatter.
+            ``unexplained_rows``: in the rows, and not only in how the levels scatter. understated: how the rows scatter
+            where the noise is stated too small and that is all that is left; there the chance is that of causes beside.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -78,6 +80,7 @@ class Explained:
     in_library: float
     unexplained: bool
     unexplained_rows: bool
+    understated: readings.RowScatter | None
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -149,8 +152,10 @@ def explain(
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
             simulation without damping.
+        InputError: a record is given twice.
     """
     given = [(record, mode), *states]
+    refuse_copies(given)
     driven = drive_by_forces(given, simulated=simulate is not None)
     (record, mode), *states = driven.states
     refuse_rows(driven.states)
@@ -176,14 +181,17 @@ def explain(
     outside = weigh_outside(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
     cautions += describe_outside(outside, leading)
-    rest = unexplained(leading.best, tests, library) or known.dispersion > 1.0
-    left = rest or bool(size.describe_repeatability(known, leading.best))
+    understated = readings.measure_scatter(known, leading.best, tests, library)
+    in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
+    of_levels = bool(size.describe_repeatability(known, leading.best))
     beyond = weighing.count_beyond(hypotheses)
-    in_library = weighing.estimate_in_library(doubts, hypotheses[0], known.dispersion, beyond, unexplained=left)
+    by_scatter = readings.stands_above(understated, leading.best)
+    dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
+    in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
-    found = (known, search, library, weighed, tests, doubts, in_library, left, rest, tuple(cautions))
-    return Explained(record, mode, *found, tuple(states), simulate, driven.unit)
+    found = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
+    return Explained(record, mode, *found, tuple(cautions), tuple(states), simulate, driven.unit)
 
 
 @np.errstate(all="ignore")  # as above
@@ -205,7 +213,8 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
-        *size.describe_noise(known, leading.best),
+        *readings.describe_far_readings(leading.best),
+        *readings.describe_noise(known, leading.best, explained.understated),
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *describe_shortfall(leading.best),

@@ -4,15 +4,12 @@ States of one stiffness are the same structure with known masses added. One part
 generalized mass, is that of all of them that a base shakes; a state of another stiffness has its own. Where a base
 shakes the first state, all masses and forces are counted over its p m, so that forces are accelerations and
 coefficients those of a ranking; else in the unit of its force.
-
-States that share their rows are copies, which is said.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -24,11 +21,6 @@ from damping.gap.simulation import NO_KNOWLEDGE
 from damping.predict import count_in, in_unit
 from damping.records.base_drive import Participation, drive_by, find_participation, has_masses
 from damping.records.mode import Mode
-
-#: Columns of a row that two measurements do not share to the last digit, and the share of rows that do where one is a
-#: copy: rounded peaks may agree once.
-_MEASURED = ("force", "frequency", "amplitude", "phase")
-_COPIED = 0.5
 
 
 @dataclass(frozen=True)
@@ -122,18 +114,3 @@ def _name(group: Sequence[int], states: Sequence[State]) -> str:
     if len(states) == 1:
         return ""
     return f" of state{'s' * (len(group) > 1)} {' and '.join(str(number + 1) for number in group)}"
-
-
-def list_repeated(states: Sequence[State]) -> list[str]:
-    """States that share rows to the last digit, which no measurement does."""
-    cautions = []
-    for (j, (one, _)), (k, (two, _)) in combinations(enumerate(states, 1), 2):
-        columns = [name for name in _MEASURED if name in one.table and name in two.table]
-        rows = [set(record.table[columns].itertuples(index=False, name=None)) for record in (one, two)]
-        shared, fewer = len(rows[0] & rows[1]), min(map(len, rows))
-        if shared >= _COPIED * fewer:
-            which = "the rows" if shared == fewer else f"{shared} rows"
-            cautions.append(
-                f"{which} of states {j} and {k} are identical, as those of two measurements never are: they count twice"
-            )
-    return cautions

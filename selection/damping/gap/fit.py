@@ -1,29 +1,21 @@
 """Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
 
-The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2) (Box and Tiao 1968); the
-weights are those of expectation maximisation for this mixture (Dempster, Laird and Rubin 1977), the steps those of
-Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standard normal priors on every variable
+The weights are those of expectation maximisation for noise with wild points (`damping.gap.wild`; Dempster, Laird and
+Rubin 1977), the steps those of Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standard
+normal priors on every variable
 
     ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
+from damping.gap.wild import WILD_WEIGHT, find_pattern, log_likelihood, robust_weights
 
-#: Share of wild points and their standard deviation in units of noise.
-WILD = 0.02
-WIDE = 10.0
-_INLIER = np.log(1.0 - WILD)
-_OUTLIER = np.log(WILD / WIDE)
-#: Robust weight below which a residual is taken for wild and left out of every number.
-WILD_WEIGHT = 0.5
-#: Largest share of wild values that are errors of measurement, and how many more a short record may have.
-MOST_WILD = 0.05
-_FEW_WILD = 2.0
 #: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large: for a
 #: first look, which finds the same modes as a hundredth of it would, and where predictions are taken at the motion.
 _MOST_STEPS = 40
@@ -83,10 +75,20 @@ class ModelFit:
         return max(self.measured.size - len(self.y) + float(np.trace(self.covariance)), 1.0)
 
     @property
+    def wild(self) -> BoolArray:
+        """Measured values (m,) that are taken for wild."""
+        return np.asarray(self.model.problem.rows.seen & (self.weights < WILD_WEIGHT))
+
+    @cached_property
+    def wild_pattern(self) -> str:
+        """In words where wild values lie that are no stray readings; empty where they may be."""
+        rows, noise = self.model.problem.rows, self.model.scatter.factor
+        return find_pattern(rows, self.r, self.wild, noise * rows.sd_amplitude) if self.wild.any() else ""
+
+    @property
     def many_wild(self) -> bool:
-        """Whether more values are taken for wild than errors of measurement are, or than are not."""
-        wild = self.weights[self.model.problem.rows.seen] < WILD_WEIGHT
-        return bool(wild.sum() > min(MOST_WILD * wild.size + _FEW_WILD, 0.5 * wild.size))
+        """Whether values are taken for wild that are no stray readings."""
+        return bool(self.wild_pattern)
 
 
 def fit_model(
@@ -145,20 +147,6 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
         if all(np.max(np.abs(fit.y - own.y) / np.sqrt(np.diag(own.covariance))) > _DIFFERENT for own in alike):
             distinct.append(fit)
     return [fit for fit in distinct if fit.log_posterior > distinct[0].log_posterior - _BEHIND]
-
-
-def log_likelihood(r: FloatArray) -> FloatArray:
-    """ln p of residuals (..., m) less that of m residuals of zero without wild points: sum over the last axis."""
-    inlier = _INLIER - 0.5 * r * r
-    outlier = _OUTLIER - 0.5 * (r / WIDE) ** 2
-    return np.asarray(np.sum(np.logaddexp(inlier, outlier), axis=-1))
-
-
-def robust_weights(r: FloatArray) -> FloatArray:
-    """Expected inverse variance of each residual: 1 for a regular point, 1/WIDE^2 for a wild one."""
-    odds = np.exp(np.minimum(_OUTLIER - _INLIER + 0.5 * (1.0 - WIDE**-2) * r * r, 50.0))
-    wild = odds / (1.0 + odds)
-    return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
 
 
 def _climb(

@@ -226,10 +226,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     cautions += _list_resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
         cautions.append("repeatability is not stated and cannot be seen in so few sweeps")
-    if "amplitude_sd" not in record.table.columns:
-        of_rows = "estimated from the roughness along each sweep"
-        taken = f"taken to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
-        cautions.append(f"noise is not stated: it was {taken}")
+    cautions += _list_noise_cautions(rows, record)
     if not mode.damping:
         cautions.append("the simulation has no damping")
     if mode.tolerance.from_record:
@@ -237,6 +234,24 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
             "frequency, mass and damping of the simulation were taken from this very record (from_record): they are "
             "free, and that they are wrong can never be found"
         )
+    return cautions
+
+
+def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
+    """How noise was taken where the record states none, or 0, which no measurement has."""
+    cautions, zero = [], {name: record.column(name, 1.0) == 0.0 for name in ("amplitude_sd", "phase_sd")}
+    if not is_stated(record)[0]:
+        of_rows = "estimated from the roughness along each sweep"
+        taken = f"taken to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
+        cautions.append(
+            f"noise is not stated{' (amplitude_sd is 0)' if zero['amplitude_sd'].all() else ''}: it was {taken}"
+        )
+    for name, own in zero.items():
+        if own.any() and not own.all():
+            of_others = "there it is taken to be the median of the others"
+            cautions.append(f"{name} is 0 in {own.sum()} of {len(record)} rows, which states none: {of_others}")
+        elif own.all() and name == "phase_sd":
+            cautions.append("phase_sd is 0, which states none: it was estimated from the roughness along each sweep")
     return cautions
 
 

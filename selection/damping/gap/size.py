@@ -11,7 +11,7 @@ from scipy.special import ndtri
 from damping.arrays import BoolArray, FloatArray
 from damping.effects.contract import Terms
 from damping.gap.corrected import CONTENT
-from damping.gap.fit import WILD_WEIGHT, ModelFit, fit_model
+from damping.gap.fit import ModelFit, fit_model
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
@@ -19,8 +19,6 @@ from damping.gap.search import Search
 
 #: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
 OUTLYING = 3.3
-#: What an explanation leaves, with two standard errors of it, over a noise that is plainly too large.
-_QUIET = 0.8
 #: Most levels held out, the highest first.
 MOST_FOLDS = 3
 #: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
@@ -55,9 +53,9 @@ def measure_gap(leading: ModelFit) -> Gap:
 
 
 def regular_values(fit: ModelFit) -> BoolArray:
-    """Values (m,) that are measured and that a fit does not take for wild points; all, where these are many."""
+    """Values (m,) that are measured and that a fit does not take for stray readings."""
     seen = fit.model.problem.rows.seen
-    return seen if fit.many_wild else seen & (fit.weights > WILD_WEIGHT)
+    return seen if fit.many_wild else seen & ~fit.wild
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:
@@ -167,15 +165,6 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     return repeatability
 
 
-def describe_noise(setting: Setting, fit: ModelFit) -> list[str]:
-    """The caution where an explanation leaves less than noise: noise that is too large hides what is as small."""
-    left = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
-    if setting.problem.rows.at_resonance or left * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
-        return []
-    how = "stated" if setting.noise_known else "estimated"
-    return [f"the noise is {how} too large: rows scatter {left:.2g} of it, and effects as small as the rest are hidden"]
-
-
 @dataclass(frozen=True)
 class HeldOutFold:
     """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
@@ -210,8 +199,8 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
     closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "nothing"
     others = {" + ".join(fold.effects) or "no effect" for fold in held_out.folds if set(fold.effects) != leading.key}
     if others:
-        chosen = f"without one {' or '.join(sorted(others))} is chosen"
-        return [f"the explanation hangs on single levels: {chosen}, which closes {closed} of the gap there"]
+        chosen = f"where one is held out {' or '.join(sorted(others))} is chosen"
+        return [f"the explanation hangs on single levels: {chosen}, and {closed} of the gaps held out is closed"]
     return [f"the explanation fails on levels that did not choose it: it closes {closed} of their gap"]
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import ComplexArray, FloatArray, IntArray
-from damping.gap.fit import WILD_WEIGHT, ModelFit, decorrelate, fit_roughly, log_likelihood
+from damping.gap.fit import ModelFit, decorrelate, fit_roughly
 from damping.gap.model import Scatter
 from damping.gap.rows import UNSEEN, Rows
+from damping.gap.wild import WILD_WEIGHT, log_likelihood
 from damping.records.record import Record
 
 #: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
@@ -34,6 +35,9 @@ FIRST_GUESS = 0.02
 LEAST = 1e-6
 #: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
 FURTHER_ERROR = 0.05
+#: Largest reading of a channel across, over its roughness, up to which it reads its floor alone: noise exceeds 3.5 in
+#: one of 460 readings, and hum and cross-talk of any phase are in it too.
+_FLOOR = 4.0
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
 AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
 FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.1), (0.03, 0.1), (0.06, 0.1), (0.12, 0.09), (0.2, 0.01))
@@ -60,7 +64,7 @@ def further_noise(rows: Rows) -> Rows:
     Each channel's roughness is that of the rows that measure it, which may be one sweep of several.
     """
 
-    def noise(phasor: ComplexArray, sd: FloatArray) -> FloatArray:
+    def noise(phasor: ComplexArray, sd: FloatArray, hum: float) -> FloatArray:
         measured = sd < UNSEEN
         if not measured.any():
             return sd
@@ -70,11 +74,15 @@ def further_noise(rows: Rows) -> Rows:
             parts = (roughness(own, part / largest, (0.0,)) for part in (phasor.real, phasor.imag))  # alike everywhere
             rough = largest * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
+            if np.max(np.abs(phasor)) < hum * np.max(rough):
+                floor = np.maximum(floor, np.sqrt(0.5 * np.mean(np.abs(phasor) ** 2)))
         of_rows = np.full(len(rows), UNSEEN)
         of_rows[measured] = np.hypot(floor, FURTHER_ERROR * np.abs(phasor))
         return of_rows
 
-    return replace(rows, sd_third=noise(rows.third, rows.sd_third), sd_cross=noise(rows.cross, rows.sd_cross))
+    return replace(
+        rows, sd_third=noise(rows.third, rows.sd_third, 0.0), sd_cross=noise(rows.cross, rows.sd_cross, _FLOOR)
+    )
 
 
 def is_stated(record: Record) -> tuple[bool, bool]:

@@ -18,10 +18,11 @@ from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 from damping.gap.corrected import list_ends
 from damping.gap.directed import Test, smallest_p
-from damping.gap.fit import ModelFit, log_likelihood
+from damping.gap.fit import ModelFit
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import residuals
 from damping.gap.rows import Rows
+from damping.gap.wild import log_likelihood
 
 #: Probability that the list of explanations reaches.
 COVER = 0.95
@@ -118,12 +119,9 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
 
 def _miss_thirds(fit: ModelFit, every: Sequence[Rows], *, predicts: bool = True) -> float:
     """-2 ln p of what a fit misses of third harmonics, or of those themselves where it ``predicts`` none."""
-    missed = 0.0
-    for rows in every:
-        if "third" in rows.channels:
-            left = _list_residuals(fit, rows)[rows.places("third")] if predicts else _list_thirds(fit, rows)
-            missed -= 2.0 * float(log_likelihood(left))
-    return missed
+    measured = [rows for rows in every if "third" in rows.channels]
+    left = [_list_residuals(fit, own)[own.places("third")] if predicts else _list_thirds(fit, own) for own in measured]
+    return -2.0 * sum(float(log_likelihood(own)) for own in left)
 
 
 def _list_residuals(fit: ModelFit, rows: Rows) -> FloatArray:

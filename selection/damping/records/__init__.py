@@ -99,7 +99,9 @@ class Audit:
         for finding in self.findings:
             passed = finding.check in despite or (diagnosed and finding.check in DIAGNOSED)
             if finding.verdict == "refuse" and not passed:
-                raise Refused(f"{finding}, or --despite {finding.check}", file=self.source)
+                others = ", ".join(other.check for other in self.findings if other is not finding)
+                more = f" (damping check also finds {others})" if others else ""
+                raise Refused(f"{finding}, or --despite {finding.check}{more}", file=self.source)
         return self
 
     def __str__(self) -> str:

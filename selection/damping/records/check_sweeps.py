@@ -27,7 +27,7 @@ def check_noise(view: View) -> Finding | None:
 def check_outlier(view: View) -> Finding | None:
     """Single readings far from what the rows beside them say.
 
-    They stay in every fit: one in a hundred coarse sweeps has a right reading like them, at its resonance.
+    They stay in the fits of laws: one in a hundred coarse sweeps has a right reading like them, at its resonance.
     """
     table = view.record.table
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
@@ -46,7 +46,10 @@ def check_outlier(view: View) -> Finding | None:
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in beside)
     what = [f"{'; '.join(told)}: far off what the rows beside it say"] if told else []
-    advice = "it is in every fit: correct that reading (gain range, tracking), or run again without the row"
+    advice = (
+        "it is in the fit of every law (gap names what it sets aside): correct that reading (gain range, tracking), "
+    )
+    advice += "or run again without the row"
     if view.odd:
         what.append(str(view.odd))
         by_frequency = view.odd.quantity == "frequency"

@@ -203,10 +203,16 @@ def check_phase_sign(view: View) -> Finding | None:
     """Phases by which the structure would give energy."""
     if not view.wrong_sign:
         return None
-    kinds = list(dict.fromkeys(view.wrong_sign.values()))
-    what = " and ".join(f"the phase {_KINDS[kind][0]}" for kind in kinds)
+    kinds = {
+        kind: [sweep for sweep, own in view.wrong_sign.items() if own == kind]
+        for kind in dict.fromkeys(view.wrong_sign.values())
+    }
+    every = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
+    named = {kind: "" if every else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
+    what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
     what += ", so that the structure would give energy; wanted is the lag of displacement behind force, 0 to pi"
-    advice = "; ".join(dict.fromkeys(_KINDS[kind][1] for kind in kinds)) + " (lead_deg where the file is imported)"
+    advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
+    advice += " (lead_deg where the file is imported)" if every else ", and leave the others as they are"
     return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
 
 

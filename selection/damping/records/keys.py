@@ -37,6 +37,9 @@ OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["pres
 TEXT_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["range"] == "text")
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"] == "may be blank")
+#: What is expected in a cell of numbers, and in an empty one of columns that every row has or none.
+A_NUMBER = "a finite number"
+IN_BLANK = {"phase": "a finite number: leave out the sweep that has none, or the column for all"}
 
 #: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50

@@ -202,7 +202,7 @@ def _as_written(value: Any) -> Any:
 
 
 def _rig(table: TomlTable) -> Rig:
-    planes = table.number("planes", least=1.0, below=3.0) if "planes" in table.values else None
+    planes = table.number("planes") if "planes" in table.values else None
     force = table.text("force", default="")
     if planes not in (None, 1.0, 2.0):
         raise table.error("planes", f"is {planes:g}", "1 or 2")

@@ -14,7 +14,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
+from damping.records.keys import A_NUMBER, BLANK_COLUMNS, IN_BLANK, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
 from damping.records.record import CellProblem, Record, find_problems, require_columns
 from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, count, describe_shortened, read_bytes, unguarded
 
@@ -179,7 +179,8 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
         bad = next((int(k) for k in wrong if name not in columns.blank or cells[k].strip()), None)
         if bad is not None:
             row = sum(map(len, numbers)) + bad
-            scan.add(CellProblem(row, name, _describe_wrong(cells[bad]), "a finite number"))
+            expected = IN_BLANK.get(name, A_NUMBER) if not cells[bad].strip() else A_NUMBER
+            scan.add(CellProblem(row, name, _describe_wrong(cells[bad]), expected))
         numbers.append(values)
     return pd.Series(np.concatenate(numbers), copy=False)
 

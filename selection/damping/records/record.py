@@ -16,7 +16,15 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.keys import BLANK_COLUMNS, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS, find_refused
+from damping.records.keys import (
+    A_NUMBER,
+    BLANK_COLUMNS,
+    IN_BLANK,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    TEXT_COLUMNS,
+    find_refused,
+)
 from damping.records.text import MOST_SHOWN, describe_as_html, describe_meant, describe_shortened, guarded
 
 
@@ -186,10 +194,11 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             kind = pd.api.types.infer_dtype(cells)
             if kind in _NO_NUMBERS:
                 raise InputError(f"holds {kind} values", file=file, column=name, expected=_NO_NUMBERS[kind])
-            typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), "a finite number"
+            typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), A_NUMBER
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():
             row = int(np.argmin(good))
+            expected = IN_BLANK.get(name, expected) if pd.isna(cells.iloc[row]) else expected
             message = f"{describe_shortened(str(cells.iloc[row]))!r} in row {row}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed

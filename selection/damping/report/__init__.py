@@ -82,6 +82,11 @@ def format_decimals(value: float, digits: int) -> str:
     return f"{value:.{digits}f}".replace("-", "−") if isfinite(value) else NOTHING
 
 
+def end_sentence(text: str) -> str:
+    """Text with a full stop unless it ends as a question."""
+    return text if text.endswith("?") else f"{text}."
+
+
 def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
     """A number with its unit, where it has one: ``2.90 in``."""
     return f"{number(value, digits)} {unit}".strip()

@@ -209,9 +209,12 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     # a ranking needs no diagnosis to load
     from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - for a gap alone
+    from damping.gap.readings import list_far_readings  # noqa: PLC0415 - for a gap alone
 
     leading, held = diagnosis.leading, diagnosis.held_out
     parameters, places = describe_effects(leading.best)
+    stray = {"set_aside": not leading.best.many_wild}
+    far = [asdict(reading) | stray for reading in list_far_readings(leading.best)]
     scheme = "one force level: nothing can be held out" if held is None else held.scheme
     names = ("nominal", "before", "after", "shrinkage", "low", "high")
     held_out = {"scheme": scheme} | {name: None if held is None else getattr(held, name) for name in names}
@@ -238,6 +241,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "tests": [asdict(test) for test in diagnosis.tests],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
+        "far_off": far,
         "cautions": list(diagnosis.cautions),
     }
 

@@ -13,6 +13,8 @@ from damping import report as words
 from damping.effects import CATALOGUE
 from damping.gap.corrected import describe_effects, effect_intervals, is_gone
 from damping.gap.diagnose import Diagnosis
+from damping.gap.directed import ALARM, smallest_p
+from damping.gap.readings import describe_rest
 from damping.gap.size import (
     describe_repeatability,
 )
@@ -58,6 +60,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "settles": diagnosis.next_test is not None,
         "apart": apart,
         "known": KNOWN,
+        "shown": describe_rest(diagnosis.leading.best, diagnosis.tests),
+        "far_only": diagnosis.leading.best.many_wild and smallest_p(diagnosis.tests) >= ALARM,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in list_sentences(block)] for section in sections}

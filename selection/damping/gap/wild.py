@@ -1,0 +1,64 @@
+"""Noise with wild points: its likelihood, the weights of residuals, and which wild points are no stray readings.
+
+The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2) (Box and Tiao 1968).
+"""
+
+import numpy as np
+from scipy.special import erfc
+
+from damping.arrays import BoolArray, FloatArray
+from damping.gap.rows import Rows
+
+#: Share of wild points and their standard deviation in units of noise.
+WILD = 0.02
+WIDE = 10.0
+_INLIER = np.log(1.0 - WILD)
+_OUTLIER = np.log(WILD / WIDE)
+#: Robust weight below which a residual is taken for wild.
+WILD_WEIGHT = 0.5
+#: Largest share of wild values of one quantity that are stray readings, and how many more a short record may have.
+MOST_WILD = 0.05
+_FEW_WILD = 2.0
+#: So many neighbours are wild by chance in one of 2000 sweeps of 60 rows; two in one of 40.
+_NEIGHBOURS = 3
+#: Probability, of stray readings alone, below which one that is so far off stands at a peak for a reason.
+_BY_CHANCE = 0.003
+
+
+def log_likelihood(r: FloatArray) -> FloatArray:
+    """ln p of residuals (..., m) less that of m residuals of zero without wild points: sum over the last axis."""
+    inlier = _INLIER - 0.5 * r * r
+    outlier = _OUTLIER - 0.5 * (r / WIDE) ** 2
+    return np.asarray(np.sum(np.logaddexp(inlier, outlier), axis=-1))
+
+
+def robust_weights(r: FloatArray) -> FloatArray:
+    """Expected inverse variance of each residual: 1 for a regular point, 1/WIDE^2 for a wild one."""
+    odds = np.exp(np.minimum(_OUTLIER - _INLIER + 0.5 * (1.0 - WIDE**-2) * r * r, 50.0))
+    wild = odds / (1.0 + odds)
+    return np.asarray(1.0 - wild * (1.0 - WIDE**-2))
+
+
+def find_pattern(rows: Rows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
+    """In words where wild values (m,) lie that are no stray readings; empty where they may be.
+
+    Stray readings are few of any quantity, at random places. Three neighbours of a sweep are none; nor is an amplitude
+    at the peak of its sweep, as of a sensor that clips, where one so large is there by chance in one of 300 records.
+
+    Args:
+        r: residuals (m,). sd_amplitude: the noise that they are in units of, relative, (n,).
+    """
+    n = len(rows)
+    of_quantities, seen = wild.reshape(-1, n), rows.seen.reshape(-1, n).sum(axis=1)
+    touched = np.asarray(of_quantities.any(axis=0))
+    if np.any(of_quantities.sum(axis=1) > np.minimum(MOST_WILD * seen + _FEW_WILD, 0.5 * seen)):
+        return f"in {touched.sum()} of {n} rows, too many to be stray"
+    beside = [touched[own][k : k + _NEIGHBOURS].all() for own in rows.runs for k in range(len(own) - _NEIGHBOURS + 1)]
+    if any(beside):
+        return "side by side, too close together to be stray"
+    u = rows.u - r[:n] * sd_amplitude - np.log(rows.F)  # as the fit has them
+    peaks = [own[np.argmax(u[own])] for own in rows.runs]
+    by_chance = min(1.0, of_quantities[0].sum() * len(peaks) / n)
+    if any(of_quantities[0][k] and by_chance * erfc(abs(r[k]) / (WIDE * np.sqrt(2.0))) < _BY_CHANCE for k in peaks):
+        return "at the peak of a sweep, too far to be there by chance"
+    return ""
