@@ -32,6 +32,9 @@ SAME_AMPLITUDE = 0.1
 ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
+#: Damping ratio up to which every offset is taken: a false one, of a ratio at most, moves the frequency of resonance by
+#: the ratio squared, 0.25 %.
+SMALL_DAMPING = 0.05
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
 ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
 _FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
@@ -136,18 +139,24 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     then differ by a real number, M (omega_2 - omega_1) (1 + omega_n^2/(omega_1 omega_2)), so the argument of the
     difference is the offset. The result is the median over all pairs of rows on either side of the largest A/F,
     weighted by likeness of amplitude and by the distance of the two Y relative to their size. Damping that grows with
-    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs.
+    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs, n from 0 (of
+    displacement) to 2 (of velocity squared): by one ratio at most.
 
-    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), or
-    where the result is beyond ``LARGEST_OFFSET``.
+    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), where
+    the result is beyond ``LARGEST_OFFSET``, or where it is within that displacement and the ratio above
+    ``SMALL_DAMPING``.
     """
     omega = RAD_S_PER_HZ * frequency
     Y = force / (amplitude * omega) * np.exp(1j * phase)
     i, j, weight = like_pairs(omega, amplitude, Y, amplitude / force)
     if len(weight) == 0:
         return 0.0
-    offset = weighted_median(np.angle(Y[i] - Y[j]), weight)
-    return offset if abs(offset) <= LARGEST_OFFSET else 0.0
+    apart = Y[i] - Y[j]
+    offset = weighted_median(np.angle(apart), weight)
+    middle = np.imag(0.5 * (Y[i] + Y[j]) * np.exp(-1j * offset)) / np.abs(apart)  # C/omega over 2 M (omega_2 - omega_1)
+    ratio = weighted_median(middle * (omega[j] - omega[i]) / np.sqrt(omega[i] * omega[j]), weight)
+    doubtful = ratio > SMALL_DAMPING and abs(offset) < ratio
+    return offset if abs(offset) <= LARGEST_OFFSET and not doubtful else 0.0
 
 
 def like_pairs(
