@@ -81,9 +81,9 @@ def _describe_load(result: RecordResult) -> dict[str, str]:
     i, design, curve, units = find_largest(result.design), result.design, result.design_curve, result.mode.units
     if i is None or design is None:
         return {}
-    force = words.format_force_text(design.force[i], units.force)
+    force, drive = words.format_force_text(design.force[i], units.force), units.drive.replace("force", "modal force")
     return {
-        "force": f"{result.design_levels[i]} (a modal force of {force})" if result.design_levels else force,
+        "force": f"{result.design_levels[i]} (a {drive} of {force})" if result.design_levels else force,
         "median": words.format_length(design.average.median[i], units.length),
         "band": words.format_length_band(design.average.low[i], design.average.high[i], units.length),
         "level": f"{100 * design.level:g}",
