@@ -136,7 +136,7 @@ def test_a_mode_file_of_another_structure_is_doubted_by_frequency_and_mass(frequ
 @pytest.mark.parametrize("law", ["linear", "velocity-squared", "friction"])
 @pytest.mark.parametrize("gain", [1.0, 2.0**-0.5])
 def test_levels_without_phases_that_agree_on_a_mass_tell_of_a_gain(law, gain):
-    """(F/A)^2 = (K - M omega^2)^2 + h^2 in closed form: a parabola where h is of no amplitude, and only then one mass."""
+    """(F/A)^2 = (K - M omega^2)^2 + h^2 in closed form: a parabola where h is of no amplitude."""
     M, omega_n, tables, rng = 2.0, 2.0 * np.pi * 30.0, [], np.random.default_rng(6)
     for F in (1.0, 2.0, 4.0):
         if law == "velocity-squared":  # h A of 0.02 K A^2/a, so that the resonant amplitude is root(F a/(0.02 K))

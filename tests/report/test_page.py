@@ -232,6 +232,10 @@ def test_a_base_is_no_force_and_only_what_is_stated_is_said(study: StudyResult) 
     assert "49.61 lb·s²/in, known to 0.15 and 2.1 per cent." in page  # and no viscous damping
 
 
+def test_why_small_weights_differ_from_those_of_a_ranking_is_said_once(reader: Reader) -> None:
+    assert " ".join(" ".join(reader.texts).split()).count("damping rank draws less") == 1
+
+
 def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
     """The table holds :class:`damping.ranking.Coefficient`: posterior medians, of coefficients that are at least 0."""
     text = " ".join(" ".join(reader.texts).split())
