@@ -20,8 +20,8 @@ from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, refuse_foreign, versions
-from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import PlainTable, console, number, parse_number, parse_pairs, report_findings
+from damping_pipelines.store import refuse_inputs, refuse_unwritable, to_json
+from damping_pipelines.terminal import PlainTable, console, number, number_whole, parse_number, parse_pairs, report_findings
 
 
 def campaign(
@@ -44,6 +44,7 @@ def campaign(
     tables = [Path(word) for word in design if math.isnan(parse_number(word))]
     read = [*sources, *(path for path in (correct, previous) if path), *tables]
     refuse_inputs("--out", out, *read)
+    refuse_unwritable(out, folder=True)
     refuse_foreign(out, ("campaign.json", "report.html", "study.toml"), read)
     named = [os.path.realpath(file) for file in sources]
     twice = next((file for place, file in enumerate(sources) if named[place] in named[:place]), None)
@@ -264,7 +265,7 @@ def _show(answer: Campaign, out: Path) -> None:
             largest = max(at.response, key=lambda response: response.band[0], default=None)
             peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            damping.add_row(mode.name, number(at.level), number(at.frequency), *ratio)
+            damping.add_row(mode.name, number(at.level), number_whole(at.frequency), *ratio)
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)

@@ -107,7 +107,7 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         measured = prepare(record, mode)
         data, freed = observe_ranked(measured.record, findings)
         for line in (*measured.said, *freed):
-            print(f"damping: {record.source}: {line}", file=sys.stderr)
+            print(f"caution: {record.source}: {line}", file=sys.stderr)
         record, mode = measured.record, measured.mode or mode
         backbone = find_backbone(record, mode, findings.implied)
         inputs.append(Input(asked, record, measured.driven, mode, data, backbone, findings))
