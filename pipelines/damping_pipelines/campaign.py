@@ -21,7 +21,15 @@ from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, refuse_foreign, versions
 from damping_pipelines.store import refuse_inputs, refuse_unwritable, to_json
-from damping_pipelines.terminal import PlainTable, console, number, number_whole, parse_number, parse_pairs, report_findings
+from damping_pipelines.terminal import (
+    PlainTable,
+    console,
+    number,
+    number_whole,
+    parse_number,
+    parse_pairs,
+    report_findings,
+)
 
 
 def campaign(

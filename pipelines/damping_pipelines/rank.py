@@ -23,7 +23,16 @@ from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.store import check_outputs, write_picture, write_plain
-from damping_pipelines.terminal import Notes, PlainTable, console, number, number_whole, progress, report_findings, suggest
+from damping_pipelines.terminal import (
+    Notes,
+    PlainTable,
+    console,
+    number,
+    number_whole,
+    progress,
+    report_findings,
+    suggest,
+)
 
 #: Laws whose coefficients are shown.
 MOST_LAWS = 3
@@ -184,8 +193,10 @@ def print_loads(result: LoadsResult) -> None:
 
 
 #: What the terminal has room for of a band that is wider to one side where the resonance falls or rises.
-_MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
 FARTHER = "±: from the frequency to the farther end of its band."
+
+
+_MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
 
 
 def _state_frequency(row: Mapping[Hashable, Any]) -> str:

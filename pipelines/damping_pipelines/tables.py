@@ -233,8 +233,8 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
     table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))
     for row in findings.implied.to_dict(orient="records"):
         numbers = ("force", "amplitude", "mass", "damping_ratio", "phase_offset")
-        values = (float(row[name]) for name in numbers)
-        table.add_row(str(row["sweep"]), number_whole(float(row["frequency"])), *map(number, values))
+        implied = (number(float(row[name])) for name in numbers)
+        table.add_row(str(row["sweep"]), number_whole(float(row["frequency"])), *implied)
     if mode is not None:
         values = (math.nan, math.nan, mode.mass, mode.viscous_ratio or math.nan, math.nan)
         table.add_row("mode file", number_whole(mode.frequency), *map(number, values))

@@ -18,7 +18,6 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping_pipelines import QUIET
 
-
 #: Lines of progress at most where there is no terminal: a log holds what follows them too.
 _MOST_LINES = 10
 

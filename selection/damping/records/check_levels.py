@@ -163,10 +163,11 @@ FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
 FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
 FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
 FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
-#: Without phases masses agree where levels whose forces differ by this factor, three at least, differ by this share of
-#: how far they are from the mode file's (ln): what bends a resonance changes with amplitude, a gain does not.
-AGREE_OVER, AGREE = 2.0, 0.1
+#: Without phases masses agree where levels whose forces differ by this factor, three at least, differ by a share
+#: (``AGREE``) of how far they are from the mode file's (ln): what bends a resonance changes with amplitude, a gain not.
+AGREE_OVER = 2.0
 FEWEST_AGREE = 3
+AGREE = 0.1
 OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
 
 
