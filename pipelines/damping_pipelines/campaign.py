@@ -21,7 +21,15 @@ from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
-from damping_pipelines.terminal import PlainTable, console, number, parse_number, parse_pairs, report_findings
+from damping_pipelines.terminal import (
+    PlainTable,
+    console,
+    number,
+    number_whole,
+    parse_number,
+    parse_pairs,
+    report_findings,
+)
 
 #: Outputs of every campaign.
 PAGES = ("campaign.json", "report.html", "study.toml")
@@ -274,7 +282,7 @@ def _show(answer: Campaign, out: Path) -> None:
             largest = max(at.response, key=lambda response: response.band[0], default=None)
             peak = [number(part, 3) for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            damping.add_row(mode.name, number(at.level), number(at.frequency), *ratio)
+            damping.add_row(mode.name, number(at.level), number_whole(at.frequency), *ratio)
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)

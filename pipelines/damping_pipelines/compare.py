@@ -18,7 +18,7 @@ from damping.records.text import describe_shortened
 from damping_pipelines.compare_page import RecordSummary, StudySummary, describe_comparison_page
 from damping_pipelines.forms import PosteriorRow, StudyForm, describe_invalid, read_form
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
-from damping_pipelines.store import refuse_inputs, write_text
+from damping_pipelines.store import refuse_inputs, refuse_unwritable, write_text
 
 #: Studies on a page: more columns of weights are not read.
 MOST_STUDIES = 8
@@ -37,6 +37,7 @@ def compare(folders: Sequence[Path], out: Path) -> None:
     opened = [open_folder(folder) for folder in folders]
     for study in opened:
         refuse_inputs("--out", out, study.path / MANIFEST, *(study.path / name for name in study.manifest.outputs))
+    refuse_unwritable(out)
     studies = [_open_study(folder, name) for folder, name in zip(opened, names, strict=True)]
     if sum(len(study.records) for study in studies) < 2:
         raise InputError("one record", expected=f"two records or more, of one to {MOST_STUDIES} folders of studies")

@@ -19,7 +19,7 @@ from damping.records.text import DEFAULT_MAX_SIZE
 from damping.result import DiagnosisResult
 from damping_pipelines.manifest import digest_inputs, versions
 from damping_pipelines.processes import start_pool
-from damping_pipelines.store import check_outputs, write_json, write_picture, write_plain, write_text
+from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_picture, write_plain, write_text
 from damping_pipelines.terminal import console, progress, report_findings
 
 FORMAT = "gap/1"
@@ -116,6 +116,7 @@ def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str,
         raise InputError(f"{given[0]} is for one record", expected="MODEL.toml RECORD.csv, or the folder without it")
     if json_out is None or json_out == "-":
         raise InputError("a folder of cases needs a folder for the answers", expected="--json OUT_DIR")
+    refuse_unwritable(Path(json_out), folder=True)
     return Path(json_out)
 
 
@@ -156,7 +157,7 @@ def diagnose_folder(
     if not names:
         raise InputError("holds no case", file=cases, expected="NAME/model.toml with NAME/data.csv")
     failed = 0
-    with progress("diagnosing", len(names)) as advance, start_pool(jobs) as pool:
+    with progress("diagnosing", len(names), each=True) as advance, start_pool(jobs) as pool:
         futures = {pool.submit(diagnose_case, cases / name, max_size, despite): name for name in names}
         for future in as_completed(futures):
             name, error = futures[future], future.exception()

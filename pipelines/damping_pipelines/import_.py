@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from rich.console import Console
 
-from damping.errors import InputError, escape_control, naming
+from damping.errors import AnalysisError, InputError, escape_control, naming
 from damping.formats import read_file
 from damping.formats.conversion import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
@@ -140,16 +140,19 @@ def _decays(
     _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
-    tables = [_levels(history, mode, window, summary).table(history.label) for history in histories]
+    tables = [_levels(history, mode, window, summary, file).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
     if len({history.label for history in histories}) < len(histories):
         raise InputError("two time histories have one label", expected="--label of each, all different")
     return Record(table, str(file))
 
 
-def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary) -> Decay:
+def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary, file: Path) -> Decay:
     known: dict[str, Any] = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
-    levels = ring_down(history.t, history.signal, **known, **window)
+    try:
+        levels = ring_down(history.t, history.signal, **known, **window)
+    except AnalysisError as error:
+        raise AnalysisError(f"{file}: {history.label!r}: {error}") from error
     summary.add(
         f"decay {history.label!r}",
         f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "

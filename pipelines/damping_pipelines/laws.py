@@ -4,6 +4,7 @@
 (``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).
 """
 
+import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,16 @@ from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
 from damping_pipelines.store import check_outputs, write_picture, write_plain
-from damping_pipelines.terminal import Notes, PlainTable, console, number, progress, report_findings, suggest
+from damping_pipelines.terminal import (
+    Notes,
+    PlainTable,
+    console,
+    number,
+    number_whole,
+    progress,
+    report_findings,
+    suggest,
+)
 
 #: Laws whose coefficients are shown.
 MOST_LAWS = 3
@@ -186,11 +196,17 @@ def print_loads(result: LoadsResult) -> None:
 FARTHER = "±: from the frequency to the farther end of its band."
 
 
+_MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
+
+
 def _state_frequency(row: Mapping[Hashable, Any]) -> str:
     """A frequency, and how far its band goes, where it has one."""
     f, low, high = (float(row[f"frequency{end}"]) for end in ("", "_low", "_high"))
     farther = max(f - low, high - f)
-    return f"{number(f)} ± {number(farther, 2)}" if farther > 0.0 else number(f)
+    if not farther > 0.0:
+        return number_whole(f)
+    decimals = 1 - math.floor(math.log10(farther))  # of the ±, which has two digits
+    return f"{f:.{min(max(decimals, 0), _MOST_DECIMALS)}f} ± {number_whole(farther, 2)}"
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:

@@ -7,6 +7,7 @@ devices are written to, links followed.
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -86,7 +87,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
-    """InputError before any work: an output, by option, is an input, another output, or of a kind not made."""
+    """InputError before any work: an output, by option, is an input or another output, of no kind made, or unwritable."""
     for option, target in targets.items():
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     seen: dict[str, str] = {}
@@ -96,11 +97,32 @@ def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> No
             if other != option:  # the later would replace the earlier
                 expected = "another file for each output"
                 raise InputError(f"{option} is the file of {other}", file=target, expected=expected)
+            refuse_unwritable(Path(target))
     for option, endings in (("--plot", PICTURES), ("--report", PAGES)):
         target = targets.get(option)
         if target is not None and Path(target).suffix.lower() not in endings:
             expected = f"a name ending in {' or '.join(endings)}"
             raise InputError(f"{option} {Path(target).name!r} is of no known format", expected=expected)
+
+
+def refuse_unwritable(target: Path, *, folder: bool = False) -> None:
+    """InputError where no file, or no ``folder``, can be written there by all that can be known before it is."""
+    try:
+        if not folder and _is_stream(target):
+            return
+        above = Path(os.path.realpath(target))
+        wrong = errno.EISDIR if not folder and above.is_dir() else 0
+        above = above if folder else above.parent
+        while not os.path.exists(above) and above != above.parent:
+            above = above.parent
+        if above.is_dir():
+            wrong = wrong or (0 if os.access(above, os.W_OK | os.X_OK) else errno.EACCES)
+        else:
+            wrong = errno.ENOTDIR
+        if wrong:
+            raise OSError(wrong, os.strerror(wrong))
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise _unwritable(target, error) from error
 
 
 def make_folder(path: Path) -> None:

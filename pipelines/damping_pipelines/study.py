@@ -98,7 +98,7 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
         findings = report_findings(record, mode, despite)
         prepared = prepare_record(record, mode, findings)
         for line in prepared.notes:
-            print(f"damping: {record.source}: {line}", file=sys.stderr)
+            print(f"caution: {record.source}: {line}", file=sys.stderr)
         inputs.append(Input(asked, prepared))
     return inputs
 

@@ -33,8 +33,8 @@ from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
-from damping_pipelines.store import check_outputs, write_json, write_plain, write_text
-from damping_pipelines.terminal import PlainTable, console, number, progress
+from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_plain, write_text
+from damping_pipelines.terminal import PlainTable, console, number, number_whole, progress
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -59,6 +59,8 @@ def regress(
     are selected, as :func:`damping.regress` is asked.
     """
     check_outputs({"--json": json_out}, *data)
+    if plots is not None:
+        refuse_unwritable(plots, folder=True)
     # what is not allowed is told before any table is read
     Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
     results = run_regress(data, response, terms, max_size, **choice)
@@ -228,11 +230,12 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
     table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))
     for row in findings.implied.to_dict(orient="records"):
-        numbers = ("frequency", "force", "amplitude", "mass", "damping_ratio", "phase_offset")
-        table.add_row(str(row["sweep"]), *(number(float(row[name])) for name in numbers))
+        numbers = ("force", "amplitude", "mass", "damping_ratio", "phase_offset")
+        implied = (number(float(row[name])) for name in numbers)
+        table.add_row(str(row["sweep"]), number_whole(float(row["frequency"])), *implied)
     if mode is not None:
-        values = (mode.frequency, math.nan, math.nan, mode.mass, mode.viscous_ratio or math.nan, math.nan)
-        table.add_row("mode file", *(number(value) for value in values))
+        values = (math.nan, math.nan, mode.mass, mode.viscous_ratio or math.nan, math.nan)
+        table.add_row("mode file", number_whole(mode.frequency), *map(number, values))
     out.print(table)
 
 

@@ -20,10 +20,16 @@ from damping.records.text import describe_shortened
 from damping.report import end_sentence
 from damping_pipelines import QUIET
 
+#: Lines of progress at most where there is no terminal: a log holds what follows them too.
+_MOST_LINES = 10
+
 
 @contextmanager
-def progress(title: str, total: int) -> Iterator[Advance]:
-    """Show that ``parts`` of ``total`` are done, on standard error: a bar on a terminal, else lines."""
+def progress(title: str, total: int, *, each: bool = False) -> Iterator[Advance]:
+    """Show that ``parts`` of ``total`` are done, on standard error: a bar on a terminal, else some lines.
+
+    ``each``: every part is news of its own, as of a record that may have failed, and has its line.
+    """
     if QUIET.get():
         yield lambda what, parts=1: None
     elif sys.stderr.isatty():
@@ -33,8 +39,10 @@ def progress(title: str, total: int) -> Iterator[Advance]:
 
         def advance(what: str, parts: int = 1) -> None:
             nonlocal done
+            further = _MOST_LINES * (done + parts) // max(total, 1) > _MOST_LINES * done // max(total, 1)
             done += parts
-            print(f"{title}: {done}/{total} {what}", file=sys.stderr, flush=True)
+            if each or further:
+                print(f"{title}: {done}/{total} {what}", file=sys.stderr, flush=True)
 
         yield advance
 
@@ -182,6 +190,11 @@ def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
 def number(value: float, digits: int = 4) -> str:
     """A number to the given digits; a dash for one that does not exist."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
+
+
+def number_whole(value: float, digits: int = 4) -> str:
+    """The same without an exponent however large it is, as of a frequency: 32000, not 3.2e+04."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits and math.isfinite(value) else number(value, digits)
 
 
 def parse_number(text: str) -> float:

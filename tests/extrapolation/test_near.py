@@ -130,8 +130,9 @@ def test_too_many_rows_or_sweeps_are_refused_in_a_line():
         return Record(pd.DataFrame({**columns, "phase": 1.5}), "r.csv")
 
     assert len(observe(record(MOST_ROWS, MOST_SWEEPS)).sweeps) == MOST_SWEEPS
-    for rows, sweeps in ((MOST_ROWS + 1, 3), (MOST_SWEEPS + 1, MOST_SWEEPS + 1)):
-        with pytest.raises(AnalysisError, match=f"{rows} rows of {sweeps} sweeps.*every second one"):
+    many = (MOST_ROWS + 1, 3, "one$"), (MOST_SWEEPS + 1, MOST_SWEEPS + 1, r"sweep \(level\)$")
+    for rows, sweeps, kept in many:
+        with pytest.raises(AnalysisError, match=f"{rows} rows of {sweeps} sweeps.*every second {kept}"):
             observe(record(rows, sweeps))
 
 

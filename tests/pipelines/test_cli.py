@@ -1,6 +1,7 @@
 """Exit codes and messages: one line, never a traceback, nothing half-written."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -220,10 +221,30 @@ def test_one_seed_where_none_is_stated():
     assert options.DEFAULT_SEED == SEED
 
 
-def test_unwritable_output_leaves_one_line(damping, saturn_data, tmp_path):
-    run = damping("rank", *files(saturn_data), "--json", tmp_path)
-    assert run.code == 2
-    assert "cannot be written" in run.err
+@pytest.mark.parametrize("target", ["", "file/rank.json", "file/folder/rank.json", "locked/rank.json"])
+def test_unwritable_output_leaves_one_line_before_any_work(target, damping, saturn_data, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "locked").mkdir()
+    access = os.access  # whoever is root may write there all the same
+    monkeypatch.setattr(os, "access", lambda path, mode: "locked" not in str(path) and access(path, mode))
+    curve, (record, _, mode) = tmp_path / "curve.json", files(saturn_data)
+    commands = [
+        *(("rank", *files(saturn_data), "--json"), ("rank", *files(saturn_data), "--plot")),
+        *(("extrapolate", *files(saturn_data), "--force", 60, "--json"), ("gap", mode, record, "--report")),
+        ("export", curve, "--to", "nastran", "--out"),
+    ]
+    for command, *words in commands:
+        out = tmp_path / (target.replace(".json", ".svg") if words[-1] == "--plot" else target)
+        if not (words[-1] == "--plot" and not target):  # refused as no picture
+            run = damping(command, *words, out)
+            assert run.code == 2
+            assert run.err.startswith(f"damping: {out}: cannot be written (")
+            assert run.err.count("\n") == 1  # no progress either
+    if target.startswith("file"):  # folders of results
+        for command, *words in (("campaign", curve, "--out"), ("gap", tmp_path, "--json"), ("study", "--out")):
+            run = damping(command, *words, tmp_path / target)
+            assert (run.code, "cannot be written (" in run.err) == (2, True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "locked"]
 
 
 def test_friction_alone_cannot_be_ranked_into_a_law(damping, saturn_data, tmp_path):

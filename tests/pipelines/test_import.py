@@ -94,6 +94,8 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     best = rank_laws(data, 1, laws).candidates[0]
     assert best.name == "viscous"
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
+    with pytest.raises(AnalysisError, match=r"lab\.csv: 'release 1': the record has 1 periods"):
+        import_file(lab, out, Stated(), mode, start=7.9)
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), mode)
     mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
@@ -162,6 +164,44 @@ def test_universal_files_there_and_back(tmp_path: Path, name: str, text: bool) -
         np.testing.assert_allclose(after.column(column), before.column(column), rtol=digits)
     phase = before.column("phase") if before.has_phase else np.full(len(before), np.pi / 2)
     np.testing.assert_allclose(after.column("phase"), phase, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("phased", [False, True])
+def test_a_rotation_there_and_back(tmp_path: Path, phased: bool) -> None:
+    """Angle by a moment about an axis: rad, or rad per N m, on the way and rad at the end."""
+    f = np.linspace(14.0, 16.0, 9)
+    H = 1.0 / (0.02 * ((30 * np.pi) ** 2 - (2 * np.pi * f) ** 2 + 2j * 0.02 * 30 * np.pi * 2 * np.pi * f))
+    table = {"sweep": "L1", "force": 0.2, "frequency": f, "amplitude": 0.2 * np.abs(H), "phase": -np.angle(H)}
+    source, mode = tmp_path / "record.csv", tmp_path / "mode.toml"
+    pd.DataFrame(table).drop(columns=[] if phased else "phase").to_csv(source, index=False)
+    mode.write_text(MODE.replace("2.0", "0.02").replace("10.0", "15.0").replace('"N"', '"N m"').replace('"m"', '"rad"'))
+    back = tmp_path / "back.csv"
+    if phased:
+        export(source, tmp_path / "a.unv", mode=mode)
+        import_file(tmp_path / "a.unv", back, Stated())
+    else:  # as a laboratory writes it
+        lab = pd.DataFrame({"Freq (Hz)": f, "Torque (mN m)": 200.0, "Angle (mrad)": 1e3 * table["amplitude"]})
+        lab.to_csv(tmp_path / "lab.csv", index=False)
+        import_file(tmp_path / "lab.csv", back, Stated(scaling="peak"))
+    after = read_record(back)
+    np.testing.assert_allclose(after.column("amplitude"), table["amplitude"], rtol=1e-12)
+    np.testing.assert_allclose(after.column("force"), 0.2, rtol=1e-12)
+
+
+def test_an_assumed_peak_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lab, out = tmp_path / "lab.csv", tmp_path / "out.csv"
+    rows = pd.DataFrame({"Freq (Hz)": [9.0, 10.0, 11.0], "Force (uN)": 5.0, "Displacement (nm)": [1.0, 2.0, 1.5]})
+    for header, stated, assumed in (
+        *(("Displacement (nm)", None, True), ("Displacement (nm pk)", None, False)),
+        *(("Displacement (nm)", "peak", False), ("Displacement (nm)", "rms", False)),
+    ):
+        rows.set_axis([*rows.columns[:2], header], axis=1).to_csv(lab, index=False)
+        import_file(lab, out, Stated(scaling=stated))
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("caution: peak assumed: the file does not say (give --scaling rms" in said) == assumed
+        factor = 2.0**0.5 if stated == "rms" else 1.0
+        np.testing.assert_allclose(read_record(out).column("amplitude").max(), factor * 2e-9, rtol=1e-12)
+        np.testing.assert_allclose(read_record(out).column("force"), 5e-6, rtol=1e-12)
 
 
 @pytest.mark.parametrize("text", [False, True])

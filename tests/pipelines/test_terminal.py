@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 
 from damping import api, extrapolation
 from damping.infer.law import Law
 from damping_pipelines.cli import app
-from damping_pipelines.terminal import Notes, PlainTable
+from damping_pipelines.rank import _state_frequency
+from damping_pipelines.terminal import Notes, PlainTable, progress
 
 LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
 #: A number that was cut: a digit beside what stands for the rest.
@@ -22,6 +24,25 @@ def few_laws(monkeypatch):
     """Three laws in place of all: tables are tested here."""
     monkeypatch.setattr(api, "candidate_laws", lambda *_: LAWS)
     monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS[:2])
+
+
+@pytest.mark.parametrize(("total", "lines"), [(3, 3), (10, 10), (65, 10), (2000, 10)])
+def test_a_log_has_ten_lines_of_progress_at_most(total, lines, capsys):
+    for each in (False, True):
+        with progress("ranking", total, each=each) as advance:
+            for part in range(total):
+                advance(f"law {part + 1}")
+        said = capsys.readouterr().err.splitlines()
+        assert len(said) == (total if each else lines)
+        assert said[-1] == f"ranking: {total}/{total} law {total}"
+
+
+@pytest.mark.parametrize(("row", "said"), [
+    ((31999.86, 31998.4, 32001.2), "31999.9 ± 1.5"), ((1.6662, 1.66, 1.67), "1.6662 ± 0.0062"),
+    ((32000.0, 31800.0, 32150.0), "32000 ± 200"), ((54321.5, 54321.5, 54321.5), "54322"), ((np.nan,) * 3, "-"),
+])  # fmt: skip
+def test_a_frequency_is_rounded_by_its_band(row, said):
+    assert _state_frequency(dict(zip(("frequency", "frequency_low", "frequency_high"), row, strict=True))) == said
 
 
 def test_a_table_fits_and_keeps_its_numbers():

@@ -130,6 +130,34 @@ def test_phase_offset_whatever_friction_and_stiffness(R, cubic):
     assert found.amplitude == pytest.approx(top, rel=2e-3)
 
 
+@pytest.mark.parametrize("ratio", [0.005, 0.2])
+def test_heavy_damping_of_another_power_of_frequency_is_no_offset(ratio):
+    """c omega A + loss omega^2 A^2, in closed form at each amplitude: at phase pi/2 the frequency is the mode's."""
+    c, loss, force = 2 * ratio * M * OMEGA_N, 2 * M * ratio, 8 * M * OMEGA_N**2 * ratio
+    frequency = OMEGA_N / (2 * pi) * np.linspace(1 - 4 * ratio, 1 + 3 * ratio, 61)  # 0.2: from 0.2 to 1.6
+    w = 2 * pi * frequency
+    A = np.array([_find_amplitude(force, M * (OMEGA_N**2 - x**2), c * x, loss * x**2) for x in w])
+    phase = np.angle(M * (OMEGA_N**2 - w**2) + 1j * (c * w + loss * w**2 * A))
+    found = resonance(record(force, frequency, A, phase), "A")
+    at_resonance = force / (2 * M * OMEGA_N**2 * _find_amplitude(force, 0.0, c * OMEGA_N, loss * OMEGA_N**2))
+    # of a small ratio a false offset is taken off, and moves the frequency by the ratio's square; of a large one none
+    # is, and what is left is of the fit of rows as far apart as the half-power points
+    assert (found.phase_offset != 0.0) == (ratio == 0.005)
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), rel=at_resonance**2 if ratio == 0.005 else 0.005)
+    # an offset beyond any that such a law makes is one
+    turned = resonance(record(force, frequency, A, phase + 0.75), "A")
+    assert turned.phase_offset == pytest.approx(0.75, abs=at_resonance)
+
+
+def _find_amplitude(force, spring, damping, loss):
+    """A with force^2 = A^2 (spring^2 + (damping + loss A)^2), by bisection: it grows with A."""
+    low, high = 0.0, force / damping
+    for _ in range(100):
+        A = 0.5 * (low + high)
+        low, high = (A, high) if A * np.hypot(spring, damping + loss * A) < force else (low, A)
+    return A
+
+
 def test_offset_needs_both_wings():
     A, phase = linear(grid(60))
     wing = grid(60) < OMEGA_N / (2 * pi) + 0.2 * HALF_WIDTH

@@ -218,6 +218,24 @@ def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
     assert f"at 0.8 g (a modal force of {force}) expect {number(result.design.average.median[1])} in" in page
 
 
+def test_a_base_is_no_force_and_only_what_is_stated_is_said(study: StudyResult) -> None:
+    mode = study.records[0].mode
+    shaken = replace(mode, damping={}, units=mode.units.of_base_drive)
+    result = replace(study.records[0], posteriors=(), design_levels=("0.4 g", "0.8 g"), mode=shaken)
+    page = " ".join(render(replace(study, records=(result,), exhibits=())).html.split())
+    force = format_force_text(result.design.force[1], "in/s²")
+    assert f"at 0.8 g (a base acceleration of {force}) expect" in page
+    assert f"The mode file states {number(mode.frequency, 4)} Hz, known to 0.15 per cent." in page
+    assert "generalized mass" not in page.split("The mode file states")[1].split("</p>")[0]
+    bare = replace(result, mode=replace(mode, damping={}))
+    page = " ".join(render(replace(study, records=(bare,), exhibits=())).html.split())
+    assert "49.61 lb·s²/in, known to 0.15 and 2.1 per cent." in page  # and no viscous damping
+
+
+def test_why_small_weights_differ_from_those_of_a_ranking_is_said_once(reader: Reader) -> None:
+    assert " ".join(" ".join(reader.texts).split()).count("damping rank draws less") == 1
+
+
 def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
     """The table holds :class:`damping.ranking.Coefficient`: posterior medians, of coefficients that are at least 0."""
     text = " ".join(" ".join(reader.texts).split())

@@ -34,7 +34,7 @@ from damping.report import (
 from damping.report.figures import leading, record_figures, trace_sweep
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
 from damping.report.study import render
-from damping.report.tables import record_tables
+from damping.report.tables import record_tables, tabulate_design
 from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970.common import LABELS
 
@@ -192,6 +192,20 @@ def test_lengths_are_said_as_people_say_them() -> None:
     assert format_gravity(0.1, 10.0, "in") == "1.02 g"
     assert format_gravity(0.1, 10.0, "") == "–"
     assert format_gravity(0.1, 10.0, "N") == "–"
+
+
+def test_peak_accelerations_under_a_base_are_told_apart(peaks: RecordResult) -> None:
+    """At phase resonance q = -i A, driven by a base of a: |a - omega^2 q| = sqrt(a^2 + omega^4 A^2)."""
+    design, curve, force_driven = peaks.design, peaks.design_curve, peaks.mode.units
+    assert design is not None
+    assert curve is not None
+    assert "peak acceleration" in tabulate_design(design, curve, force_driven)
+    table = tabulate_design(design, curve, force_driven.of_base_drive)
+    assert "peak acceleration" not in table
+    relative = (RAD_S_PER_HZ * curve.frequency.median) ** 2 * design.average.median
+    both = np.abs(design.force - 1j * relative)
+    for name, inches in (("relative to the base", relative), ("absolute", both)):
+        assert list(table[f"peak acceleration, {name}"]) == [f"{number(a * 0.0254 / 9.80665)} g" for a in inches]
 
 
 def test_a_record_without_posteriors_still_renders(study: StudyResult, peaks: RecordResult) -> None:

@@ -69,7 +69,7 @@ def fleet(
         book = _Book(kept, out, _final(kept))
         if not replace:
             _refuse_loss(kept, dataset.tasks_of(cases, settings))
-        with progress("fleet", len(cases)) as done:
+        with progress("fleet", len(cases), each=True) as done:
             tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)

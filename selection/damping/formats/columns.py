@@ -253,6 +253,8 @@ def _by_name(
         own = {role: place for role, place in own.items() if role not in ("x", "y")}
     if "phase" in own and "angle" in usual:
         own.pop("phase")
+    if "angle" in own and own["angle"] == usual.get("amplitude"):  # a rotation
+        own.pop("angle")
     motions = {"response", "x", "y", "amplitude"}
     if motions & set(own):
         usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}

@@ -87,7 +87,10 @@ def conversion(known: Statements) -> Conversion:
         known.add_unit(what)
     whole = _response_unit(name, units)
     force, length = (unit(text) for text in SYSTEMS[stated.system])
-    angular = whole.powers == (0, 0, -order)  # a rotation in rad: its force is a moment, its mass one of inertia
+    angular = whole.powers in (
+        (0, 0, -order),
+        (-1, -1, -order),
+    )  # a rotation in rad: its force is a moment, its mass one of inertia
     if angular:
         summary.note(f"a rotation: amplitudes in rad, forces in {force.text} {length.text}")
     arm = length.factor if angular else 1.0
@@ -137,7 +140,9 @@ def _response_unit(name: str, units: dict[str, Unit]) -> Unit:
     whole = units["response"]
     if whole.powers != _powers(name) and RESPONSES[name][1] and "force" in units:
         whole = whole.per(units["force"])
-    if whole.powers not in (_powers(name), (0, 0, -RESPONSES[name][0])):
+    order, per_force = RESPONSES[name]
+    angular = [(0, 0, -order), *([(-1, -1, -order)] if per_force else [])]  # rad, and rad per moment
+    if whole.powers not in (_powers(name), *angular):
         raise InputError(f"{units['response'].text} is no unit of {name}", expected=f"such as {_EXAMPLES[name]}")
     return whole
 
@@ -185,7 +190,13 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
     if name is None:
         message = "whether amplitudes are peak or rms is neither in the file nor stated"
         raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
-    known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
+    if facts.peak_assumed and not stated.scaling:
+        known.summary.add("amplitudes", name, "assumed: the file does not say")
+        known.summary.note(
+            "caution: peak assumed: the file does not say (give --scaling rms or peak-to-peak, else peak)"
+        )
+    else:
+        known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
     return SCALINGS[name]
 
 

@@ -46,6 +46,8 @@ ROLES: dict[str, str] = NAMES["meaning"]
 #: Names of columns by role in tables of laboratories.
 ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
+#: Names of a rotation that is the response.
+_ANGULAR = NAMES["rotation"]["displacement"]
 _KNOWN_NAMES = {
     name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
 }
@@ -159,6 +161,11 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
             places["response" if is_time else "amplitude"], response = place, motion
         elif is_angle and not is_time and "angle" not in places:
             places["angle"] = place
+    of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)
+    if of_moment and not {"response", "amplitude", "x"} & set(places):
+        turning = [k for k, name in enumerate(names) if name in _ANGULAR]
+        for place in (place for place in turning if find_powers(headers[place].unit) == (0, 0, 0)):
+            places["amplitude"], response = place, "displacement"
     if not is_time and {"x", "y"} <= set(names) and "z" not in names and "amplitude" not in places:
         places |= {"x": names.index("x"), "y": names.index("y")}
         places.pop("angle", None)

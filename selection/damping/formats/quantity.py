@@ -25,27 +25,28 @@ from damping.records.text import describe_shortened
 
 #: Names of units by their powers of force, length and time, each with its factor to N, m, s.
 _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
-    (0, 0, 0): {"1": 1.0, "rad": 1.0, "deg": pi / 180.0},
+    (0, 0, 0): {"1": 1.0, "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": pi / 180.0},
     (1, 0, 0): {
         **{"N": 1.0, "newton": 1.0, "newtons": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2},
-        **{"lb": POUND_FORCE_N, "lbf": POUND_FORCE_N},
+        **{"lb": POUND_FORCE_N, "lbf": POUND_FORCE_N, "MN": 1e6, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12},
+        **{"µN": 1e-6, "μN": 1e-6},  # micro sign, Greek mu
     },
     (0, 1, 0): {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": INCH_M, "inch": INCH_M},
         **{"mil": 1e-3 * INCH_M, "mils": 1e-3 * INCH_M, "ft": 12.0 * INCH_M, "meter": 1.0, "metre": 1.0},
-        **{"µm": 1e-6, "μm": 1e-6},  # micro sign, Greek mu
+        **{"µm": 1e-6, "μm": 1e-6, "pm": 1e-12, "km": 1e3},
     },
     (0, 0, 1): {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6},
     (0, 1, -2): {"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2},
     (1, -1, 2): {"kg": 1.0},
-    (1, 1, 0): {"J": 1.0},
+    (1, 1, 0): {"J": 1.0, "Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "kNm": 1e3},
 }
 _NAMES = {name: (powers, size) for powers, sizes in _SIZES.items() for name, size in sizes.items()}
 #: A name and the power that may follow it: ^2, **2, 2, ², ^-1.
 _TERM = re.compile(r"([A-Za-zµμ]+|[0-9]+)(?:\s*(?:([²³])|(?:\^|\*\*)?\s*(-?)\s*([0-9])(?![0-9])))?")
 _LONGEST = 60  # characters of a unit; labels of UFF files have 20
 _POWERS = {"²": 2, "³": 3}
-_EXPECTED = "a unit such as N, lbf, m, mm, in, m/s, g, m/s^2, m/s^2/N or in/lbf"
+_EXPECTED = "a unit such as N, mN, kN, lbf, m, mm, in, m/s, g, m/s^2, m/s^2/N or in/lbf"
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ class FileFacts:
     per_force: bool | None = None  #: whether it is a ratio to force
     scaling: str | None = None  #: a name of ``SCALINGS``
     force_scaling: str | None = None  #: that of the force where it has its own
+    peak_assumed: bool = False  #: whether the scaling is that of most tables, and neither a header's nor a role's
     turn: bool = False  #: whether the phase leads or lags is told by its turn alone
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
     angles: Mapping[str, str] = field(default_factory=dict)  #: roles whose header says ``degrees`` or ``radians``

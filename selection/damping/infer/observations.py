@@ -160,9 +160,12 @@ def observe(record: Record) -> Observations:
     table = record.table.sort_values(["frequency", "amplitude", "force"], kind="stable")
     sweeps = table["sweep"].nunique()
     if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
+        fewer = (
+            "the rows near resonance, or every second one" if len(table) > MOST_ROWS else "every second sweep (level)"
+        )
         raise AnalysisError(
             f"{record.source}: {len(table)} rows of {sweeps} sweeps; laws are weighed on {MOST_ROWS} rows"
-            f" of {MOST_SWEEPS} sweeps at most: keep the rows near resonance, or every second one"
+            f" of {MOST_SWEEPS} sweeps at most: keep {fewer}"
         )
     energy = energy_per_cycle(record)[table.index]
     usable = np.isfinite(energy)

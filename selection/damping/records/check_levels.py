@@ -163,6 +163,11 @@ FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
 FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
 FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
 FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
+#: Without phases masses agree where levels whose forces differ by this factor, three at least, differ by a share
+#: (``AGREE``) of how far they are from the mode file's (ln): what bends a resonance changes with amplitude, a gain not.
+AGREE_OVER = 2.0
+FEWEST_AGREE = 3
+AGREE = 0.1
 OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
 
 
@@ -175,7 +180,8 @@ def check_beyond_model(view: View) -> Finding | None:
     frequency = float(hertz[0])
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    far_mass = FAR_MASS if all(leg.lag is not None for leg in view.legs) else FAR_MASS_WITHOUT_PHASE
+    sure = all(leg.lag is not None for leg in view.legs) or _agree(view)
+    far_mass = FAR_MASS if sure else FAR_MASS_WITHOUT_PHASE
     base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
         name = name_factor(view.mass_ratio)
@@ -193,6 +199,15 @@ def check_beyond_model(view: View) -> Finding | None:
     advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
+
+
+def _agree(view: View) -> bool:
+    """Whether the masses of all levels are far from those stated, and alike."""
+    table = view.implied[view.implied["mass"].notna()]
+    if len(table) < FEWEST_AGREE or table["force"].max() < AGREE_OVER * table["force"].min():
+        return False
+    x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
+    return bool(np.ptp(x) < AGREE * abs(np.median(x)))
 
 
 #: Stated tolerances that frequency and mass must both be off by for the mode file to be of another structure or state:

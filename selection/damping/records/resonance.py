@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
+from damping.records.passage import find_cotangent, find_jump, find_passage
 from damping.records.record import Record
 from damping.records.runs import order_rows
 
@@ -27,19 +28,14 @@ LEAVES = 0.01
 FOLLOWS = 0.7
 #: Two neighbours on either side of resonance are interpolated if one is within 60 degrees of it (|cot phase| <= 1.73).
 NEIGHBOUR = 3.0**0.5
-#: A sweep jumps where the resonance itself moves by this between two rows, in half-widths (1: damping ratio times
-#: frequency): a resonance that stays moves by noise, and one that is bent little from row to row.
-JUMP = 1.0
-#: |cot phase| of the nearer row up to which a jump past resonance is read as a passage: F/Im Z is then 3 % more than
-#: its amplitude at most.
-JUMP_AT_RESONANCE = 0.25
 #: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
 SAME_AMPLITUDE = 0.1
 ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
 #: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
 LARGEST_OFFSET = pi / 4
-FEWEST_BESIDE = 2  #: steps from row to row, beside the one past resonance, that tell whether that is a jump
-_TELLING = 1e-6  # least sin(phase) of a row that is told from one that noise carries beyond 0..pi
+#: Damping ratio up to which every offset is taken: a false one, of a ratio at most, moves the frequency of resonance by
+#: the ratio squared, 0.25 %.
+SMALL_DAMPING = 0.05
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
 ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
 _FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
@@ -144,18 +140,24 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     then differ by a real number, M (omega_2 - omega_1) (1 + omega_n^2/(omega_1 omega_2)), so the argument of the
     difference is the offset. The result is the median over all pairs of rows on either side of the largest A/F,
     weighted by likeness of amplitude and by the distance of the two Y relative to their size. Damping that grows with
-    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs.
+    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs, n from 0 (of
+    displacement) to 2 (of velocity squared): by one ratio at most.
 
-    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), or
-    where the result is beyond ``LARGEST_OFFSET``.
+    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), where
+    the result is beyond ``LARGEST_OFFSET``, or where it is within that displacement and the ratio above
+    ``SMALL_DAMPING``.
     """
     omega = RAD_S_PER_HZ * frequency
     Y = force / (amplitude * omega) * np.exp(1j * phase)
     i, j, weight = like_pairs(omega, amplitude, Y, amplitude / force)
     if len(weight) == 0:
         return 0.0
-    offset = weighted_median(np.angle(Y[i] - Y[j]), weight)
-    return offset if abs(offset) <= LARGEST_OFFSET else 0.0
+    apart = Y[i] - Y[j]
+    offset = weighted_median(np.angle(apart), weight)
+    middle = np.imag(0.5 * (Y[i] + Y[j]) * np.exp(-1j * offset)) / np.abs(apart)  # C/omega over 2 M (omega_2 - omega_1)
+    ratio = weighted_median(middle * (omega[j] - omega[i]) / np.sqrt(omega[i] * omega[j]), weight)
+    doubtful = ratio > SMALL_DAMPING and abs(offset) < ratio
+    return offset if abs(offset) <= LARGEST_OFFSET and not doubtful else 0.0
 
 
 def like_pairs(
@@ -195,7 +197,7 @@ def _at_resonance(
     force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
 ) -> tuple[float, float, float] | None:
     """Force, frequency and amplitude where the phase (freed of its offset) passes pi/2; None where it does not."""
-    cosine, sine, cotangent = np.cos(phase), np.sin(phase), _find_cotangent(phase)
+    cosine, sine, cotangent = np.cos(phase), np.sin(phase), find_cotangent(phase)
     telling = np.isfinite(cotangent)
     cosecant = np.divide(1.0, sine, out=np.full_like(sine, np.inf), where=telling)
     columns = np.column_stack([force, frequency, amplitude / force * np.where(telling, cosecant, 0.0)])
@@ -208,7 +210,7 @@ def _at_resonance(
         if not follows:
             break
     if values is None:
-        i, nearest, _ = _find_passage(phase)
+        i, nearest, _ = find_passage(phase)
         if nearest > NEIGHBOUR or find_jump(force, frequency, amplitude, phase) is not None:
             return None
         pair = slice(i, i + 2)
@@ -217,42 +219,6 @@ def _at_resonance(
     if min(F, f, compliance) <= 0.0:  # noise alone
         return None
     return float(F), float(f), float(F * compliance)
-
-
-def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> int | None:
-    """The row (of n in the order of the sweep, phases freed of their offset) after which it jumps past its resonance.
-
-    Re Z/M = omega_r^2 - omega^2 tells the resonance omega_r at the amplitude of each row, M being the median of
-    -d Re Z/d omega^2 from row to row. Of a resonance that stays it is the same on either side of phase pi/2, however
-    far apart the rows are; over a fold it leaps with the amplitude. None where it moves by less than ``JUMP``
-    half-widths Im Z of the nearer row, or half as far as the frequency (a coarse sweep with noise), or where that row
-    is at resonance (``JUMP_AT_RESONANCE``).
-    """
-    i, nearest, nearer = _find_passage(phase)
-    if not JUMP_AT_RESONANCE < nearest < np.inf:
-        return None
-    Z = force / amplitude * np.exp(1j * phase)
-    rise, step = np.diff(Z.real), np.diff(frequency**2)
-    beside = (step != 0.0) & (np.arange(len(step)) != i)
-    if beside.sum() < FEWEST_BESIDE:
-        return None
-    slope = np.median(rise[beside] / step[beside])
-    least = JUMP * max(Z.imag[nearer], -0.5 * slope * abs(step[i]))
-    return i if slope < 0.0 and abs(rise[i] - slope * step[i]) > least else None
-
-
-def _find_cotangent(phase: FloatArray) -> FloatArray:
-    """cot(phase); infinite where no row of a driven mode has the phase, though noise may carry it there."""
-    sine = np.sin(phase)
-    return np.divide(np.cos(phase), sine, out=np.full_like(sine, np.inf), where=sine > _TELLING)
-
-
-def _find_passage(phase: FloatArray) -> tuple[int, float, int]:
-    """The row before phase pi/2 is passed, and |cot phase| and place of the nearer of the two; infinite: no passage."""
-    cosine, size = np.cos(phase), np.abs(_find_cotangent(phase))
-    nearest = np.where(cosine[:-1] * cosine[1:] <= 0.0, np.minimum(size[:-1], size[1:]), np.inf)
-    i = int(np.argmin(nearest))
-    return i, float(nearest[i]), i + int(size[i + 1] < size[i])
 
 
 def _beside_resonance(

@@ -89,9 +89,9 @@ def describe_load(
     i = find_largest(design)
     if i is None or design is None:
         return {}
-    force = words.format_force_text(design.force[i], units.force)
+    force, drive = words.format_force_text(design.force[i], units.force), units.drive.replace("force", "modal force")
     return {
-        "force": f"{levels[i]} (a modal force of {force})" if levels else force,
+        "force": f"{levels[i]} (a {drive} of {force})" if levels else force,
         "median": words.format_length(design.average.median[i], units.length),
         "band": words.format_length_band(design.average.low[i], design.average.high[i], units.length),
         "level": f"{100 * design.level:g}",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from damping import report as words
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Coordinates, Law
@@ -241,8 +241,16 @@ def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.Data
     table["damping ratio"] = [words.format_percent_ratio(value) for value in ratio.median]
     table["low end"] = [words.format_percent_ratio(value) for value in ratio.low]
     table["frequency"] = [words.format_quantity(value, "Hz", 4) for value in frequency]
-    motions = zip(design.average.median, frequency, strict=True)
-    gravities = [words.format_gravity(amplitude, hertz, units.length) for amplitude, hertz in motions]
-    if any(text != words.NOTHING for text in gravities):
-        table.insert(3, "peak acceleration", gravities)
+    motions = {"peak acceleration": design.average.median}
+    if units.drive != "force":  # at phase resonance the motion relative to the base is in quadrature with the base's
+        absolute = np.hypot(design.average.median, design.force / (RAD_S_PER_HZ * frequency) ** 2)
+        motions = {
+            "peak acceleration, absolute": absolute,
+            "peak acceleration, relative to the base": design.average.median,
+        }
+    for name, amplitudes in motions.items():
+        pairs = zip(amplitudes, frequency, strict=True)
+        gravities = [words.format_gravity(amplitude, hertz, units.length) for amplitude, hertz in pairs]
+        if any(text != words.NOTHING for text in gravities):
+            table.insert(3, name, gravities)
     return table
