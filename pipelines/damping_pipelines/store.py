@@ -87,7 +87,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
-    """InputError before any work: an output, by option, is an input or another output, of no kind made, or unwritable."""
+    """InputError before any work: an output, by option, is an input or another, of no kind made, or unwritable."""
     for option, target in targets.items():
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     seen: dict[str, str] = {}
