@@ -11,7 +11,7 @@ import pytest
 from damping import api, extrapolation
 from damping.infer.law import Law
 from damping_pipelines.cli import app
-from damping_pipelines.rank import _state_frequency
+from damping_pipelines.laws import _state_frequency
 from damping_pipelines.terminal import Notes, PlainTable, progress
 
 LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
