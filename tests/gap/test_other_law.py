@@ -17,9 +17,9 @@ from damping.report.gap import describe_diagnosis
 pytestmark = pytest.mark.usefixtures("no_folds")
 
 
-def structural(lab, rows, seed, added=0.0):
-    """F/(K (1 + i eta) - (M + m) w^2), of the simulated damping at the resonance without the added mass m."""
-    loss = lab.viscous * lab.omega
+def structural(lab, rows, seed, added=0.0, share=1.0):
+    """F/(K (1 + i eta) - (M + m) w^2), of a share of the simulated damping at the resonance for m = 0."""
+    loss = share * lab.viscous * lab.omega
     Y = lab.mass * lab.omega**2 - (lab.mass + added) * rows.omega**2 + 1j * loss
     return lab.record(rows, lab.cells(rows.force / np.abs(Y), np.angle(Y)), seed)
 
@@ -61,6 +61,17 @@ def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
     assert found.hypotheses[0].probability > 0.95
     (said,) = describe_diagnosis(found)["verdict"]
     assert "in the place of the simulated viscous damping" in said
+
+
+@pytest.mark.parametrize("share", [0.4, 2.5])
+def test_structural_damping_of_another_size_than_simulated(lab, share):
+    """The step to a law of the simulated size points the wrong way then; those to other sizes do not."""
+    found = diagnose(structural(lab, lab.bench().rows, 7, share=share), lab.mode())
+    named = {own.effects: own.hypothesis.best for own in found.hypotheses if own.probability > 0.1}
+    assert ("displacement",) in named
+    coefficient = corrected_mode(named["displacement",], CATALOGUE).damping["displacement"]["coefficient"]
+    # as above; the smaller damping is known less well in proportion
+    np.testing.assert_allclose(coefficient, share * 0.5 * np.pi * lab.viscous * lab.omega, rtol=0.03, atol=0.0)
 
 
 @pytest.mark.parametrize("times", [-1.0, 3.0])

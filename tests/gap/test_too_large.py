@@ -109,5 +109,5 @@ def test_a_mass_that_is_off_is_named_beside_the_frequency_taken_from_it(lab, see
     found = explain(Record(pd.concat(tables, ignore_index=True), "two masses"), lab.mode())
     (said,) = (caution for caution in found.cautions if "no name in the library" in caution)
     assert "a generalized mass that is off" in said
-    assert "natural frequency" in said
-    assert ("viscous coefficient" in said) == (damped != 1.0)
+    assert "beside natural-frequency" in said
+    assert ("viscous-coefficient" in said) == (damped != 1.0)

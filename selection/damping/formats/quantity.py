@@ -25,7 +25,7 @@ from damping.records.text import describe_shortened
 
 #: Names of units by their powers of force, length and time, each with its factor to N, m, s.
 _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
-    (0, 0, 0): {"1": 1.0, "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": pi / 180.0},
+    (0, 0, 0): {"1": 1.0, "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "μrad": 1e-6, "deg": pi / 180.0},
     (1, 0, 0): {
         **{"N": 1.0, "newton": 1.0, "newtons": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2},
         **{"lb": POUND_FORCE_N, "lbf": POUND_FORCE_N, "MN": 1e6, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12},

@@ -152,15 +152,13 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
             relative[effect.corrects] = values["relative"]
         elif effect.damping and values.keys() - {"relative", "instead"} <= {*list_parameter_names(effect.damping)}:
             added[effect.damping] = {parameter: value for parameter, value in values.items() if parameter != "instead"}
-            if "instead" in values:
-                relative[Viscous.name] = -1.0
         else:
             others[name] = values
     damping = {name: dict(table) for name, table in mode.damping.items()}
     for name, table in damping.items():  # the leading coefficient changed by a share of itself
         table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
-    if relative.get(Viscous.name) == -1.0:
-        del damping[Viscous.name]
+    if any("instead" in values for values in effect_values(fit).values()):
+        damping.pop(Viscous.name, None)
     for name, own in added.items():
         leading, *rest = (parameter for parameter in own if parameter != "relative")
         whole = own[leading] + damping.get(name, {}).get(leading, 0.0)

@@ -32,6 +32,8 @@ MOST_SWAPPED = 3
 #: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
 _SMALL = 1e-3
 _NONE = -60.0
+#: Standard normal variables of the strength from which forms that take the place of something are started, (sizes, 1).
+_SIZES = np.array([[0.0], [-1.2], [1.2], [-2.4], [2.4]])
 #: Range of start values of the gap an effect opens, in units of noise.
 _LOW = 0.3
 _HIGH = 60.0
@@ -146,6 +148,9 @@ def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, floa
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
     tried = []
     for form in forms:
+        if form.whole:
+            tried.append(_list_whole_starts(base, form))
+            continue
         shapes = np.array(list(product(*(shape.starts for shape in form.shapes))), dtype=float)
         if form.mirror in directions:
             r, d = directions[form.mirror]
@@ -168,9 +173,6 @@ def _starts(
     squared, pull = _projected(base, form, r, d)
     strength = -pull / squared
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
-    if form.whole:
-        unit = form.natural / TYPICAL_GAP
-        strength = np.full(len(shapes), form.natural)
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
         opened = form.natural * float(np.sqrt(squared[middle] / base.measured.size))
@@ -179,6 +181,17 @@ def _starts(
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
     part = Part(form, unit)
     starts = [Start(part, np.array([s[i], *shapes[i]]), float(gain[i])) for i in range(len(shapes))]
+    return sorted(starts, key=lambda start: -start.gain)
+
+
+def _list_whole_starts(base: ModelFit, form: Form) -> list[Start]:
+    """Starts of a form that takes the place of something, of several sizes, the best first: gains of the whole step."""
+    part, k = Part(form, form.natural / TYPICAL_GAP), base.model.size
+    model, y = replace(base.model, parts=(*base.model.parts, part)), np.repeat(base.y[np.newaxis], len(_SIZES), axis=0)
+    d = model.residuals(np.hstack([y[:, :k], _SIZES, y[:, k:]]), len(y)).r - base.r
+    squared, pull = _projected(base, form, base.r[np.newaxis], d)
+    gain = np.where(pull < 0.0, 0.5 * pull**2 / squared, 0.0)
+    starts = [Start(part, size, float(own)) for size, own in zip(_SIZES, gain, strict=True)]
     return sorted(starts, key=lambda start: -start.gain)
 
 
@@ -197,10 +210,7 @@ def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[
 
 
 def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each.
-
-    Of a form that acts as a whole: those without it, and how they change to its natural strength, over that.
-    """
+    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
     y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
@@ -209,8 +219,6 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
         x = np.full((len(shapes), 1), strength / SPREAD)
         return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]]), len(y)).r
 
-    if form.whole:
-        return base.r[np.newaxis], (residuals(0.0) - base.r) / form.natural
     none = residuals(_NONE) if form.replaces else base.r[np.newaxis]
     return none, (residuals(float(np.log(_SMALL))) - none) / (_SMALL * form.natural)
 

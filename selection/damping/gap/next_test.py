@@ -148,13 +148,21 @@ def rank_tests(
     worth = [test for _, test in tests if test.expected_log_odds > WORTH and (blames or test.is_beyond)]
     if not worth:  # some rivals stay whatever is tested: the others may be told
         told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
-        fewer = 0 < len(told) < len(rivals)
-        return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns) if fewer else ()
+        if 0 < len(told) < len(rivals):
+            return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns)
+        first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
+        pairs = [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
+        return tuple(sorted((pair for pair in pairs if told and pair.expected_log_odds > WORTH), key=_by_probability))
     if max((test.probability for test in worth), default=COVER) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
         pairs = [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
         worth += [pair for pair in pairs if pair.probability >= COVER]
-    return tuple(sorted(worth, key=lambda test: -min(test.probability, COVER)))
+    return tuple(sorted(worth, key=_by_probability))
+
+
+def _by_probability(test: NextTest) -> float:
+    """Least for tests that settle the case, which stay in their order, then for the surest."""
+    return -min(test.probability, COVER)
 
 
 def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:

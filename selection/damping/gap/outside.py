@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from damping.effects import CATALOGUE, FOREIGN
+from damping.effects import FOREIGN
 from damping.effects.foreign import OTHER_MASS
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
@@ -16,6 +16,8 @@ from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL
 
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
+#: Log odds that are told as none.
+_EVEN = 0.05
 #: What was entered as a displacement, or a force as constant, where amplitudes go with a power of frequency beside it.
 QUANTITIES = {
     1: "velocity entered as displacement",
@@ -27,8 +29,9 @@ def weigh_outside(search: Search, leading: Hypothesis) -> dict[str, float]:
     """Log odds against the leading explanation of causes that have no name in the library, by what they are."""
     odds = _weigh_quantities(search, leading)
     if foreign := fit_foreign(search, leading):
-        cause = " with ".join(({**CATALOGUE, **FOREIGN})[name].sentence for name in foreign.effects)
-        odds[cause] = foreign.log_posterior - leading.log_posterior
+        cause = " with ".join(FOREIGN[name].sentence for name in foreign.effects if name in FOREIGN)
+        beside = " and ".join(name for name in foreign.effects if name not in FOREIGN)
+        odds[f"{cause} beside {beside}" if beside else cause] = foreign.log_posterior - leading.log_posterior
     return odds
 
 
@@ -77,5 +80,5 @@ def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[
 
 
 def _compare_odds(odds: float, leading: Hypothesis) -> str:
-    well = "better" if odds > MOST_RIVAL else "as well" if odds >= 0.0 else "nearly as well"
-    return f"explains the record {well} (log odds {odds:.1f} against {' + '.join(leading.effects)})"
+    well = "better" if odds > MOST_RIVAL else "as well" if odds >= -_EVEN else "nearly as well"
+    return f"explains the record {well} (log odds {round(odds, 1) + 0.0:.1f} against {' + '.join(leading.effects)})"

@@ -81,13 +81,12 @@ class FitVerdict:
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
     """The verdict on the leading law, with the others asked where it does not fit."""
-    p = fit_probability(leader, data, seed)
+    others, p = list(others), fit_probability(leader, data, seed)
     verdict: Verdict = "fits"
     if p < UNLIKELY:
         another = any(fit_probability(fit, data, seed) >= UNLIKELY for fit in others)
         verdict = "poor" if another else "none fits"
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
-    others = list(others)
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
     return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)))

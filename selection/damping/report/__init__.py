@@ -223,7 +223,7 @@ def _format_power(power: float) -> str:
 
 
 _IN_TEXTS: tuple[Callable[..., str], ...] = (
-    *(count, number, format_between, format_counted, format_force_text, format_joined, format_numbers),
+    *(count, end_sentence, number, format_between, format_counted, format_force_text, format_joined, format_numbers),
     *(format_percent, format_points_text, format_quantity, format_share, format_signed),
 )
 #: Functions that the texts of a page may use, without ``format_``: numbers and lists in words.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -15,14 +14,9 @@ from damping.gap.corrected import describe_effects, effect_intervals, is_gone
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
-from damping.gap.size import (
-    describe_repeatability,
-)
+from damping.gap.size import describe_repeatability
 from damping.gap.weighing import KNOWN
 from damping.report.page import Block, List, Text, write_sections
-
-if TYPE_CHECKING:
-    pass
 
 #: Least share of what a constant leaves (chi-square) that a power of amplitude takes where one is told: half.
 TREND_FITS = 0.5
@@ -72,6 +66,8 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
     effect, relative = CATALOGUE[name], values.get("relative", 0.0)
     if "instead" in values:
         return effect.sentence.removesuffix(" is missing") + " acts in the place of the simulated viscous damping"
+    if effect.corrects and effect.damping and "relative" not in values:
+        return f"{effect.damping} damping is missing"
     if effect.corrects or relative >= 0.0:
         return effect.sentence
     there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is there"
