@@ -49,6 +49,7 @@ def run_cell(source: str, names: dict[str, object]) -> list[str]:
         # cells of our own notebook, as a kernel runs them and shows the last expression: no input gets here
         exec(compile(ast.Module(body, []), "cell", "exec"), names)
         if last:
+            # the last expression of the same cell
             value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
     return [text for text in (printed.getvalue(), "" if value is None else repr(value)) if text]
 

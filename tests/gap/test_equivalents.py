@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,10 +11,10 @@ import pytest
 from scipy.special import expit, logit
 
 from damping.effects import CATALOGUE
-from damping.gap import weighing
+from damping.gap import next_test, weighing
 from damping.gap.designs import DESIGNS, FLOOR
 from damping.gap.diagnose import diagnose
-from damping.gap.next_test import WORTH, name_command
+from damping.gap.next_test import WORTH, NextTest, name_command
 from damping.gap.rows import UNSEEN
 from damping.gap.size import Gap, HeldOut, HeldOutFold, describe_held_out
 from damping.gap.weighing import COVER, INDISTINCT, PER_BEYOND, distance
@@ -265,3 +266,34 @@ def test_what_another_choice_fails_at_is_not_told_of_the_explanation():
     )
     assert "displacement is chosen, and nothing of the gaps held out is closed" in said(("displacement",))
     assert "no effect is chosen" in said(())
+
+
+@pytest.mark.parametrize(
+    ("blamed", "beyond", "told"), [(True, False, True), (False, True, True), (False, False, False)]
+)
+def test_rivals_that_different_tests_tell_are_told_by_both(monkeypatch, blamed, beyond, told):
+    """One test parts A and one B: together both, with the smaller log odds of the two, 50.
+
+    Where nothing is blamed, first harmonics of one state say no more.
+    """
+    odds = {("r1", "A"): 50.0, ("r1", "B"): 0.0, ("r2", "A"): 0.0, ("r2", "B"): 50.0}
+    rivals = [
+        SimpleNamespace(effects=effects, hypothesis=SimpleNamespace(best=name), probability=0.3)
+        for name, effects in (("L", ("L",) if blamed else ()), ("A", ("A",)), ("B", ("B",)))
+    ]
+    design = SimpleNamespace(joins=lambda other: True)
+    runs = [SimpleNamespace(design=design, missed=((name, "A"), (name, "B")), seen=None) for name in ("r1", "r2")]
+    values = {
+        "_predict_runs": lambda *_: runs,
+        "_odds": lambda missed, rival: sum(odds[own] for own in missed),
+        "_describe_test": lambda own, D, p, *_: NextTest(
+            str(len(own)), "", D, p, ("added_mass",) if beyond else (), (), ""
+        ),
+        "count_beyond": lambda *_: 1,
+        "distance": lambda *_: 10.0,
+        "foresee_probability": lambda *_: 0.99,
+    }
+    for name, value in values.items():
+        monkeypatch.setattr(next_test, name, value)
+    tests = next_test.rank_tests(rivals, rivals, 0.8, "command")
+    assert [(test.what, test.expected_log_odds) for test in tests] == ([("2", pytest.approx(50.0))] if told else [])

@@ -102,7 +102,8 @@ def few():
     with pytest.MonkeyPatch.context() as patch:
         for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
             patch.setattr(name, None)  # so that what it was comes back
-        exec(FEW_LAWS, {})  # text of this module, which workers of Dask run too
+        # a constant of this module, as text so that workers of Dask can run it too: no input gets here
+        exec(FEW_LAWS, {})
         yield FEW_LAWS
 
 

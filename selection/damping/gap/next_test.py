@@ -143,20 +143,24 @@ def rank_tests(
         odds, probability = _foresee(runs, len(rivals), every, in_library)
         return _describe_test(runs, odds, probability, filled, unit, command)
 
+    def foresee_pairs(first: _Run) -> list[NextTest]:
+        return [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
+
+    def is_worth(test: NextTest) -> bool:
+        return test.expected_log_odds > WORTH and (blames or test.is_beyond)
+
     runs = _predict_runs(leading, [rival.hypothesis.best for rival in every[1 : 1 + MOST_RIVALS]])
     tests = [(run, foresee(run)) for run in runs]
-    worth = [test for _, test in tests if test.expected_log_odds > WORTH and (blames or test.is_beyond)]
+    worth = [test for _, test in tests if is_worth(test)]
     if not worth:  # some rivals stay whatever is tested: the others may be told
         told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
         if 0 < len(told) < len(rivals):
             return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns)
         first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
-        pairs = [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
-        return tuple(sorted((pair for pair in pairs if told and pair.expected_log_odds > WORTH), key=_by_probability))
-    if max((test.probability for test in worth), default=COVER) < COVER:
+        worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if told else []
+    elif max(test.probability for test in worth) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
-        pairs = [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
-        worth += [pair for pair in pairs if pair.probability >= COVER]
+        worth += [pair for pair in foresee_pairs(first) if pair.probability >= COVER]
     return tuple(sorted(worth, key=_by_probability))
 
 

@@ -21,7 +21,8 @@ MOST_WILD = 0.05
 _FEW_WILD = 2.0
 #: So many neighbours are wild by chance in one of 2000 sweeps of 60 rows; two in one of 40.
 _NEIGHBOURS = 3
-#: Probability, of stray readings alone, below which one that is so far off stands at a peak for a reason.
+#: A wild amplitude at the peak of a sweep is no stray reading where chance puts one as large there with less than this
+#: probability.
 _BY_CHANCE = 0.003
 
 
@@ -42,8 +43,9 @@ def robust_weights(r: FloatArray) -> FloatArray:
 def find_pattern(rows: Rows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
     """In words where wild values (m,) lie that are no stray readings; empty where they may be.
 
-    Stray readings are few of any quantity, at random places. Three neighbours of a sweep are none; nor is an amplitude
-    at the peak of its sweep, as of a sensor that clips, where one so large is there by chance in one of 300 records.
+    Stray readings are few and lie at random places. Three wild neighbours in a sweep are no stray readings. Neither is
+    a wild amplitude at the peak of its sweep, as of a sensor that clips, if it is so large that chance puts one there
+    in fewer than one record of 300.
 
     Args:
         r: residuals (m,). sd_amplitude: the noise that they are in units of, relative, (n,).
