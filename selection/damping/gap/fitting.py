@@ -72,8 +72,12 @@ class Fits:
         before = self.hypotheses.get(frozenset(effects))
         if before is not None and before.log_evidence > hypothesis.log_evidence - _LOST:
             return before
-        fits = [fit_roughly(*drop_effect(fit, name)) for fit in hypothesis.near]
-        again = self._store(effects, polish_fits(list(chain.from_iterable(fits))), len(self.forms[effects[-1]]))
+        starts = [drop_effect(fit, name) for fit in hypothesis.near]
+        fits = list(chain.from_iterable(fit_roughly(*start) for start in starts))
+        if not fits:  # what is left of the effects may have no steady state: from none of them
+            model, x, _ = starts[0]
+            fits = fit_roughly(model, np.zeros_like(x))
+        again = self._store(effects, polish_fits(fits), len(self.forms[effects[-1]]))
         if before is not None and before.log_posterior > again.log_posterior:
             self.hypotheses[before.key] = before
         return self.hypotheses[again.key]
@@ -90,13 +94,14 @@ class Fits:
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
         for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
-            fits = []
+            fits: list[ModelFit] = []
             for fit in hypothesis.near:
                 at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
                 model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
                 z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
-                fits.append(fit_roughly(model, fit.y[np.newaxis, : model.size], z))
-            other._store(hypothesis.effects, list(chain.from_iterable(fits)), hypothesis.forms)
+                fits += fit_roughly(model, fit.y[np.newaxis, : model.size], z)
+            if fits:  # none where the other problem's rows have no steady state of it
+                other._store(hypothesis.effects, fits, hypothesis.forms)
         return other
 
     def ranked(self) -> list[Hypothesis]:
