@@ -160,6 +160,16 @@ def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
     np.testing.assert_array_equal(design.plan(measured).sd_third, 3e-6)
 
 
+def test_the_vicinity_of_resonance_is_where_a_hardening_spring_has_moved_it(lab):
+    """The largest amplitude of the highest level, not the frequency of small motion, is in the middle of the run."""
+    record = lab.measured("stiffness-hardening")
+    problem = lab.diagnosed("stiffness-hardening").leading.best.model.problem
+    top = record.table[record.table.force == record.table.force.max()]
+    resonance = float(top.frequency[top.amplitude.idxmax()])
+    run = next(own for own in DESIGNS if not own.width).plan(problem).omega / (2.0 * np.pi)
+    assert run.mean() == pytest.approx(resonance, rel=1e-12)
+
+
 def test_a_harmonic_analyser_is_as_noisy_with_mass_added_as_without(lab):
     """3e-4 of the largest amplitude of the sweep that is run again, wherever the mass moves the resonance."""
     found = lab.diagnosed("velocity-squared")

@@ -51,11 +51,12 @@ class ProposedTest:
         """
         rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
         level = rows.level.min() if self.lowest else rows.level.max()
-        reach = self.width * max(scales.reach, 4.0 * scales.bandwidth)
-        if not self.width:
-            reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
-        band = 1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8)
         again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        reach, middle = self.width * max(scales.reach, 4.0 * scales.bandwidth), 1.0
+        if not self.width:  # about the resonance of that level, which a spring that is not linear moves
+            reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
+            middle = float(again.omega[np.argmax(again.u)]) / scales.omega_n
+        band = middle * (1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8))
         planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
         u = planned.u + np.log(self.factor)
         F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
