@@ -16,6 +16,7 @@ from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.text import DEFAULT_MAX_SIZE
+from damping.report import format_joined
 from damping.result import DiagnosisResult
 from damping_pipelines.manifest import digest_inputs, versions
 from damping_pipelines.processes import start_pool
@@ -89,15 +90,22 @@ def gap(
 
 def _describe_model(result: DiagnosisResult) -> str:
     """The corrected model; its head says by what it is corrected, how sure that is, and where it is not to be used."""
+    from damping.effects import list_lasting  # noqa: PLC0415 - as the next
     from damping.gap.weighing import KNOWN  # noqa: PLC0415 - a folder of cases is diagnosed by other processes
     from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as the line above
 
-    diagnosis = result.diagnosis
+    diagnosis, corrected = result.diagnosis, result.diagnosis.corrected
     sentences = describe_diagnosis(diagnosis)["verdict"]
     if diagnosis.unexplained or diagnosis.in_library < KNOWN:
         sentences.append("It imitates the tested levels and may be worse than the simulation beyond them.")
-    lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH)
-    return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(diagnosis.corrected)
+    lasting = list_lasting(corrected.effects)
+    if passing := [name for name in corrected.effects if name not in lasting]:
+        sentences.append(
+            f"Of the rig, or of this test, and not of the structure: {format_joined(passing)}. `damping gap` reads "
+            "that beside this record; `damping sweep` leaves it out."
+        )
+    lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH, break_on_hyphens=False)
+    return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(corrected)
 
 
 def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:

@@ -239,7 +239,9 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
     out.print(table)
 
 
-def sweep(model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str) -> None:
+def sweep(
+    model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str, *, as_read: bool = False
+) -> None:
     """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
 
     InputError: a bad option, or a model file that cannot be read. AnalysisError: the model has an effect that is not
@@ -250,10 +252,12 @@ def sweep(model: Path, force: list[float], frequency: str, out: Path, direction:
     if len(hertz) * len(force) > MOST_POINTS:
         expected = f"{MOST_POINTS} rows (points times forces) at most"
         raise InputError(f"{len(hertz) * len(force)} rows", expected=expected)
-    swept = damping.sweep(
-        read_mode(model), force=force, frequency=hertz, direction=direction, method=method, progress=progress
-    )
+    how: dict[str, Any] = {"direction": direction, "method": method, "as_read": as_read, "progress": progress}
+    swept = damping.sweep(read_mode(model), force=force, frequency=hertz, **how)
     write_text(out, record_to_csv(swept.record))
+    further = "" if as_read else " (--as-read keeps what is of the rig)"
+    for remark in swept.remarks:
+        print(f"damping: {model}: {remark}{further}", file=sys.stderr)
 
 
 def _read_frequencies(text: str) -> FloatArray:

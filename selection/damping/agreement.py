@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects import CATALOGUE, find_effect
+from damping.effects import CATALOGUE, find_effect, list_lasting
 from damping.errors import AnalysisError
 from damping.extrapolation import Extrapolation, predict_record
 from damping.extrapolation.prediction import Loads
@@ -162,13 +162,12 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
 def simulate_resonance(mode: Mode, force: FloatArray, omega: FloatArray, has_phase: bool = True) -> FloatArray:
     """Resonant amplitude of a model at each force (forces,), NaN where it has none.
 
-    Effects of the rig change what is read and not the structure, and a drift is that of one test: both are left out.
+    Effects of the rig change what is read and not the structure: they are left out, as what is of one test.
     Where forces alone remain it is that of phase resonance. Further planes and modes show in a sweep, read as the
     record's own are: at the frequencies ``omega`` (n,), rad/s, that were tested, moved with the resonance.
     """
-    found = {name: find_effect(name) for name in mode.effects if name != "drift"}
-    kept = {name: mode.effects[name] for name, effect in found.items() if effect.kind != "instrument"}
-    forces = {name: table for name, table in kept.items() if found[name].force is not None}
+    kept = list_lasting(mode.effects)
+    forces = {name: table for name, table in kept.items() if find_effect(name).force is not None}
     damped = simulated_force(replace(mode, effects=forces))
     amplitude, resonance = phase_resonance(damped, force, mode.mass, RAD_S_PER_HZ * mode.frequency)
     if forces == kept:

@@ -263,7 +263,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
     check_kind(frame, pd.DataFrame, "table")
     described = read_description(description)
     steps = condition_steps(check_raw(frame, described), described)
-    return ConditionResult(Record(steps[-1].after, name := described.title or "conditioned"), name, steps)
+    return ConditionResult(Record(steps[-1].after, name := described.title or "conditioned"), name, steps=steps)
 
 
 @single_threaded
@@ -274,17 +274,21 @@ def sweep(
     frequency: Sequence[float] | FloatArray,
     direction: Direction = "up",
     method: Method = "ritz",
+    as_read: bool = False,
     progress: Progress = silent,
 ) -> SweepResult:
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
+        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``. as_read:
+            whether effects of the rig in the model (a gain, a force that drops out) are in the sweeps; else they are
+            those of the structure. What was off in one sweep or drifted is in neither.
 
     Raises:
         InputError: an argument that is not what it should be.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
+    from damping.effects import list_lasting  # noqa: PLC0415 - as the next
     from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need
 
     check_kind(mode, Mode, "mode")
@@ -292,4 +296,6 @@ def sweep(
         levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
     except (TypeError, ValueError):
         raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
-    return SweepResult(simulate_sweeps(mode, levels, hertz, direction, method, progress), mode.name)
+    swept = simulate_sweeps(mode, levels, hertz, direction, method, progress, as_read=as_read)
+    kept = list_lasting(mode.effects, as_read=as_read)
+    return SweepResult(swept, mode.name, tuple(name for name in mode.effects if name not in kept))

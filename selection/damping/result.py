@@ -195,10 +195,11 @@ class RegressionResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult(Result):
-    """Steady-state sweeps: ``record`` holds the rows, ``name`` says of what."""
+    """Steady-state sweeps: ``record`` holds the rows, ``name`` says of what, ``left_out`` which effects they lack."""
 
     record: Record
     name: str
+    left_out: tuple[str, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -226,6 +227,12 @@ class SweepResult(Result):
     def shown(self) -> pd.DataFrame:
         """The first rows."""
         return self.record.table.head(MOST_SHOWN)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the sweeps lack of the model."""
+        named = words.format_joined(self.left_out)
+        return (f"left out, as of the rig or of one test and not of the structure: {named}",) if named else ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

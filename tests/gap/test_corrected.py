@@ -7,12 +7,16 @@ import re
 import numpy as np
 import pytest
 
+from damping.agreement import simulate_resonance
+from damping.api import sweep
 from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
+from damping.result import DiagnosisResult
 from damping_pipelines.cli import main
+from damping_pipelines.gap import _describe_model
 
 #: A force and a parameter; one effect of each further kind.
 NAMES = ("velocity-squared", "natural-frequency")
@@ -51,6 +55,20 @@ def test_a_gain_names_the_mass_that_reads_alike(lab):
     np.testing.assert_allclose(float(percent), 100.0 / 1.1 - 100.0, rtol=0.0, atol=0.5)  # the same half per cent
     np.testing.assert_allclose(float(times), np.log(1.1) / 0.02, rtol=0.0, atol=0.25)
     assert not any("generalized mass" in caution for caution in lab.diagnosed("velocity-squared").cautions)
+
+
+def test_the_head_of_a_corrected_model_says_what_is_not_of_the_structure(lab):
+    """The sweep of a model corrected by a gain is the motion that the gain misread."""
+    result = DiagnosisResult(lab.diagnosed("amplitude-scale"))
+    head = " ".join(line.removeprefix("# ") for line in _describe_model(result).splitlines() if line.startswith("#"))
+    assert "Of the rig, or of this test, and not of the structure: amplitude-scale. `damping gap` reads that" in head
+    mode = result.diagnosis.corrected
+    hertz = np.array([mode.frequency * 0.999, mode.frequency])
+    swept = sweep(mode, force=[5.0], frequency=hertz)
+    (own,) = simulate_resonance(mode, np.array([5.0]), 2.0 * np.pi * hertz)
+    np.testing.assert_allclose(swept.table["amplitude"].iloc[-1], own, rtol=1e-9)  # of viscous damping: at omega_n
+    assert swept.left_out == ("amplitude-scale",)
+    assert "not of the structure" not in _describe_model(DiagnosisResult(lab.diagnosed("velocity-squared")))
 
 
 def test_what_is_corrected(lab, written):

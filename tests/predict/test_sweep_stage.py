@@ -160,7 +160,7 @@ frequency_ratio = 1.01
     )
     path = tmp_path / "linear.toml"
     path.write_text(describe_mode_to_toml(viscous) + text)
-    sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz")
+    sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz", as_read=True)
     record = read_record(tmp_path / "record.csv")
     omega = record.column("frequency") * 2.0 * np.pi
     M, omega_n, t = mode.mass, mode.omega_n, np.tan(0.5) ** 2
@@ -169,6 +169,37 @@ frequency_ratio = 1.01
     reading = 0.9 * np.exp(-0.05j) * force * ((first + t * second) / (1.0 + t) + 1e-5)
     np.testing.assert_allclose(record.column("amplitude"), np.abs(reading), rtol=1e-6)
     np.testing.assert_allclose(record.column("phase"), -np.unwrap(np.angle(reading)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["ritz", "time"])
+@pytest.mark.parametrize(
+    ("table", "gain"),
+    [
+        ("amplitude-scale]\nfactor = 0.7", 0.7),
+        ("level-offset]\nfactor = 0.9\nsweep = 1.0", 1.0),
+        ("level-offset]\nfactor = 0.9\nsweep = 0.0\nstate = 1.0\nforce = 1.0", 1.0),
+        ("phase-lag]\nlag = 0.2\nstate = 1.0", 1.0),
+        ("drift]\nfrequency_1 = 0.004\nfrequency_2 = -0.004", 1.0),
+        ("drift]\nfrequency = 0.004\nsettling = 0.2", 1.0),
+        ("force-dropout]\ndepth = 0.3\nwidth = 1e3", 0.7),
+    ],
+)
+def test_a_sweep_is_of_the_structure_and_of_no_fault_of_one_test(
+    model: Path, tmp_path: Path, damping, table: str, gain: float, method: str
+) -> None:
+    """F/|Z| of every level; with --as-read what the rig makes of it, too, but never what was off in one test alone."""
+    model.write_text(MODEL.replace("displacement-velocity = 0.6\n", "") + f"\n[effects.{table}\n")
+    mode, name = read_mode(model), table.partition("]")[0]
+    words = ("--force", 5, "--force", 20, "--frequency", "1.65:1.68:4", "--method", method, "--quiet", "--out")
+    for as_read in (False, *([True] if method == "ritz" else [])):
+        out = tmp_path / f"{as_read}.csv"
+        run = damping("sweep", model, *words, out, *(["--as-read"] if as_read else []))
+        assert ((name in run.err), run.code) == (not as_read or gain == 1.0, 0)
+        record = read_record(out)
+        omega = 2.0 * np.pi * record.column("frequency")
+        expected = record.column("force") / np.abs(mode.mass * (mode.omega_n**2 - omega**2) + 1.1j * omega)
+        # in time a linear mode is integrated to 1e-6 or so
+        np.testing.assert_allclose(record.column("amplitude"), expected * (gain if as_read else 1.0), rtol=1e-5)
 
 
 def test_stiffness_effects_are_cubic_springs() -> None:

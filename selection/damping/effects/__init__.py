@@ -41,12 +41,30 @@ FOREIGN: dict[str, Effect] = {
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
 } | {effect.name: effect for effect in foreign.SINGLE}
 
+#: Effects of the test in which they were found: another one has its own.
+_OF_ONE_TEST = ("drift", "level-offset")
+
 
 def find_effect(name: str) -> Effect:
     """The effect called ``name``. InputError: no such effect; the nearest one is named."""
     if name not in CATALOGUE:
         raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]
+
+
+def list_lasting(
+    effects: Mapping[str, Mapping[str, float]], *, as_read: bool = False
+) -> dict[str, Mapping[str, float]]:
+    """The effects of a model file that a further test meets: those of the structure; ``as_read``: of the rig too.
+
+    What drifts, or is off in one sweep or state, is of the test in which it was found.
+    """
+    kinds = {name: find_effect(name).kind for name in effects}
+    return {
+        name: table
+        for name, table in effects.items()
+        if name not in _OF_ONE_TEST and not table.get("state") and (as_read or kinds[name] != "instrument")
+    }
 
 
 def with_effects(terms: Terms, effects: Mapping[str, Mapping[str, float]]) -> Terms:
