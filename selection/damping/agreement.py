@@ -1,8 +1,8 @@
 """Do ranking and diagnosis agree? Each is asked what the other holds alive, at the force that a load is wanted for.
 
 The ranked laws predict an amplitude with a band; every explanation that the diagnosis holds alive makes a corrected
-simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so,
-as they do where one of them finds the rows explained and the other does not.
+simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so
+first. Where one of them finds the rows explained and the other does not, they say so behind what they find.
 """
 
 from dataclasses import replace
@@ -27,6 +27,7 @@ from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.text import OF_LOADS
 
 #: Probability from which an explanation counts as alive where the library is held to know the cause.
 ALIVE = 0.1
@@ -123,10 +124,12 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     asked = joint.informative and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
+    surer = "it is the one to go by, as it leaves no more than noise in all rows"
+    unsure = "go by neither, as the diagnosis leaves more than noise in the rows"
     return (
         "ranking and diagnosis disagree on why the resonance falls from level to level: as where a joint slips"
         f" (probability {joint.probability:.2f}), while the diagnosis finds {' and '.join(effects)} ({p:.2f}), and a"
-        f" joint in {of_joint:.2f}",
+        f" joint in {of_joint:.2f}: {unsure if explained.unexplained else surer}",
     )
 
 
@@ -150,7 +153,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
-                f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
+                f"{OF_LOADS} {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
                 + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
                 f" corrected by {cause}, which the diagnosis holds alive (probability {explanation.probability:.2f}),"
                 f" {amplitude[at]:.4g} {units.length}".rstrip()

@@ -23,7 +23,7 @@ from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
-from damping.records.text import MOST_SHOWN
+from damping.records.text import MOST_SHOWN, list_of_loads
 from damping.report import forms
 from damping.result import Result, complete_form
 
@@ -121,14 +121,14 @@ class RankingResult(Result):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """What stands before the answer: where the diagnosis disagrees, and whether any law fits, where none does."""
-        return (*self.against, *filter(None, [self.ranking.fit.sentence]))
+        """What stands before the answer: whether any law fits, where none does."""
+        return tuple(filter(None, [self.ranking.fit.sentence]))
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The headlines, what was done before, and what is odd about the mode beside the record."""
+        """What the diagnosis says, the headlines, what was done before, and what is odd about the mode."""
         odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*self.headlines, *self.prepared.notes, *odd)
+        return (*self.against, *self.headlines, *self.prepared.notes, *odd)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
@@ -174,8 +174,8 @@ class PredictedResult(Result):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """What stands before the answer: where the diagnosis disagrees, and whether any law fits, where none does."""
-        return (*self.against, *filter(None, [self.extrapolation.plan.fit.sentence]))
+        """What stands before the answer: where the diagnosis gives another load, and whether any law fits."""
+        return (*list_of_loads(self.against), *filter(None, [self.extrapolation.plan.fit.sentence]))
 
     @property
     def measured_in(self) -> dict[str, Any]:
@@ -184,9 +184,10 @@ class PredictedResult(Result):
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """The headlines, what was done before, and what is odd about the mode beside the record."""
+        """What the diagnosis says, the headlines, what was done before, and what is odd about the mode."""
         odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
-        return (*self.headlines, *self.prepared.notes_of_loads, *odd)
+        of_fit = [sentence for sentence in self.headlines if sentence not in self.against]
+        return (*self.against, *of_fit, *self.prepared.notes_of_loads, *odd)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

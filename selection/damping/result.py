@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, describe_as_html
+from damping.records.text import MOST_SHOWN, describe_as_html, list_of_loads
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class AuditResult(Audit):
 class DiagnosisResult(Result):
     """Why a test departs from its simulation; ``posterior`` of the leading explanation where it was sampled.
 
-    ``against``: where the ranked laws disagree.
+    ``against``: where the ranked laws disagree; before the answer where it is on a load.
     """
 
     diagnosis: Diagnosis
@@ -130,8 +130,10 @@ class DiagnosisResult(Result):
         from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - other results need no diagnosis
 
         told = describe_diagnosis(self.diagnosis)
-        disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in self.against)
-        cautions = (f"Caution: {words.end_sentence(caution)}" for caution in self.diagnosis.cautions)
+        first = list_of_loads(self.against)
+        disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in first)
+        further = (caution for caution in (*self.against, *self.diagnosis.cautions) if caution not in first)
+        cautions = (f"Caution: {words.end_sentence(caution)}" for caution in further)
         parts = (told[what] for what in ("verdict", "sizes", "place", "doubts", "reach", "following"))
         units = f"Units: {self.diagnosis.mode.units}."
         return (*disagreements, *(sentence for part in parts for sentence in part), *cautions, units)

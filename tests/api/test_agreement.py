@@ -17,6 +17,7 @@ from damping.infer.doubt import JointEvidence
 from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
+from damping.records.text import OF_LOADS
 from damping_reed1970 import data_folder
 
 
@@ -91,12 +92,36 @@ def test_both_say_where_they_disagree(flagship):
     assert loads.headlines[0] == said
 
 
-def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship):
-    """In its first sentence and first caution."""
-    monkeypatch.setattr("damping.agreement.compare_with_ranking", lambda *_: ("ranking and diagnosis disagree",))
+@pytest.mark.parametrize(
+    ("said", "first"),
+    [
+        (f"{OF_LOADS} force 1: the ranked laws say 2, the simulation 3", True),
+        ("ranking and diagnosis disagree on whether the rows are explained", False),
+        ("neither ranking nor diagnosis explains the rows", False),
+    ],
+)
+def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first):
+    """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
+    monkeypatch.setattr("damping.agreement.compare_with_ranking", lambda *_: (said,))
     diagnosis = dp.diagnose(*flagship)
     assert diagnosis.to_json()["cautions"][0] == diagnosis.against[0]
-    assert diagnosis.sentences[0] == "Ranking and diagnosis disagree."
+    capital = f"{said[0].upper()}{said[1:]}."
+    assert (diagnosis.sentences[0] == capital) == first
+    assert first or diagnosis.sentences[0].startswith("The ")
+    assert [sentence for sentence in diagnosis.sentences if sentence.endswith(f"{said[1:]}.")] == [
+        capital if first else f"Caution: {said}."
+    ]
+
+
+def test_what_is_said_of_the_rows_alone_follows_the_loads(flagship, few_laws):
+    """On the terminal it stands among the cautions, in the form it is the first of them."""
+    loads = dp.extrapolate(*flagship, [90.0])
+    poor = replace(loads, against=("ranking and diagnosis disagree on whether the rows are explained",))
+    assert poor.headlines == loads.headlines
+    assert poor.cautions == (*poor.against, *loads.cautions)
+    of_load = replace(loads, against=(f"{OF_LOADS} force 90",))
+    assert of_load.headlines == (*of_load.against, *loads.headlines)
+    assert of_load.cautions == (*of_load.against, *loads.cautions)
 
 
 def test_the_resonance_of_a_simulation_is_that_of_its_damping(flagship, few_laws):
@@ -255,10 +280,13 @@ def test_another_cause_of_a_resonance_that_falls_is_said(joint, effects, at_reso
     leading = SimpleNamespace(effects=effects, probability=0.9)
     rows = SimpleNamespace(at_resonance=at_resonance)
     setting = SimpleNamespace(problem=SimpleNamespace(rows=rows))
-    explained = SimpleNamespace(leading=leading, hypotheses=(leading,), setting=setting)
+    explained = SimpleNamespace(leading=leading, hypotheses=(leading,), setting=setting, unexplained=False)
     sentences = describe_fall(joint, explained)
     assert bool(sentences) == said
     assert not said or "probability 0.84), while the diagnosis finds stiffness-softening (0.90)" in sentences[0]
+    assert not said or sentences[0].endswith("it is the one to go by, as it leaves no more than noise in all rows")
+    explained.unexplained = True
+    assert not said or "go by neither" in describe_fall(joint, explained)[0]
 
 
 @pytest.mark.usefixtures("unlikely_alive")

@@ -223,3 +223,13 @@ def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] =
     table = shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)
     listed = "".join(f"<li>{escape(remark)}</li>" for remark in remarks)
     return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"
+
+
+#: How it begins where ranking and diagnosis give different loads: that stands before an answer, what they say against
+#: each other of the rows alone stands behind it.
+OF_LOADS = "ranking and diagnosis disagree at the"
+
+
+def list_of_loads(against: Iterable[str]) -> tuple[str, ...]:
+    """What ranking and diagnosis say against each other's loads."""
+    return tuple(sentence for sentence in against if sentence.startswith(OF_LOADS))
