@@ -10,7 +10,7 @@ import pytest
 from damping.effects import CATALOGUE
 from damping.gap.diagnose import search_hypotheses
 from damping.gap.problem import setting
-from damping.gap.size import hold_levels_out, measure_gap, shrinkage, whitened
+from damping.gap.size import hold_levels_out, measure_gap, nominal_residuals, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 
 
@@ -55,6 +55,19 @@ def test_a_gap_before_and_after(lab):
     # noise alone: sqrt(2/n)/2 = 0.065 is the standard error of a root mean square of 120 values; three of them
     np.testing.assert_allclose(d.gap.after, 1.0, rtol=0.0, atol=3 * 0.5 * np.sqrt(2.0 / values))
     assert d.gap.shrinkage == shrinkage(d.gap.before, d.gap.after, values)
+
+
+def test_a_refit_is_no_worse_than_the_simulation_as_given(lab):
+    """Readings of 0.7 where gains repeat to 0.3 %: deviations of 76 sigma, which a step of a fit is a fiftieth of."""
+    rows, share = lab.bench().rows, 0.3  # of the noise of a row
+    record = lab.record(rows, lab.linear(rows, gain=0.7))
+    fit = search_hypotheses(setting(record, lab.mode(0.01 * share, 1e-4)), {})[1].ranked()[0].best
+    nominal = float(np.sqrt(np.mean(nominal_residuals(fit) ** 2)))
+    # 20 amplitudes of each sweep, off by one factor, and as many phases that are exact; ln 0.7 is no small change
+    closed = np.log(0.7) / 0.01 * np.sqrt(0.5 / (1.0 + 20 * share**2))
+    np.testing.assert_allclose(nominal, abs(closed), rtol=1e-3)
+    gap = measure_gap(fit)
+    assert 1.0 < gap.before == gap.after < nominal
 
 
 def test_no_gap_has_no_shrinkage(honest):

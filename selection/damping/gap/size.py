@@ -48,7 +48,9 @@ def measure_gap(leading: ModelFit) -> Gap:
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
     after = root_mean_square(leading, regular)
-    before = root_mean_square(refitted(leading), regular) if leading.effects else after
+    # a robust fit, or one that stopped on its way, may leave more of all values than their least squares
+    before = after if not leading.effects and after <= nominal else root_mean_square(refitted(leading), regular)
+    after = after if leading.effects else before
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 
@@ -76,7 +78,12 @@ def refitted(leading: ModelFit) -> ModelFit:
     """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
-    return fit_model(model, np.zeros((1, model.size)), weights=weights)[0]
+    r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
+    C = J[0, :, model.size :]
+    z = -np.linalg.solve(C.T @ (C * weights[:, np.newaxis]) + np.eye(2 * model.sweeps), C.T @ (weights * r[0]))
+    far = np.where(np.abs(z) > OUTLYING, z, 0.0)  # where steps of a fit from nothing are too short to end
+    starts = np.vstack([np.zeros_like(far), far])[: 1 + far.any()]
+    return fit_model(model, np.zeros((len(starts), model.size)), starts, weights)[0]
 
 
 def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
