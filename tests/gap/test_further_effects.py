@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -253,6 +254,9 @@ def test_an_effect_is_found_and_sized(lab, name, table):
         assert place in ("frequency of sweep C", "readings of sweep B", "force of sweep B")
         assert place.endswith("B") == (name == "level-offset")
         assert place in describe_diagnosis(found)["verdict"][0]
+    (sizes,) = describe_diagnosis(found)["sizes"]
+    assert not re.search(r"[0-9] ?1?/", sizes)  # no unit of a mode that names none
+    assert name != "sweep-rate" or "ringing (what is read of it: 0 the motion, 1 its envelope)" in sizes
     again = with_effects(TERMS, {name: values})
     assert isinstance(again, Terms)  # a corrected model holds it
 

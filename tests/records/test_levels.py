@@ -100,6 +100,19 @@ def test_a_level_far_off_is_refused_but_where_it_can_be_named():
     assert findings.require(diagnosed=True) is findings
 
 
+@pytest.mark.parametrize("added", [0.06, 0.0])
+def test_a_level_with_an_added_mass_is_not_to_be_left_out(added):
+    """The force that reaches the structure is 1/1.5 at the frequency of the heavier state: its readings are no worse."""
+    table = sweeps({"A": 1.0, "B": 2.0, "M": 2.0})
+    heavier = table["sweep"] == "M"
+    table.loc[heavier, "frequency"] /= np.sqrt(1.0 + added / MODE.mass)
+    table.loc[heavier, "amplitude"] /= 1.5
+    (found,) = audit(record_of(table.assign(added_mass=np.where(heavier, added, 0.0))), MODE).findings
+    assert (found.check, found.sweeps) == ("level-offset", ("M",))
+    assert ("the force path depends on frequency or the mass is not as stated" in found.what) == (added > 0.0)
+    assert ("leave it out" in found.advice) == (added == 0.0)
+
+
 def test_masses_that_the_record_states_of_each_level_are_no_gain():
     """Half of the levels move twice the mass of the mode file, and say so in the column."""
     omega = 2.0 * np.pi * np.linspace(17.0, 19.0, 41)

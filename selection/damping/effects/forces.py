@@ -197,13 +197,14 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness)
 
 
+_KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
 SLIP = Effect(
     name="slip",
     kind="force",
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=adds_force(joint_force),
-    shapes=(*Slip.shapes, Shape("kappa", least=0.0, default=0.0), Shape("bounded", default=0.0, switch=True)),
+    shapes=(*Slip.shapes, _KAPPA, Shape("bounded", default=0.0, switch=True)),
     force=joint_force,
     damping=Slip.name,
 )

@@ -25,7 +25,7 @@ TURNED = 0.1
 class OddMass:
     """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels.
 
-    ``sure``: the mode file or most levels say that it is this one.
+    ``sure``: the mode file or most levels say that it is this one. ``beside``: its added mass is that of no other.
     """
 
     sweep: str
@@ -33,6 +33,7 @@ class OddMass:
     mass: float
     factor: float
     sure: bool
+    beside: bool = False
 
     def __str__(self) -> str:
         large, small = ("small", "large") if self.factor > 1.0 else ("large", "small")
@@ -97,7 +98,11 @@ def _tell_odd(odd: list[OddMass]) -> tuple[str, str]:
         other = exchanged[0].mass / exchanged[0].factor
         return f"{sweeps} imply masses of {masses}, {other:.4g} at other levels", "are their forces exchanged?"
     advice = "check the gain of the sensor and the force at that level, or leave it out"
-    return "; ".join(map(str, odd)), advice
+    told = "; ".join(map(str, odd))
+    if all(one.beside for one in odd):
+        told += "; or, since no other level has that added mass, the force path depends on frequency or the mass is not"
+        return f"{told} as stated", "measure the force where it enters the structure, and weigh what was added"
+    return told, advice
 
 
 def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
@@ -121,8 +126,13 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     gain = np.abs(course.to_numpy() - np.median(course[same])) < least
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
-    places = np.flatnonzero(~same & gain).tolist()
-    return [OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure) for k in places]
+    added = pd.Series(view.record.added_masses).groupby(view.record.table["sweep"].astype(str)).median()
+    own = added.loc[labels].to_numpy(dtype=np.float64)
+    beside = ~np.isin(own, own[same])
+    return [
+        OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure, bool(beside[k]))
+        for k in np.flatnonzero(~same & gain).tolist()
+    ]
 
 
 def _is_known(leg: Leg) -> bool:

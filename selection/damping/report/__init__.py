@@ -183,11 +183,16 @@ def format_parameter_label(parameter: str, units: Units) -> str:
 
 
 def format_dimension_text(dimension: Dimension, units: Units) -> str:
-    """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``."""
+    """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``.
+
+    Empty where the record does not name one of them.
+    """
     names = vars(units)
     dimension = dimension if units.drive == "force" else dimension.of_base_drive
     plain = {base: float(getattr(dimension, base)) for base in names}
     raised = {base: sum(float(getattr(part, base)) for _, part in dimension.raised) for base in names}
+    if any((plain[base] or raised[base]) and not names[base] for base in names):
+        return ""
     both = any(plain[base] and raised[base] for base in names)
     if both or sum(map(bool, raised.values())) < 2:
         signs = {base: (raised[base] or plain[base]) for base in names}

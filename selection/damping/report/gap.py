@@ -10,6 +10,7 @@ import pandas as pd
 
 from damping import report as words
 from damping.effects import CATALOGUE
+from damping.forces.shapes import Shape
 from damping.gap.corrected import describe_effects, effect_intervals, is_gone
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
@@ -22,6 +23,8 @@ from damping.report.page import Block, List, Text, write_sections
 TREND_FITS = 0.5
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
 TREND_SEEN = 13.8
+#: Chance that the library holds the cause below which no sizes are told: they are of effects that are not there.
+SIZED = 0.1
 #: Significant digits of a size.
 _MOST_DIGITS = 8
 #: Explanations drawn.
@@ -45,7 +48,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "effects": [
             f"{_say_effect(name, parameters[name])} ({named[name]})" if name in CATALOGUE else name for name in named
         ],
-        "sizes": _list_sizes(diagnosis),
+        "sizes": _list_sizes(diagnosis) if diagnosis.in_library >= SIZED else [],
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "trend_seen": TREND_SEEN,
@@ -79,14 +82,16 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
     fit, sizes = diagnosis.leading.best, list[str]()
     values = describe_effects(fit)[0]
     for effect, intervals in effect_intervals(fit).items():
-        units = {shape.name: shape.unit for shape in CATALOGUE[effect].shapes} if effect in CATALOGUE else {}
-        for name, ends in intervals.items() if units else ():
+        shapes = {shape.name: shape for shape in CATALOGUE[effect].shapes} if effect in CATALOGUE else {}
+        for name, ends in intervals.items() if shapes else ():
             value = values[effect][name]
             digits = int(np.clip(2 + int(np.log10(abs(value) / np.ptp(ends) + 1.0)), 3, _MOST_DIGITS))
-            unit = words.format_dimension_text(units[name], diagnosis.mode.units) if name in units else ""
+            shape = shapes.get(name, Shape(name))
+            unit = words.format_dimension_text(shape.unit, diagnosis.mode.units)
             low, high = (words.number(end, digits) for end in ends)
             own = words.format_quantity(value, unit, digits)
-            sizes.append(f"{effect}, {name.replace('_', ' ')}: {own} ({low} to {high})")
+            label = (shape.label or name.replace("_", " ")).removeprefix(f"{effect} ")
+            sizes.append(f"{effect}, {label}: {own} ({low} to {high})")
     return sizes
 
 
