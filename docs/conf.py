@@ -1,6 +1,6 @@
 """How Sphinx makes the documentation: Markdown in, pages out; ``make docs``.
 
-``{{ commands }}`` and ``{{ forces }}`` in a page are what the commands and the forces say of themselves.
+``{{ commands }}``, ``{{ forces }}`` and ``{{ effects }}`` in a page are what these say of themselves.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import inspect
 import typer
 from sphinx.application import Sphinx
 
+from damping.effects import CATALOGUE as EFFECTS
+from damping.effects import FOREIGN
 from damping.forces import CATALOGUE, list_parameter_names
 from damping_pipelines.cli import app as cli
 
@@ -55,9 +57,20 @@ def forces() -> str:
     return "\n".join(rows) + "\n\n" + "\n".join(said)
 
 
+def effects() -> str:
+    """A table of the library of the gap diagnosis, and the causes that have no name in it."""
+    rows = ["| name | of | what it says | parameters |", "|---|---|---|---|"]
+    for name, effect in EFFECTS.items():
+        words = (shape.label if shape.label.startswith(shape.name) else shape.name for shape in effect.shapes)
+        shapes = ", ".join(words)
+        rows.append(f"| `{name}` | {effect.kind} | {effect.sentence} | {shapes} |".replace("|q|", r"\|q\|"))
+    unnamed = [f"- {effect.sentence}" for effect in FOREIGN.values()]
+    return "\n".join([*rows, "", "Fitted beside them, without a name as an answer:", "", *unnamed])
+
+
 def fill(app: Sphinx, name: str, source: list[str]) -> None:
     """Put the generated parts into a page."""
-    for key, text in (("{{ commands }}", commands), ("{{ forces }}", forces)):
+    for key, text in (("{{ commands }}", commands), ("{{ forces }}", forces), ("{{ effects }}", effects)):
         if key in source[0]:
             source[0] = source[0].replace(key, text())
 

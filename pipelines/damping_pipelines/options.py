@@ -69,7 +69,10 @@ def gap(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Diagnose the gap between a simulation and a test."""
+    """Diagnose the gap between a simulation and a test.
+
+    What each effect that it names means: docs/reference/effects.md.
+    """
 
 
 @delegate(".campaign")

@@ -102,7 +102,7 @@ def test_a_level_far_off_is_refused_but_where_it_can_be_named():
 
 @pytest.mark.parametrize("added", [0.06, 0.0])
 def test_a_level_with_an_added_mass_is_not_to_be_left_out(added):
-    """The force that reaches the structure is 1/1.5 at the frequency of the heavier state: its readings are no worse."""
+    """The force that reaches the structure is 1/1.5 at the frequency of the heavier state: no fault of its readings."""
     table = sweeps({"A": 1.0, "B": 2.0, "M": 2.0})
     heavier = table["sweep"] == "M"
     table.loc[heavier, "frequency"] /= np.sqrt(1.0 + added / MODE.mass)
