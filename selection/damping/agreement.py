@@ -124,7 +124,7 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     asked = joint.informative and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
-    surer = "it is the one to go by, as it leaves no more than noise in all rows"
+    surer = "the diagnosis is the one to go by, as it leaves no more than noise in all rows"
     unsure = "go by neither, as the diagnosis leaves more than noise in the rows"
     return (
         "ranking and diagnosis disagree on why the resonance falls from level to level: as where a joint slips"
