@@ -102,7 +102,7 @@ def _describe_model(result: DiagnosisResult) -> str:
     if passing := [name for name in corrected.effects if name not in lasting]:
         sentences.append(
             f"Of the rig, or of this test, and not of the structure: {format_joined(passing)}. `damping gap` reads "
-            "that beside this record; `damping sweep` leaves it out."
+            "that beside this record; for a load, `damping sweep --structure` leaves it out."
         )
     lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH, break_on_hyphens=False)
     return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(corrected)

@@ -212,11 +212,11 @@ def sweep(
     out: RecordOut,
     direction: Annotated[str, Option(help="up or down.")] = "up",
     method: Annotated[str, Option(help="ritz (averaged) or time (integrated).")] = "ritz",
-    as_read: Annotated[
-        bool, Option("--as-read", help="As the rig of the model reads them: a gain, a force that drops out.")
+    structure: Annotated[
+        bool, Option("--structure", help="Motion of the structure: no gain or lag of the rig, as a load needs it.")
     ] = False,
 ) -> None:
-    """Steady-state sweeps of a model, as a record: the motion of the structure."""
+    """Steady-state sweeps of a model, as a record."""
 
 
 @delegate(".tables")

@@ -240,7 +240,7 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
 
 
 def sweep(
-    model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str, *, as_read: bool = False
+    model: Path, force: list[float], frequency: str, out: Path, direction: str, method: str, *, structure: bool = False
 ) -> None:
     """Sweep the model through ``frequency`` (``LO:HI:N``, Hz) at each force and write the record ``out``.
 
@@ -252,12 +252,13 @@ def sweep(
     if len(hertz) * len(force) > MOST_POINTS:
         expected = f"{MOST_POINTS} rows (points times forces) at most"
         raise InputError(f"{len(hertz) * len(force)} rows", expected=expected)
-    how: dict[str, Any] = {"direction": direction, "method": method, "as_read": as_read, "progress": progress}
+    how: dict[str, Any] = {"direction": direction, "method": method, "structure": structure, "progress": progress}
     swept = damping.sweep(read_mode(model), force=force, frequency=hertz, **how)
     write_text(out, record_to_csv(swept.record))
-    further = "" if as_read else " (--as-read keeps what is of the rig)"
     for remark in swept.remarks:
-        print(f"damping: {model}: {remark}{further}", file=sys.stderr)
+        print(f"damping: {model}: {remark}", file=sys.stderr)
+    if swept.of_rig:
+        print("damping: --structure writes the motion of the structure, which a load is", file=sys.stderr)
 
 
 def _read_frequencies(text: str) -> FloatArray:

@@ -274,15 +274,15 @@ def sweep(
     frequency: Sequence[float] | FloatArray,
     direction: Direction = "up",
     method: Method = "ritz",
-    as_read: bool = False,
+    structure: bool = False,
     progress: Progress = silent,
 ) -> SweepResult:
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``. as_read:
-            whether effects of the rig in the model (a gain, a force that drops out) are in the sweeps; else they are
-            those of the structure. What was off in one sweep or drifted is in neither.
+        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``. structure:
+            the motion of the structure, without what the rig of the model (a gain, a force that drops out) makes of
+            it. What was off in one sweep of a test, or drifted, is never in.
 
     Raises:
         InputError: an argument that is not what it should be.
@@ -296,6 +296,7 @@ def sweep(
         levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
     except (TypeError, ValueError):
         raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
-    swept = simulate_sweeps(mode, levels, hertz, direction, method, progress, as_read=as_read)
-    kept = list_lasting(mode.effects, as_read=as_read)
-    return SweepResult(swept, mode.name, tuple(name for name in mode.effects if name not in kept))
+    swept = simulate_sweeps(mode, levels, hertz, direction, method, progress, structure=structure)
+    lasting, own = list_lasting(mode.effects, of_rig=not structure), list_lasting(mode.effects)
+    left_out = tuple(name for name in mode.effects if name not in lasting)
+    return SweepResult(swept, mode.name, left_out, tuple(name for name in lasting if name not in own))

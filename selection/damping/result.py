@@ -197,11 +197,15 @@ class RegressionResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult(Result):
-    """Steady-state sweeps: ``record`` holds the rows, ``name`` says of what, ``left_out`` which effects they lack."""
+    """Steady-state sweeps: ``record`` holds the rows, ``name`` says of what.
+
+    ``left_out``: effects of the model that they lack; ``of_rig``: those that change what is read and not the structure.
+    """
 
     record: Record
     name: str
     left_out: tuple[str, ...] = ()
+    of_rig: tuple[str, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -232,9 +236,12 @@ class SweepResult(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the sweeps lack of the model."""
-        named = words.format_joined(self.left_out)
-        return (f"left out, as of the rig or of one test and not of the structure: {named}",) if named else ()
+        """What the sweeps lack of the model, and what is in them that is not of the structure."""
+        told = {
+            "left out, as of the rig or of one test and not of the structure": self.left_out,
+            "as a rig reads them, not the motion of the structure": self.of_rig,
+        }
+        return tuple(f"{what}: {words.format_joined(names)}" for what, names in told.items() if names)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

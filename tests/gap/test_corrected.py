@@ -64,7 +64,7 @@ def test_the_head_of_a_corrected_model_says_what_is_not_of_the_structure(lab):
     assert "Of the rig, or of this test, and not of the structure: amplitude-scale. `damping gap` reads that" in head
     mode = result.diagnosis.corrected
     hertz = np.array([mode.frequency * 0.999, mode.frequency])
-    swept = sweep(mode, force=[5.0], frequency=hertz)
+    swept = sweep(mode, force=[5.0], frequency=hertz, structure=True)
     (own,) = simulate_resonance(mode, np.array([5.0]), 2.0 * np.pi * hertz)
     np.testing.assert_allclose(swept.table["amplitude"].iloc[-1], own, rtol=1e-9)  # of viscous damping: at omega_n
     assert swept.left_out == ("amplitude-scale",)

@@ -139,7 +139,7 @@ def test_both_are_converted_to_other_units(copy):
 
 def test_the_effect_is_found_in_its_own_data(copy):
     _, damping = copy
-    damping("sweep", "tilted.toml", *SWEEPS, "--as-read", "--out", "tilted.csv")  # it is of the rig
+    damping("sweep", "tilted.toml", *SWEEPS, "--out", "tilted.csv")
     words = ("gap", "plain.toml", "tilted.csv", "--no-posterior", "--seed", "1", "--json", "-")
     found = json.loads(damping(*words))
     assert found["effects"] == ["force-tilt"]

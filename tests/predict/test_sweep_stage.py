@@ -160,7 +160,7 @@ frequency_ratio = 1.01
     )
     path = tmp_path / "linear.toml"
     path.write_text(describe_mode_to_toml(viscous) + text)
-    sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz", as_read=True)
+    sweep(path, [5.0], "1.6:1.75:30", tmp_path / "record.csv", "up", "ritz")
     record = read_record(tmp_path / "record.csv")
     omega = record.column("frequency") * 2.0 * np.pi
     M, omega_n, t = mode.mass, mode.omega_n, np.tan(0.5) ** 2
@@ -187,19 +187,19 @@ frequency_ratio = 1.01
 def test_a_sweep_is_of_the_structure_and_of_no_fault_of_one_test(
     model: Path, tmp_path: Path, damping, table: str, gain: float, method: str
 ) -> None:
-    """F/|Z| of every level; with --as-read what the rig makes of it, too, but never what was off in one test alone."""
+    """F/|Z| of every level; without --structure what the rig makes of it, and never what was off in one test alone."""
     model.write_text(MODEL.replace("displacement-velocity = 0.6\n", "") + f"\n[effects.{table}\n")
     mode, name = read_mode(model), table.partition("]")[0]
     words = ("--force", 5, "--force", 20, "--frequency", "1.65:1.68:4", "--method", method, "--quiet", "--out")
-    for as_read in (False, *([True] if method == "ritz" else [])):
-        out = tmp_path / f"{as_read}.csv"
-        run = damping("sweep", model, *words, out, *(["--as-read"] if as_read else []))
-        assert ((name in run.err), run.code) == (not as_read or gain == 1.0, 0)
+    for structure in (True, *([False] if method == "ritz" else [])):
+        out = tmp_path / f"{structure}.csv"
+        run = damping("sweep", model, *words, out, *(["--structure"] if structure else []))
+        assert (name in run.err, "--structure" in run.err, run.code) == (True, not structure and gain != 1.0, 0)
         record = read_record(out)
         omega = 2.0 * np.pi * record.column("frequency")
         expected = record.column("force") / np.abs(mode.mass * (mode.omega_n**2 - omega**2) + 1.1j * omega)
         # in time a linear mode is integrated to 1e-6 or so
-        np.testing.assert_allclose(record.column("amplitude"), expected * (gain if as_read else 1.0), rtol=1e-5)
+        np.testing.assert_allclose(record.column("amplitude"), expected * (1.0 if structure else gain), rtol=1e-5)
 
 
 def test_stiffness_effects_are_cubic_springs() -> None:

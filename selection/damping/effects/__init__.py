@@ -52,10 +52,8 @@ def find_effect(name: str) -> Effect:
     return CATALOGUE[name]
 
 
-def list_lasting(
-    effects: Mapping[str, Mapping[str, float]], *, as_read: bool = False
-) -> dict[str, Mapping[str, float]]:
-    """The effects of a model file that a further test meets: those of the structure; ``as_read``: of the rig too.
+def list_lasting(effects: Mapping[str, Mapping[str, float]], *, of_rig: bool = False) -> dict[str, Mapping[str, float]]:
+    """The effects of a model file that a further test meets: those of the structure; ``of_rig``: of the rig too.
 
     What drifts, or is off in one sweep or state, is of the test in which it was found.
     """
@@ -63,7 +61,7 @@ def list_lasting(
     return {
         name: table
         for name, table in effects.items()
-        if name not in _OF_ONE_TEST and not table.get("state") and (as_read or kinds[name] != "instrument")
+        if name not in _OF_ONE_TEST and not table.get("state") and (of_rig or kinds[name] != "instrument")
     }
 
 

@@ -42,7 +42,7 @@ def simulate_sweeps(
     method: Method = "ritz",
     progress: Progress = silent,
     *,
-    as_read: bool = False,
+    structure: bool = False,
 ) -> Record:
     """Sweep a model through ``frequencies`` (n,), Hz and rising, at each force.
 
@@ -50,7 +50,7 @@ def simulate_sweeps(
     (first-harmonic averages) or ``time`` (integration in time to the steady state). Of a model that a base shakes
     ``forces`` are accelerations a, which drive with M a: a participation of 1.
 
-    Amplitude and phase are those of the structure; ``as_read``: as its rig reads them, see
+    Amplitude and phase are as the rig of the model reads them, or those of the ``structure``; see
     :func:`damping.effects.list_lasting`.
 
     Raises:
@@ -58,7 +58,7 @@ def simulate_sweeps(
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
-    mode = replace(mode, effects=list_lasting(mode.effects, as_read=as_read))
+    mode = replace(mode, effects=list_lasting(mode.effects, of_rig=not structure))
     order = frequencies if direction == "up" else frequencies[::-1]
     excited = mode.mass if mode.drive == "base" else 1.0
     tables = []
