@@ -222,7 +222,8 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
         name = next((name for name in run.names if run.names.count(name) > 1), None)
         if name is not None:
             message = f"run {run.label!r} has {run.names.count(name)} sensors {name!r}"
-            raise InputError(message, expected="each once: titles, nodes or directions that tell them apart")
+            expected = "a file a level, or levels in an ID line (0.4 g); titles, nodes or directions that tell sensors apart"
+            raise InputError(message, expected=expected)
     kept = [name for name in runs[0].names if all(name in run.names for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
