@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,13 @@ from damping.campaign.runs import (
     find_level,
 )
 from damping.errors import AnalysisError, InputError
-from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
+from damping.formats.columns import DELIMITERS, Layout, describe_cell, find_layout, read_columns
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary
+from damping.formats.series import Samples, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
 from damping.records.text import describe_shortened, is_binary, read_bytes, recode
-from damping.signals.histories import track_sine
+from damping.signals.histories import describe_uneven, track_sine
 
 UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
@@ -49,7 +50,7 @@ class Source:
         """A channel of the unit ``text`` as it is stated, None where it is stated to be out.
 
         A unit that is stated says the quantity too; else it is ``quantity``, or follows from the unit. ``known``:
-        further fields. InputError: the unit is that of no motion.
+        further fields. InputError: the unit is that of no motion, or samples are no numbers.
         """
         self.channels.add(name)
         stated = self.stated.of(name)
@@ -57,6 +58,7 @@ class Source:
             return None
         text = (stated.unit or text).replace("m/s2", "m/s^2")
         quantity = describe_quantity(text, name) if stated.unit or not quantity else quantity
+        require_finite(name, samples)
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
@@ -121,6 +123,7 @@ class Source:
     def leave_flat(self, run: CampaignRun) -> CampaignRun:
         """The run of spectra without sensors whose amplitudes stand at a ceiling under one drive."""
         assert run.drive is not None
+        require_finite(f"drive of {run.label}", run.drive)
         drive, limits = np.abs(run.drive), {}
         for channel in run.channels:
             A = np.abs(channel.samples) * (drive if channel.per_drive else 1.0)
@@ -194,7 +197,7 @@ def _track_table(
             t = block[0] * factor
             off = np.max(np.abs(t - (start + step * np.arange(len(t)))))
             if not step > 0.0 or not off <= max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
-                raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+                raise InputError(describe_uneven(np.append(start - step, t)), expected="one step throughout, rising")
             start = float(block[0, -1]) * factor + step
             yield block[1:]
 
@@ -227,6 +230,8 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
                         ndmin=2,
                         comments=["#", "%"] if layout.comments else None,
                     )
+                if not np.isfinite(table).all():
+                    raise ValueError("values that are no numbers")
             except ValueError as error:
                 expected = f"numbers in every row from line {line + 1} on"
                 whole = InputError(describe_shortened(str(error), 100), expected=expected)
@@ -245,8 +250,9 @@ def _find_cell(text: str, delimiter: str, columns: Sequence[int], above: int, ex
         for column in columns:
             cell = cells[column].strip() if column < len(cells) else ""
             try:
-                float(cell)
+                known = isfinite(float(cell))
             except ValueError:
-                what = repr(describe_shortened(cell)) if cell else "an empty cell"
-                return InputError(what, line=number, column=str(column + 1), expected=expected)
+                known = False
+            if not known:
+                return InputError(describe_cell(cell), line=number, column=str(column + 1), expected=expected)
     return None

@@ -96,6 +96,14 @@ class Summary:
         return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
 
 
+def require_finite(name: str, values: Samples) -> None:
+    """InputError for values (n,) that are no numbers, with the first of them."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        where = f"the first in row {bad[0] + 1} of {len(values)}"
+        raise InputError(f"{name!r} holds values that are no numbers, {where}", expected="finite numbers")
+
+
 #: Names of a column beside x and y that make them readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}
 _MOTIONS = ("response", "x", "y", "amplitude")
