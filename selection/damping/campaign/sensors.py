@@ -47,31 +47,36 @@ def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict
     ``trusted``: stated to be right. InputError: no sensor is left.
     """
     odd = _find_odd_shares(levels, trusted)
-    bad = {name: told for name, (share, told) in odd.items() if abs(share) > MISREAD or abs(share) < NEAR}
+    bad = {name: told for name, told in odd.items() if abs(told[0]) > MISREAD or abs(told[0]) < NEAR}
     if len(bad) == len(levels[0].run.names):
         expected = "--correct FILE.toml with their unit or that of the drive, or role = 'sensor' of one that is right"
         raise InputError(f"every sensor is misread: {_join_shares(bad)}", expected=expected)
     why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
-    return {name: f"misread: it reads {told} {why}" for name, told in bad.items()}
+    return {name: f"misread: it reads {share:.3g}{cause} {why}" for name, (share, cause) in bad.items()}
 
 
 def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> list[str]:
     """A caution of the sensors that read another share of the base than 1 or 0, of those that are not left out."""
     bad = find_bad_sensors(levels)
-    odd = {name: told for name, (_, told) in _find_odd_shares(levels, trusted).items() if name not in bad}
-    if not odd:
-        return []
-    right = "below resonance a sensor reads 1 of the base, or 0 where it lies across it or is relative to it"
-    other = "another unit, scaling or gain (--correct: unit or scale), an axis aslant, or a sweep that begins above a mode"
-    return [f"caution: {right}; {_join_shares(odd)}: {other}"]
+    odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
+    right = "below resonance a sensor reads 1 of the base, 0 across it or relative to it"
+    other = "another unit, scaling or gain (--correct: unit or scale), an axis aslant, or a sweep from above a mode"
+    return [f"caution: {right}; {_join_shares(odd)}: {other}"] if odd else []
 
 
-def _join_shares(told: Mapping[str, str]) -> str:
-    return ", ".join(f"{name!r} reads {text}" for name, text in told.items())
+def _join_shares(odd: Mapping[str, tuple[float, str]]) -> str:
+    """Sensors and what they read of the base, those with one cause together."""
+    told = []
+    for cause in dict.fromkeys(cause for _, cause in odd.values()):
+        shares = {name: share for name, (share, own) in odd.items() if own == cause}
+        ends = dict.fromkeys(f"{end(shares.values()):.3g}" for end in (min, max))
+        verb = "reads" if len(shares) == 1 else "read"
+        told.append(f"{', '.join(map(repr, shares))} {verb} {' to '.join(ends)}{cause}")
+    return ", ".join(told)
 
 
 def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, tuple[float, str]]:
-    """The share of the base of each sensor that reads neither 1 nor 0 of it, and that in words with what explains it.
+    """The share of the base of each sensor that reads neither 1 nor 0 of it, with what explains it.
 
     They are told where most sensors have one factor or an explanation, near 0 too, and beside others that read 1 or 0:
     nearly so, but for one that reads far too much. Else the sweep begins above a mode, whose motion is in all of them.
@@ -90,20 +95,17 @@ def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[
         odd |= explained
     elif np.mean(odd) > 0.5 or np.mean(off < ACROSS) < 0.5:
         odd &= (np.abs(share) > MISREAD) & (np.mean(odd) <= 0.5)
-    told = {}
-    for s, name in enumerate(run.names):
-        if odd[s] and name not in trusted:
-            told[name] = (float(share[s]), f"{share[s]:.3g} ({causes[s]})" if causes[s] else f"{share[s]:.3g}")
-    return told
+    told = zip(run.names, odd, share, causes, strict=True)
+    return {name: (float(part), cause) for name, is_odd, part, cause in told if is_odd and name not in trusted}
 
 
 def _explain(share: float, doubt: float, sensor: Channel) -> str:
     """The wrong unit or scaling that gives such a share of the base; '' where none does."""
     own = unit(sensor.unit)
-    others = (other for other in UNITS[own.powers[2]] if not unit(other).agrees_with(own))
+    others = (other for other in UNITS.get(own.powers[2], ()) if not unit(other).agrees_with(own))
     causes = SCALINGS | {own.factor / unit(other).factor: f"{other} for {sensor.unit}?" for other in others}
     known = (factor for factor in causes if abs(share - factor) < EXPLAINED * factor and doubt < NEAR * factor)
-    return causes[factor] if (factor := next(known, 0.0)) else ""
+    return f" ({causes[factor]})" if (factor := next(known, 0.0)) else ""
 
 
 def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:

@@ -34,6 +34,8 @@ SAMPLES = 2_000_000  #: samples of all channels that are read together
 #: A level in an ID line with the word for it: what differs from run to run, and so is no part of a sensor's name.
 OF_LEVEL = re.compile(rf"(?:\b[Ll]evel\s*[:=]?\s*)?{LEVEL.pattern}")
 _NO_LEVEL = "one run"  # the run of functions whose ID lines name no level
+#: Names of several channels that drive, such as ``force_1``.
+NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
 LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
 
 
@@ -144,6 +146,7 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
     x = sensors[0][1].x
     if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for _, f in (*drives, *sensors)):
         raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
+    source.note_scaling(text for f in group for text in (f.of.title, *f.of.notes))
     level, made = find_level(label), []
     for name, sensor in sensors:
         of, samples = sensor.of, np.asarray(sensor.y)
@@ -159,6 +162,10 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
         size = level[0] * (unit(level[1]).factor / unit(drive_unit).factor)
         drive = np.full(len(x), size, dtype=complex)
         return source.leave_flat(CampaignRun(label, size, drive_unit, x, drive, channels))
+    if len(drives) > 1 and any(f.of.is_force for _, f in drives):
+        names = ", ".join(name for name, _ in drives[:4])
+        expected = "one force, or controls of one base (--correct: role = 'out' of the others)"
+        raise InputError(f"{label}: {len(drives)} drives, {names}", expected=expected)
     control = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
     drive_unit = stated.of(drives[0][0]).unit or drives[0][1].of.numerator.unit or "g"
     return source.set_level(source.leave_flat(CampaignRun(label, None, drive_unit, x, control, channels)), label)
@@ -181,6 +188,10 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
         if x and drive and len(paths) > 2:
             runs.append(_group_run(source, group, x, drive, paths))
     if not runs:
+        drives = max(([leaf for leaf in paths if NUMBERED.search(leaf)] for paths in groups.values()), key=len)
+        if len(drives) > 1:
+            expected = "one, named control or force (--correct: role = 'drive' of one, 'out' of the others)"
+            raise InputError(f"a run with {len(drives)} drives, {', '.join(drives[:4])}", expected=expected)
         has = f"it has {', '.join(list(contents.known)[:8])}"
         raise InputError("no runs", expected=f"groups with frequency, control (or force) and responses; {has}")
     return runs
@@ -193,6 +204,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     f = contents.arrays[paths[x]][0].real.reshape(-1)
     level = find_level(group.replace("_", " "))
     of_drive = contents.units.get(paths[drive], "")
+    source.note_scaling(paths.values())
     channels: list[Channel] = []
     source.channels.add(drive)
     for leaf, path in paths.items():

@@ -1,6 +1,7 @@
 """A file of a campaign: samples against time, a table of them too, as a run that is tracked, or as a free decay."""
 
 import io
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,14 +23,16 @@ from damping.campaign.runs import (
     find_level,
 )
 from damping.errors import AnalysisError, InputError
-from damping.formats.columns import DELIMITERS, Layout, describe_cell, find_layout, read_columns
+from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
-from damping.records.text import describe_shortened, is_binary, read_bytes, recode
+from damping.records.text import describe_cell, describe_shortened, is_binary, read_bytes, recode
 from damping.signals.histories import describe_uneven, track_sine
 
+#: Words for amplitudes that are not those of the sine.
+SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
@@ -60,6 +63,13 @@ class Source:
         quantity = describe_quantity(text, name) if stated.unit or not quantity else quantity
         require_finite(name, samples)
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
+
+    def note_scaling(self, texts: Iterable[str]) -> None:
+        """A caution of each scaling that names or ID lines of spectra say: amplitudes are taken as they are."""
+        for word, text in {match[1].lower(): text for text in texts if (match := SCALED.search(text))}.items():
+            taken = "amplitudes are taken as they are, as those of the sine (peak)"
+            both = f"where drive and sensors are both {word}, so are levels and peaks"
+            self.summary.note(f"caution: {self.file.name} says {describe_shortened(text)!r}: {taken}; {both}")
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
         """The run with its level: as the label says where the control agrees, else the median of the control.
@@ -151,7 +161,7 @@ BLOCK = 8_000_000  #: characters of a table that are read together
 def read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
     if is_binary(start):
-        expected = "a universal file, HDF5, TDMS or a table of times; convert another file with damping import"
+        expected = "a universal file, HDF5, TDMS or a table of times (damping import reads one response of MAT, LVM)"
         raise InputError("no file of a known kind", expected=expected)
     known, encoding = recode(start)
     lines = known.decode("utf-8-sig", errors="replace").splitlines()

@@ -15,7 +15,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import PHASES, ColumnHeader, merge_units, parse_header, recognise
-from damping.records.text import CsvRows, describe_meant, describe_shortened, recode, unguarded
+from damping.records.text import CsvRows, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
@@ -200,11 +200,6 @@ def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
     if layout is None:
         raise InputError("no header", expected=f"a row of column names after {skip} lines")
     return layout
-
-
-def describe_cell(cell: str) -> str:
-    """A cell that is no number in a message."""
-    return repr(describe_shortened(cell.strip())) if cell.strip() else "an empty cell"
 
 
 def _number(cell: str, decimal: str, line: int, column: str) -> float:
