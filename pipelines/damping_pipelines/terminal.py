@@ -199,7 +199,8 @@ def number_whole(value: float, digits: int = 4) -> str:
 
 def number_even(value: float, digits: int) -> str:
     """A number beside others to the given digits, zeros at its end too, without an exponent however large it is."""
-    return number_whole(value, digits) if abs(value) >= 10.0**digits else f"{value:#.{digits}g}".rstrip(".")
+    even = abs(value) < 10.0**digits  # neither infinite nor NaN
+    return f"{value:#.{digits}g}".rstrip(".") if even else number_whole(value, digits)
 
 
 def parse_number(text: str) -> float:
