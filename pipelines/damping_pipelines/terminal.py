@@ -197,6 +197,12 @@ def number_whole(value: float, digits: int = 4) -> str:
     return f"{value:.0f}" if abs(value) >= 10.0**digits and math.isfinite(value) else number(value, digits)
 
 
+def number_even(value: float, digits: int) -> str:
+    """A number beside others to the given digits, zeros at its end too, without an exponent however large it is."""
+    even = abs(value) < 10.0**digits  # neither infinite nor NaN
+    return f"{value:#.{digits}g}".rstrip(".") if even else number_whole(value, digits)
+
+
 def parse_number(text: str) -> float:
     """The number that a word is, NaN where it is none."""
     try:

@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, describe_as_html, list_of_loads
+from damping.records.text import MOST_SHOWN, count, describe_as_html, list_of_loads
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -187,7 +187,8 @@ class RegressionResult(Result):
     def title(self) -> str:
         """What was fitted, and how well."""
         fit = self.regression.selected.fit
-        return f"{self.regression.design.response}: {fit.k} terms, {fit.n} rows, rms error {fit.rms_error:.4g}"
+        of = f"{count(fit.k, 'term')}, {count(fit.n, 'row')}"
+        return f"{self.regression.design.response}: {of}, rms error {fit.rms_error:.4g}"
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -227,7 +228,7 @@ class SweepResult(Result):
     @property
     def title(self) -> str:
         """What this is, in a line."""
-        return f"{self.name}: {len(self.record)} rows in {len(self.record.sweeps)} sweeps"
+        return f"{self.name}: {count(len(self.record), 'row')} in {count(len(self.record.sweeps), 'sweep')}"
 
     @property
     def shown(self) -> pd.DataFrame:

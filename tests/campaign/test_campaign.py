@@ -108,10 +108,10 @@ def written(path: Path, kind: str) -> Path:
     return path
 
 
-def data_set(title: str, node: int, values: np.ndarray, ratio: bool) -> str:
+def data_set(title: str, node: int, values: np.ndarray, ratio: bool, note: str = "NONE") -> str:
     """A data set 58 of text, double precision, uneven spacing (the format's description, I-DEAS)."""
     per = (12, "g") if ratio else (0, "NONE")
-    lines = ["    -1", "    58", title, *["NONE"] * 4]
+    lines = ["    -1", "    58", title, "NONE", "NONE", note, "NONE"]
     lines.append(f"{4 if ratio else 12:5d}{0:10d}{0:5d}{0:10d} {'SC':>10s}{node:10d}{3:4d} {'SC':>10s}{1:10d}{3:4d}")
     lines.append(f"{6:10d}{len(values):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
     for code, name, unit in ((18, "f", "Hz"), (12, "y", "g"), (per[0], "NONE", per[1]), (0, "NONE", "NONE")):
@@ -198,6 +198,76 @@ def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
         file.write(data_set(title.format(0.2), 12, rows[0.2][2], True))
     with pytest.raises(InputError, match=r"'0.2 g' has 2 sensors 'node 12 \+Z'"):
         read_runs([tmp_path / "0.2.uff"], 10 * SIZE)
+
+
+@pytest.mark.parametrize("ratio", [False, True])
+@pytest.mark.parametrize("note", ["{} g", "Level: {} g", "qualification, {} g, 2 oct/min"])
+def test_levels_in_a_further_id_line_tell_runs_apart(tmp_path, ratio, note):
+    """The first ID line is the sensor's name in every run; level and readings are those of each."""
+    sets = []
+    for level in LEVELS:
+        said = note.format(level)
+        if not ratio:
+            sets.append(data_set("control", 1, np.full(len(FREQUENCY), level, complex), False, said))
+        rows = motion(level, FREQUENCY)[:2] / (level if ratio else 1.0)
+        sets += [data_set(f"acc {s}", 10 + s, row, ratio, said) for s, row in enumerate(rows)]
+    (tmp_path / "a.uff").write_text("".join(sets))
+    runs, _ = read_runs([tmp_path / "a.uff"], 10 * SIZE)
+    assert [run.level for run in runs] == list(LEVELS)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert run.names == ["acc 0", "acc 1"]
+        np.testing.assert_allclose(run.channels[1].samples, motion(level, FREQUENCY)[1] / (level if ratio else 1.0))
+
+
+def test_a_range_in_a_further_id_line_is_no_level(tmp_path):
+    """Sensors of 50 g and 10 g in one run; runs that nothing tells apart ask for the level."""
+    rows = [np.full(len(FREQUENCY), 0.2, complex), *motion(0.2, FREQUENCY)[:2]]
+    said = zip(("control", "acc 0", "acc 1"), rows, ("10 g", "50 g", "10 g"), strict=True)
+    text = "".join(data_set(name, 1 + k, row, False, note) for k, (name, row, note) in enumerate(said))
+    (tmp_path / "a.uff").write_text(text)
+    (run,), _ = read_runs([tmp_path / "a.uff"], 10 * SIZE)
+    assert (run.level, run.names) == (pytest.approx(0.2), ["acc 0", "acc 1"])
+    (tmp_path / "a.uff").write_text(2 * text)
+    with pytest.raises(InputError, match=r"2 sensors 'node 2 \+Z'; expected a file a level, or levels in an ID line"):
+        read_runs([tmp_path / "a.uff"], 10 * SIZE)
+
+
+@pytest.mark.parametrize(("level", "taken"), [("1.96133 m/s^2", 0.2), ("0.2 N", None)])
+def test_the_level_of_a_ratio_is_one_of_its_drive(tmp_path, level, taken):
+    """Ratios to g: a level in m/s^2 is 1/9.80665 of it in g, and one in N is none."""
+    (tmp_path / "a.uff").write_text(data_set(f"{level} tip", 11, motion(0.2, FREQUENCY)[0] / 0.2, True))
+    if taken is None:
+        with pytest.raises(InputError, match=r"without a level; expected that of the drive \(in g\)"):
+            read_runs([tmp_path / "a.uff"], 10 * SIZE)
+    else:
+        assert read_runs([tmp_path / "a.uff"], 10 * SIZE)[0][0].level == pytest.approx(taken)
+
+
+def test_several_forces_are_not_averaged(tmp_path):
+    """Two drives at once are named, in either kind of file."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        run = file.create_group("run_1N")
+        run["frequency"] = FREQUENCY
+        for name in ("force_1", "force_2", "tip"):
+            run[name] = np.ones(len(FREQUENCY), complex)
+    with pytest.raises(InputError, match=r"a run with 2 drives, force_1, force_2; expected one"):
+        read_runs([tmp_path / "a.h5"], 10 * SIZE)
+    row, force = motion(0.2, FREQUENCY)[0], f"{13:10d}{0:5d}{0:5d}{0:5d} y"
+    sets = [data_set(f"{name} 2 N", k, row, False) for k, name in enumerate(("left", "right", "tip"))]
+    text = "".join(part.replace(f"{12:10d}{force[10:]}", force) for part in sets[:2]) + sets[2]
+    (tmp_path / "a.uff").write_text(text)
+    with pytest.raises(InputError, match=r"2 N: 2 drives, left, right; expected one force"):
+        read_runs([tmp_path / "a.uff"], 10 * SIZE)
+
+
+@pytest.mark.parametrize(("note", "said"), [("RMS spectrum", "rms"), ("peak-to-peak", "peak-to-peak"), ("peak", None)])
+def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
+    rows = {"control": np.full(len(FREQUENCY), 0.2, complex), "acc": motion(0.2, FREQUENCY)[0]}
+    sets = [data_set(f"0.2 g {name}", k, row, False, note) for k, (name, row) in enumerate(rows.items())]
+    (tmp_path / "a.uff").write_text("".join(sets))
+    cautions = [text for text in read_runs([tmp_path / "a.uff"], 10 * SIZE)[1].notes if "caution" in text]
+    assert len(cautions) == (said is not None)
+    assert all(f"both {said}" in text for text in cautions)
 
 
 def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
@@ -546,9 +616,43 @@ def test_samples_and_times_that_are_no_numbers(tmp_path):
     times = np.arange(50) / 100
     drive = np.sin(times)
     for name, t, x in (("value", times, np.append(drive[:-1], np.nan)), ("time", np.append(times[:-1], np.nan), drive)):
-        with pytest.raises(InputError, match=r"samples that are no numbers|not evenly spaced") as caught:
+        column = 2 if name == "value" else 1
+        with pytest.raises(InputError, match=rf"{name}\.csv, line 51, column {column}: 'nan'; expected numbers"):
             read_runs([table_of_time(tmp_path / f"{name}.csv", t, x)], SIZE)
-        assert f"{name}.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "inf", "n/a"])
+def test_a_cell_of_a_decay_that_is_no_number(tmp_path, damping, cell):
+    """Named with file, line and column, whatever stands in it; not taken for a decay without peaks."""
+    path = decayed(tmp_path / "d.csv", 0.01)
+    lines = path.read_text().splitlines()
+    cells = lines[499].split(",")
+    lines[499] = ",".join([*cells[:2], cell, *cells[3:]])
+    path.write_text("\n".join(lines))
+    run = damping("campaign", path, "--out", tmp_path / "out")
+    assert run.code == 2
+    assert f"{path}, line 500, column mid" in run.err
+
+
+def test_a_gap_in_a_decay_is_named(tmp_path):
+    """With the run and the times about it: 0.02 s from row to row, and 2 s once."""
+    paths = [decayed(tmp_path / f"{name}.csv", start) for name, start in (("low", 0.005), ("high", 0.01))]
+    lines = paths[1].read_text().splitlines()
+    paths[1].write_text("\n".join(lines[:501] + lines[600:]))
+    with pytest.raises(InputError, match=r"high: .*not evenly spaced: 9\.98 to 11\.98 s beside steps of 0\.02 s"):
+        decay_modes(read_runs(paths, 100 * SIZE)[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("accelerations", r"'accelerations\[2\]'"), ("control", "drive of run_0.2g")]
+)
+def test_spectra_that_hold_no_number(tmp_path, name, said):
+    path = written(tmp_path / "c.h5", "hdf5")
+    with h5py.File(path, "r+") as file:
+        values = file["run_0.2g"][name]
+        values[(2, 77) if name == "accelerations" else 77] = np.nan
+    with pytest.raises(InputError, match=rf"{said}.* no numbers, the first in row 78 of 900"):
+        read_runs([path], 10 * SIZE)
 
 
 def test_a_gap_between_blocks_is_seen(tmp_path, monkeypatch):

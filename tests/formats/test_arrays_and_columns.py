@@ -117,6 +117,14 @@ def test_names_of_roles_need_no_map_and_others_do(truth, tmp_path, imported):
         imported(path, columns={"frequency": "f1", "response": "h2"}, **SI)
 
 
+@pytest.mark.parametrize("name", ["freq", "Frequency", "f"])
+def test_usual_names_of_an_abscissa_need_no_map(truth, tmp_path, imported, name):
+    """Beside a force F, which is told from f, and a rate of sampling, which says nothing of spectra."""
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {name: truth.f, "frf": truth.H, "F": 3.0 * truth.f, "fs": 1000.0})
+    close(imported(path, columns={"response": "frf"}, forces=(truth.F,), **SI).record, truth)
+
+
 def test_csv_with_a_column_map(truth, tmp_path, imported):
     """Amplitude of acceleration in g and its lead in degrees, by level, semicolons, lines before the header."""
     w = 2 * np.pi * truth.f

@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
+from damping.campaign import analyse
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.conversion import time_histories
@@ -349,7 +350,7 @@ def test_times_in_milliseconds(tmp_path):
     ("names", "said", "message"),
     [
         (("x", "y"), {}, "parts of one complex response, or two motions.*--column x=x --column y=y"),
-        (("roof", "mid"), {}, "which column is the response. roof, mid; .*--column response=NAME .*damping campaign"),
+        (("roof", "mid"), {}, "which column is the response. roof, mid; .*--column response=NAME .* response=UNIT$"),
         (("A", "Ph"), {"amplitude": "A", "phase": "Ph"}, "phase in rad up to 170; expected .*--column lag_deg=NAME"),
         (("A", "Rd"), {"amplitude": "A", "lag_deg": "Rd"}, "lag_deg in degrees runs from .*; expected .*phase=NAME"),
     ],
@@ -362,6 +363,28 @@ def test_what_would_be_a_guess_is_asked(tmp_path, names, said, message):
     pd.DataFrame({"frequency": f, "force": 1.0} | {name: values[name] for name in names}).to_csv(path, index=False)
     with pytest.raises(InputError, match=message):
         read_file(path, Stated(columns=said))
+
+
+def test_campaigns_are_advised_for_what_they_read(tmp_path):
+    """Tables of time are one, and those of frequency or MAT files none."""
+    t = 0.01 * np.arange(50)
+    pd.DataFrame({"time": t, "roof [g]": np.cos(t), "mid [g]": np.sin(t)}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match=r"which column is the response.*; damping campaign for all$"):
+        read_file(tmp_path / "a.csv", Stated())
+    scipy.io.savemat(tmp_path / "a.mat", {"freq": t, "roof": t, "mid": t, "force": 1.0})
+    with pytest.raises(InputError, match=r"which column is the response\? roof, mid; .* response=UNIT$"):
+        read_file(tmp_path / "a.mat", Stated())
+    with pytest.raises(InputError, match=r"no file of a known kind.*damping import reads one response of MAT"):
+        analyse([tmp_path / "a.mat"])
+
+
+@pytest.mark.parametrize("cell", ["", "NaN", "inf"])
+def test_a_cell_of_a_time_history_that_is_no_number(tmp_path, cell):
+    """Its line is that in the file, blank lines counted; a force beside it is not used."""
+    rows = "".join(f"{k / 100},{cell if k == 30 else k},\n" + ("\n" if k == 5 else "") for k in range(50))
+    (tmp_path / "a.csv").write_text(f"time [s],acceleration [g],force [N]\n{rows}")
+    with pytest.raises(InputError, match=r"line 33, column acceleration \[g\]: ('NaN'|'inf'|an empty cell); expected"):
+        read_file(tmp_path / "a.csv", Stated())
 
 
 def test_motions_against_time_are_no_parts(tmp_path):

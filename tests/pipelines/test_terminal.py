@@ -12,7 +12,7 @@ from damping import api, extrapolation
 from damping.infer.law import Law
 from damping_pipelines.cli import app
 from damping_pipelines.laws import _state_frequency
-from damping_pipelines.terminal import Notes, PlainTable, progress
+from damping_pipelines.terminal import Notes, PlainTable, number_even, progress
 
 LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
 #: A number that was cut: a digit beside what stands for the rest.
@@ -134,3 +134,21 @@ def test_numbers_of_notes_rise():
     notes = Notes()
     assert notes.numbers(["a", "b", "c"]) == "1 2 3"
     assert notes.numbers(["c", "d", "a"]) == "1 3 4"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (30.9912, 5, "30.991"),
+        (36.0, 5, "36.000"),
+        (0.62, 5, "0.62000"),
+        (32000.0, 5, "32000"),
+        (123456.0, 5, "123456"),
+        (1300.0, 3, "1300"),
+        (0.3, 3, "0.300"),
+        (100.0, 3, "100"),
+        (float("nan"), 3, "-"),
+    ],
+)
+def test_numbers_beside_each_other_have_even_digits(value, digits, text):
+    assert number_even(value, digits) == text

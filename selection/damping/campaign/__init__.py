@@ -39,9 +39,9 @@ from damping.campaign.answer import (
 from damping.campaign.decays import answer_decays
 from damping.campaign.modal_fit import Level
 from damping.campaign.poles import receptance
-from damping.campaign.records import DrivenMode, fit_levels, tie_modes
+from damping.campaign.records import DrivenMode, fit_right_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
-from damping.campaign.sensors import find_misread
+from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.extrapolation.prepared import PreparedRecord
@@ -89,11 +89,10 @@ def analyse(
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     asked = tuple(float(level.level.max()) for level in inputs)
-    levels = fit_levels(runs, frequencies)
-    misread = find_misread(levels)
-    if misread:
-        levels = fit_levels([run.without(misread) for run in runs], frequencies)
+    trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
+    levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
+    summary.notes.extend(describe_shares(levels, trusted))
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
     campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit, level_name=drive), summary)

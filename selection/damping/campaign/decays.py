@@ -29,7 +29,7 @@ from damping.campaign.answer import (
 )
 from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.formats.quantity import unit
@@ -210,7 +210,8 @@ def _mode(
     tops, cautions = [], []
     for label, t, q in motions:
         try:
-            decay = ring_down(t, q, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS)
+            with naming(label):
+                decay = ring_down(t, q, order=order, mass=1.0, frequency=frequency, periods=PERIODS, levels=LEVELS)
         except AnalysisError as error:
             cautions.append(f"{label}: {error}")
             continue

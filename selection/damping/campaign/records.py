@@ -5,7 +5,7 @@ force is |r_ref| times the base acceleration and the mass 1 where the base shake
 mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -15,7 +15,7 @@ import pandas as pd
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
-from damping.campaign.sensors import find_bad_sensors
+from damping.campaign.sensors import find_bad_sensors, find_misread
 from damping.errors import AnalysisError, InputError
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
@@ -79,6 +79,15 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         levels.append(Level(run, f, H, drive, fit, third, name))
         starts, ratios = list(fit.frequency), list(fit.ratio)
     return levels
+
+
+def fit_right_levels(
+    runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
+) -> tuple[list[Level], dict[str, str]]:
+    """Every level fitted without the sensors that are misread, and why each is (see ``find_misread``)."""
+    levels = fit_levels(runs, frequencies)
+    misread = find_misread(levels, trusted)
+    return fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels, misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:

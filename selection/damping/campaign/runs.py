@@ -29,7 +29,7 @@ from damping.errors import InputError, describe_nearest
 from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
-from damping.records.text import describe_shortened
+from damping.records.text import count, describe_shortened
 
 #: What a label says of a level: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
@@ -222,7 +222,10 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
         name = next((name for name in run.names if run.names.count(name) > 1), None)
         if name is not None:
             message = f"run {run.label!r} has {run.names.count(name)} sensors {name!r}"
-            raise InputError(message, expected="each once: titles, nodes or directions that tell them apart")
+            expected = (
+                "a file a level, or levels in an ID line (0.4 g); titles, nodes or directions that tell them apart"
+            )
+            raise InputError(message, expected=expected)
     kept = [name for name in runs[0].names if all(name in run.names for run in runs)]
     if not kept:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
@@ -243,8 +246,9 @@ def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
     for run in runs:
         drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")
-        span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {len(run.x)} rows"
-        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {len(run.channels)} sensors", "found in the file")
+        span = f"{run.x[0]:g} to {run.x[-1]:g} {'s' if run.is_time else 'Hz'}, {count(len(run.x), 'row')}"
+        sensors = count(len(run.channels), "sensor")
+        summary.add(f"run {run.label!r}", f"{drive}{kind}; {span}; {sensors}", "found in the file")
     for name, (channel, drive_unit) in {c.name: (c, run.drive_unit) for run in runs for c in run.channels}.items():
         per = f" per {drive_unit}" if channel.per_drive else ""
         text = f"sensor of {channel.quantity} in {channel.unit or 'no unit'}{per}"

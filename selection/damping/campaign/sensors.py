@@ -1,19 +1,38 @@
 """Sensors of a campaign whose readings are not to be believed, each with why: dead, reversed, of another gain."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.modal_fit import LEAST_T, Level
+from damping.campaign.runs import Channel
+from damping.errors import InputError
+from damping.formats.quantity import unit
 
 DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
 #: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
 FOLLOWS = 0.9
 #: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
-#: gain: the share comes out within a third of 1 even of a fast sweep, and m/s^2 read as g make 9.8 of it.
-MISREAD = 2.0
+#: gain: half way from 2 of peak-to-peak values to the third that a fast sweep may be off.
+MISREAD = 1.6
+#: A share of the base this near to 1 or 0 is that of an absolute motion or of one relative to it or across it: half of
+#: mounting, of calibration and of the slope of a resonance; rms values for peak are 0.29 off.
+NEAR = 0.25
+ACROSS = 0.1  #: largest share of the base that a sensor across it reads by its transverse sensitivity and by tilt
+EXPLAINED = 0.05  #: relative deviation up to which a share is that of a wrong unit or scaling
+ALIKE = 0.1  #: relative deviation from the middle of the sensors up to which shares are one common factor
 LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
+#: What a share of the base is where amplitudes are not those of the drive.
+SCALINGS = {
+    0.5: "peak-to-peak of the drive?",
+    0.5**0.5: "rms for peak?",
+    2.0**0.5: "rms of the drive for peak?",
+    2.0: "peak-to-peak for peak?",
+}
+#: Units that a motion may be in, by the power of time.
+UNITS: dict[int, tuple[str, ...]] = {0: ("m", "mm", "cm", "in", "ft"), -1: ("m/s", "mm/s", "cm/s", "in/s", "ft/s")}
+UNITS[-2] = ("g", *(f"{length}/s^2" for length in UNITS[0]))
 #: Change of a sensor's gain from level to level beside the others at which it is left out: mode shapes of joints that
 #: slip change by a few per cent.
 CHANGED = 0.1
@@ -21,32 +40,89 @@ CHANGED = 0.1
 STANDS_OUT = 3.0
 
 
-def find_misread(levels: Sequence[Level]) -> dict[str, str]:
-    """Sensors that read a multiple of the base where half of them read the base itself, each with why.
+def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict[str, str]:
+    """Sensors that are in another unit or of another gain by what they read of the base, each with why.
 
     One that reads ten times too much outweighs all others in the fit: modes are to be sought again without it.
+    ``trusted``: stated to be right. InputError: no sensor is left.
     """
-    share = np.median([_measure_base(level) for level in levels], axis=0)
-    if not levels[0].run.is_base_driven or not 1.0 / MISREAD < np.median(share) < MISREAD:
-        return {}
+    odd = _find_odd_shares(levels, trusted)
+    bad = {name: told for name, told in odd.items() if abs(told[0]) > MISREAD or abs(told[0]) < NEAR}
+    if len(bad) == len(levels[0].run.names):
+        expected = "--correct FILE.toml with their unit or that of the drive, or role = 'sensor' of one that is right"
+        raise InputError(f"every sensor is misread: {_join_shares(bad)}", expected=expected)
     why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
-    parts = zip(levels[0].run.names, share, strict=True)
-    return {name: f"misread: it reads {part:.3g} {why}" for name, part in parts if abs(part) > MISREAD}
+    return {name: f"misread: it reads {share:.3g}{cause} {why}" for name, (share, cause) in bad.items()}
+
+
+def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> list[str]:
+    """A caution of the sensors that read another share of the base than 1 or 0, of those that are not left out."""
+    bad = find_bad_sensors(levels)
+    odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
+    right = "below resonance a sensor reads 1 of the base, 0 across it or relative to it"
+    other = "another unit, scaling or gain (--correct: unit or scale), an axis aslant, or a sweep from above a mode"
+    return [f"caution: {right}; {_join_shares(odd)}: {other}"] if odd else []
+
+
+def _join_shares(odd: Mapping[str, tuple[float, str]]) -> str:
+    """Sensors and what they read of the base, those with one cause together."""
+    told = []
+    for cause in dict.fromkeys(cause for _, cause in odd.values()):
+        shares = {name: share for name, (share, own) in odd.items() if own == cause}
+        ends = dict.fromkeys(f"{end(shares.values()):.3g}" for end in (min, max))
+        verb = "reads" if len(shares) == 1 else "read"
+        told.append(f"{', '.join(map(repr, shares))} {verb} {' to '.join(ends)}{cause}")
+    return ", ".join(told)
+
+
+def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, tuple[float, str]]:
+    """The share of the base of each sensor that reads neither 1 nor 0 of it, with what explains it.
+
+    They are told where most sensors have one factor or an explanation, near 0 too, and beside others that read 1 or 0:
+    nearly so, but for one that reads far too much. Else the sweep begins above a mode, whose motion is in all of them.
+    """
+    run = levels[0].run
+    if not run.is_base_driven:
+        return {}
+    share, doubt = _measure_shares(levels)
+    causes = [_explain(*of) for of in zip(share, doubt, run.channels, strict=True)]
+    explained = np.array([bool(cause) for cause in causes])
+    off = np.minimum(np.abs(share), np.abs(share - 1.0))
+    odd = off > np.maximum(NEAR, doubt)
+    alike = np.abs(share - np.median(share)) < ALIKE * abs(np.median(share))
+    common = explained | (odd & alike & (len(share) > 1))
+    if np.mean(common) > 0.5:
+        odd |= explained
+    elif np.mean(odd) > 0.5 or np.mean(off < ACROSS) < 0.5:
+        odd &= (np.abs(share) > MISREAD) & (np.mean(odd) <= 0.5)
+    told = zip(run.names, odd, share, causes, strict=True)
+    return {name: (float(part), cause) for name, is_odd, part, cause in told if is_odd and name not in trusted}
+
+
+def _explain(share: float, doubt: float, sensor: Channel) -> str:
+    """The wrong unit or scaling that gives such a share of the base; '' where none does."""
+    own = unit(sensor.unit)
+    others = (other for other in UNITS.get(own.powers[2], ()) if not unit(other).agrees_with(own))
+    causes = SCALINGS | {own.factor / unit(other).factor: f"{other} for {sensor.unit}?" for other in others}
+    known = (factor for factor in causes if abs(share - factor) < EXPLAINED * factor and doubt < NEAR * factor)
+    return f" ({causes[factor]})" if (factor := next(known, 0.0)) else ""
 
 
 def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that are dead, of a gain that changes, or reversed where all see the base or the force acts at them."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative
-    base = np.median([_measure_base(level) for level in levels], axis=0)
+    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative or across
+    base, doubt = _measure_shares(levels)
+    across = np.maximum(ACROSS, doubt)
+    moves = np.any([np.abs(level.fit.residues) > LEAST_T * level.fit.residues_sd for level in levels], axis=(0, 2))
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
             bad[name] = "dead: it reads next to nothing"
-        elif absolute and abs(base[s]) < 0.3:
+        elif absolute and abs(base[s]) < 0.3 and not (moves[s] and abs(base[s]) < across[s]):
             bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
-        elif absolute and base[s] < 0.0:
+        elif absolute and base[s] < -across[s]:
             bad[name] = "reversed: it moves against the base below resonance"
     if not run.is_base_driven:
         residues = np.median([level.fit.residues for level in levels], axis=0)
@@ -67,14 +143,25 @@ def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray)
     return out
 
 
-def _measure_base(level: Level) -> FloatArray:
-    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes.
+def _measure_shares(levels: Sequence[Level]) -> tuple[FloatArray, FloatArray]:
+    """Share of the base in each sensor (sensors,) and its doubt, in the middle of the levels."""
+    share, doubt = np.median([_measure_base(level) for level in levels], axis=0)
+    return share, doubt
 
-    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it.
+
+def _measure_base(level: Level) -> tuple[FloatArray, FloatArray]:
+    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes; its doubt.
+
+    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it. What
+    modes that were not found leave grows about as f^2: the doubt is what a line in f^2 loses on the way to f = 0.
     """
     rows = level.f <= LOWEST * level.f[0]
     modes = level.fit.residues @ level.fit.columns(level.f[rows])[:, 2:].T
-    return np.asarray(np.median((level.H[:, rows] - modes).real, axis=1))
+    left = (level.H[:, rows] - modes).real
+    square = level.f[rows] ** 2 / np.mean(level.f[rows] ** 2) - 1.0
+    if len(square) < 2:
+        return np.median(left, axis=1), np.full(len(left), NEAR)
+    return np.median(left, axis=1), np.abs(left @ square) / (square @ square)
 
 
 def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:

@@ -25,6 +25,7 @@ from damping.campaign.tracked import UNEVEN, Source, read_table
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.headers import ROLE_NAMES
+from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Summary
 from damping.formats.uff import Function, read_functions
 from damping.records.text import name_apart, read_bytes, read_start
@@ -32,6 +33,9 @@ from damping.records.text import name_apart, read_bytes, read_start
 SAMPLES = 2_000_000  #: samples of all channels that are read together
 #: A level in an ID line with the word for it: what differs from run to run, and so is no part of a sensor's name.
 OF_LEVEL = re.compile(rf"(?:\b[Ll]evel\s*[:=]?\s*)?{LEVEL.pattern}")
+_NO_LEVEL = "one run"  # the run of functions whose ID lines name no level
+#: Names of several channels that drive, such as ``force_1``.
+NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
 LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
 
 
@@ -70,11 +74,35 @@ def _read(source: Source) -> list[CampaignRun]:
         return _list_channel_runs(source, kind, contents) if contents.steps else _list_group_runs(source, contents)
     if start.lstrip()[:2] != b"-1":
         return [read_table(source, start)]
-    groups: dict[str, list[Function]] = {}  # functions of a universal file with one level in their ID lines
-    for function in read_functions(read_bytes(source.file, source.most), source.summary):
-        level = find_level(function.of.title)
-        groups.setdefault(f"{level[0]:g} {level[1]}" if level else "one run", []).append(function)
-    return [_join_functions(label, group, source) for label, group in groups.items()]
+    functions = read_functions(read_bytes(source.file, source.most), source.summary)
+    return [_join_functions(label, group, source) for label, group in _group_functions(functions).items()]
+
+
+def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]:
+    """Functions of a universal file by their level: as the first ID line says, else another one that all have.
+
+    That line tells functions of one title and place apart, or is one level and nothing else.
+    """
+    places = [(f.of.title, f.of.place, f.of.function, f.of.quantity) for f in functions]
+    labels = [_label_level(f.of.title) for f in functions]
+    further = zip(*(f.of.notes for f in functions), strict=True) if set(labels) == {_NO_LEVEL} else ()
+    for lines in further:
+        own = [_label_level(line) for line in lines]
+        bare = len(set(own)) == 1 and all(OF_LEVEL.fullmatch(line) for line in lines)
+        apart = len(set(zip(own, places, strict=True))) == len(functions) > len(set(places))
+        if _NO_LEVEL not in own and (bare or apart):
+            labels = own
+            break
+    groups: dict[str, list[Function]] = {}
+    for label, function in zip(labels, functions, strict=True):
+        groups.setdefault(label, []).append(function)
+    return groups
+
+
+def _label_level(text: str) -> str:
+    """The run of a text by the level in it."""
+    level = find_level(text)
+    return f"{level[0]:g} {level[1]}" if level else _NO_LEVEL
 
 
 def _name_functions(group: Sequence[Function]) -> list[str]:
@@ -118,6 +146,7 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
     x = sensors[0][1].x
     if any(len(f.x) != len(x) or not np.allclose(f.x, x, rtol=1e-4, atol=0.0) for _, f in (*drives, *sensors)):
         raise InputError(f"{label}: channels at different frequencies", expected="one list of frequencies")
+    source.note_scaling(text for f in group for text in (f.of.title, *f.of.notes))
     level, made = find_level(label), []
     for name, sensor in sensors:
         of, samples = sensor.of, np.asarray(sensor.y)
@@ -125,11 +154,18 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
         made.append(source.make_channel(name, of.numerator.unit, samples, of.quantity, **known))
     channels = tuple(filter(None, made))
     if ratio:
-        if level is None or not level[0] > 0.0:
-            raise InputError("functions without a level", expected="the level in the ID line, such as 0.5 g or 2 N")
-        drive_unit = sensors[0][1].of.denominator.unit or level[1]
-        drive = np.full(len(x), level[0], dtype=complex)
-        return source.leave_flat(CampaignRun(label, level[0], drive_unit, x, drive, channels))
+        per = sensors[0][1].of.denominator.unit
+        if level is None or not level[0] > 0.0 or find_powers(per or level[1]) != find_powers(level[1]):
+            expected = f"that of the drive{f' (in {per})' if per else ''} in an ID line, such as 0.5 g or 2 N"
+            raise InputError("functions without a level", expected=expected)
+        drive_unit = per or level[1]
+        size = level[0] * (unit(level[1]).factor / unit(drive_unit).factor)
+        drive = np.full(len(x), size, dtype=complex)
+        return source.leave_flat(CampaignRun(label, size, drive_unit, x, drive, channels))
+    if len(drives) > 1 and any(f.of.is_force for _, f in drives):
+        names = ", ".join(name for name, _ in drives[:4])
+        expected = "one force, or controls of one base (--correct: role = 'out' of the others)"
+        raise InputError(f"{label}: {len(drives)} drives, {names}", expected=expected)
     control = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
     drive_unit = stated.of(drives[0][0]).unit or drives[0][1].of.numerator.unit or "g"
     return source.set_level(source.leave_flat(CampaignRun(label, None, drive_unit, x, control, channels)), label)
@@ -152,6 +188,10 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
         if x and drive and len(paths) > 2:
             runs.append(_group_run(source, group, x, drive, paths))
     if not runs:
+        drives = max(([leaf for leaf in paths if NUMBERED.search(leaf)] for paths in groups.values()), key=len)
+        if len(drives) > 1:
+            expected = "one, named control or force (--correct: role = 'drive' of one, 'out' of the others)"
+            raise InputError(f"a run with {len(drives)} drives, {', '.join(drives[:4])}", expected=expected)
         has = f"it has {', '.join(list(contents.known)[:8])}"
         raise InputError("no runs", expected=f"groups with frequency, control (or force) and responses; {has}")
     return runs
@@ -164,6 +204,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     f = contents.arrays[paths[x]][0].real.reshape(-1)
     level = find_level(group.replace("_", " "))
     of_drive = contents.units.get(paths[drive], "")
+    source.note_scaling(paths.values())
     channels: list[Channel] = []
     source.channels.add(drive)
     for leaf, path in paths.items():

@@ -1,10 +1,12 @@
 """A file of a campaign: samples against time, a table of them too, as a run that is tracked, or as a free decay."""
 
 import io
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +26,13 @@ from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
 from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary
+from damping.formats.series import Samples, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
-from damping.records.text import describe_shortened, is_binary, read_bytes, recode
-from damping.signals.histories import track_sine
+from damping.records.text import describe_cell, describe_shortened, is_binary, read_bytes, recode
+from damping.signals.histories import describe_uneven, track_sine
 
+#: Words for amplitudes that are not those of the sine.
+SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
@@ -49,7 +53,7 @@ class Source:
         """A channel of the unit ``text`` as it is stated, None where it is stated to be out.
 
         A unit that is stated says the quantity too; else it is ``quantity``, or follows from the unit. ``known``:
-        further fields. InputError: the unit is that of no motion.
+        further fields. InputError: the unit is that of no motion, or samples are no numbers.
         """
         self.channels.add(name)
         stated = self.stated.of(name)
@@ -57,7 +61,15 @@ class Source:
             return None
         text = (stated.unit or text).replace("m/s2", "m/s^2")
         quantity = describe_quantity(text, name) if stated.unit or not quantity else quantity
+        require_finite(name, samples)
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
+
+    def note_scaling(self, texts: Iterable[str]) -> None:
+        """A caution of each scaling that names or ID lines of spectra say: amplitudes are taken as they are."""
+        for word, text in {match[1].lower(): text for text in texts if (match := SCALED.search(text))}.items():
+            taken = "amplitudes are taken as they are, as those of the sine (peak)"
+            both = f"where drive and sensors are both {word}, so are levels and peaks"
+            self.summary.note(f"caution: {self.file.name} says {describe_shortened(text)!r}: {taken}; {both}")
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
         """The run with its level: as the label says where the control agrees, else the median of the control.
@@ -121,6 +133,7 @@ class Source:
     def leave_flat(self, run: CampaignRun) -> CampaignRun:
         """The run of spectra without sensors whose amplitudes stand at a ceiling under one drive."""
         assert run.drive is not None
+        require_finite(f"drive of {run.label}", run.drive)
         drive, limits = np.abs(run.drive), {}
         for channel in run.channels:
             A = np.abs(channel.samples) * (drive if channel.per_drive else 1.0)
@@ -148,7 +161,7 @@ BLOCK = 8_000_000  #: characters of a table that are read together
 def read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
     if is_binary(start):
-        expected = "a universal file, HDF5, TDMS or a table of times; convert another file with damping import"
+        expected = "a universal file, HDF5, TDMS or a table of times (damping import reads one response of MAT, LVM)"
         raise InputError("no file of a known kind", expected=expected)
     known, encoding = recode(start)
     lines = known.decode("utf-8-sig", errors="replace").splitlines()
@@ -194,7 +207,7 @@ def _track_table(
             t = block[0] * factor
             off = np.max(np.abs(t - (start + step * np.arange(len(t)))))
             if not step > 0.0 or not off <= max(UNEVEN * step, 1e-6 * float(np.max(np.abs(t)))):
-                raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+                raise InputError(describe_uneven(np.append(start - step, t)), expected="one step throughout, rising")
             start = float(block[0, -1]) * factor + step
             yield block[1:]
 
@@ -227,6 +240,8 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
                         ndmin=2,
                         comments=["#", "%"] if layout.comments else None,
                     )
+                if not np.isfinite(table).all():
+                    raise ValueError("values that are no numbers")
             except ValueError as error:
                 expected = f"numbers in every row from line {line + 1} on"
                 whole = InputError(describe_shortened(str(error), 100), expected=expected)
@@ -245,8 +260,9 @@ def _find_cell(text: str, delimiter: str, columns: Sequence[int], above: int, ex
         for column in columns:
             cell = cells[column].strip() if column < len(cells) else ""
             try:
-                float(cell)
+                known = isfinite(float(cell))
             except ValueError:
-                what = repr(describe_shortened(cell)) if cell else "an empty cell"
-                return InputError(what, line=number, column=str(column + 1), expected=expected)
+                known = False
+            if not known:
+                return InputError(describe_cell(cell), line=number, column=str(column + 1), expected=expected)
     return None

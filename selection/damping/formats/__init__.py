@@ -72,7 +72,9 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
     if kind == "csv":
-        require_response({role: header.text for role, header in headers.items()}, columns.layout.names, stated)
+        texts = {role: header.text for role, header in headers.items()}
+        is_time = "time" in texts and not {"frequency", "omega"} & set(texts)
+        require_response(texts, columns.layout.names, stated, many=is_time)
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=columns.response,

@@ -17,7 +17,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
+from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES, ROLES, describe_angle, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import unit
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
@@ -147,11 +147,14 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
-    require_response(names, known, stated)
+    usual = {} if set(names) & set(ABSCISSAS) else _find_abscissa(known)
+    require_response(names | usual, known, stated, many=kind == "hdf5")
     signal = arrays[names["response"]][0] if "response" in names else np.zeros(1, dtype=np.complex128)
     if np.isrealobj(signal) and names.keys().isdisjoint(ABSCISSAS) and (name := _find_rate(known)):
         number = float(read_arrays(path, kind, [name], max_size).arrays[name][0].real.reshape(-1)[0])
         names, arrays = names | {"time": name}, arrays | {name: [_list_times(name, number, max(signal.shape))]}
+    elif usual:
+        names, arrays = names | usual, arrays | read_arrays(path, kind, list(usual.values()), max_size).arrays
     for role, name in names.items():
         if role in UNIT_OF:
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
@@ -168,6 +171,18 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
 def _last_name(path: str) -> str:
     """The name of an array without those of the groups or structures that it is in, in lower case."""
     return path.replace(".", "/").rpartition("/")[2].lower()
+
+
+def _find_abscissa(known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
+    """The first array that tables of laboratories call a frequency or a time; letters are told by their case: F, T."""
+    several = [name for name, shape in known.items() if math.prod(shape) > 1]
+    named = ((role, name) for role in ABSCISSAS for name in several if _is_named(name, ROLE_NAMES[role]))
+    role, name = next(named, ("", ""))
+    return {role: name} if role else {}
+
+
+def _is_named(name: str, names: Sequence[str]) -> bool:
+    return name in names or (len(name) > 1 and name.lower() in names)
 
 
 def _find_rate(known: Mapping[str, tuple[int, ...]]) -> str | None:

@@ -8,13 +8,14 @@ import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import PHASES, ColumnHeader, merge_units, parse_header, recognise
-from damping.records.text import CsvRows, describe_meant, describe_shortened, recode, unguarded
+from damping.records.text import CsvRows, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
@@ -154,7 +155,7 @@ def read_columns(
         skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
     InputError: no text, no header, a mapped column that is missing, a ragged row, text where a number belongs
-    (an empty cell and NaN are no measurement there), or no rows.
+    (an empty cell and NaN are no measurement there, but in a time history they are wrong), or no rows.
     """
     data, encoding = recode(data)
     layout = replace(_layout(data, delimiter, skip, decimal), encoding=encoding)
@@ -169,12 +170,16 @@ def read_columns(
     if not set(places) - {"sweep"}:
         raise _no_role(names, layout, line)
     values = {role: array("d") for role in places if role != "sweep"}
+    gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
     labels: list[str] | None = [] if "sweep" in places else None
     for line, row in rows:
         if len(row) != len(names):
             raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
         for role, column in values.items():
             column.append(_number(row[places[role]], layout.decimal, line, names[places[role]]))
+            if role in gapless and not isfinite(column[-1]):
+                what = describe_cell(row[places[role]])
+                raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
     if rows.problem is not None:

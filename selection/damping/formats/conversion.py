@@ -12,7 +12,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import NAMES
 from damping.formats.quantity import SYSTEMS, Unit, find_powers, unit
-from damping.formats.series import FileFacts, Series, Stated, Summary
+from damping.formats.series import FileFacts, Series, Stated, Summary, require_finite
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
@@ -244,8 +244,7 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
         to = conversion(known)
         if to.per_force:
             raise InputError("a time history is no ratio to force", expected="--response acceleration")
-        if not (np.isfinite(row.abscissa).all() and np.isfinite(row.response).all()):
-            raise InputError(f"{row.label!r} holds values that are no numbers", expected="finite numbers")
+        require_finite(row.label, row.abscissa + row.response)
         signal = np.asarray(row.response, dtype=np.float64) * to.response
         label = stated.labels[k] if stated.labels else row.label
         histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order))

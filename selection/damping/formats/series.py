@@ -96,18 +96,30 @@ class Summary:
         return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
 
 
+def require_finite(name: str, values: Samples) -> None:
+    """InputError for values (n,) that are no numbers, with the first of them."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        where = f"the first in row {bad[0] + 1} of {len(values)}"
+        raise InputError(f"{name!r} holds values that are no numbers, {where}", expected="finite numbers")
+
+
 #: Names of a column beside x and y that make them readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}
 _MOTIONS = ("response", "x", "y", "amplitude")
 
 
-def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated) -> None:
-    """InputError where no column is the response, or a real one would be half of a complex one that nobody said."""
+def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, *, many: bool) -> None:
+    """InputError where no column is the response, or a real one would be half of a complex one that nobody said.
+
+    ``many``: ``damping campaign`` reads all responses of such a file.
+    """
     own = {parse_header(name.strip()).name.lower() for name in names}
     if not set(_MOTIONS) & set(of_role):
         free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
-        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}; damping campaign for all"
+        every = "; damping campaign for all" if many else ""
+        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{every}"
         raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"

@@ -25,7 +25,7 @@ from damping.records.keys import (
     TEXT_COLUMNS,
     find_refused,
 )
-from damping.records.text import MOST_SHOWN, describe_as_html, describe_meant, describe_shortened, guarded
+from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_meant, describe_shortened, guarded
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Record:
         return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
 
     def _repr_html_(self) -> str:
-        title = f"{self.source}: {len(self)} rows in {len(self.sweeps)} sweeps"
+        title = f"{self.source}: {count(len(self), 'row')} in {count(len(self.sweeps), 'sweep')}"
         return describe_as_html(title, self.table.head(MOST_SHOWN))
 
     def column(self, name: str, default: float | None = None) -> FloatArray:

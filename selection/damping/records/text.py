@@ -108,6 +108,11 @@ def describe_shortened(text: str, length: int = 30, mark: str = "...") -> str:
     return text if len(text) <= length else text[: max(length - len(mark), 0)] + mark
 
 
+def describe_cell(cell: str) -> str:
+    """A cell that is no number in a message."""
+    return repr(describe_shortened(cell.strip())) if cell.strip() else "an empty cell"
+
+
 def count(n: int, what: str) -> str:
     """``1 sweep``, ``3 sweeps``."""
     return f"{n} {what}{'' if n == 1 else 's'}"

@@ -100,11 +100,18 @@ def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArr
             t, x, off = even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), 0.0
             dt = float((t[-1] - t[0]) / (len(t) - 1))
     if not (dt > 0.0 and off <= _UNEVEN * dt):
-        raise InputError("the times are not evenly spaced", expected="one step throughout, rising")
+        raise InputError(describe_uneven(t), expected="one step throughout, rising")
     if not frequency * dt <= 1.0 / _FEWEST_OF_DECAY:
         message = f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz"
         raise InputError(message, expected=f"at least {_FEWEST_OF_DECAY}")
     return t, x, dt, notes
+
+
+def describe_uneven(t: FloatArray) -> str:
+    """What is wrong with times (n,) that are not evenly spaced, and where they are so least."""
+    step = np.diff(t)
+    k = int(np.argmax(np.abs(step - np.median(step))))
+    return f"the times are not evenly spaced: {t[k]:.8g} to {t[k + 1]:.8g} s beside steps of {np.median(step):.4g} s"
 
 
 def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
