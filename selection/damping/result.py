@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, describe_as_html
+from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_as_text
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -61,8 +61,7 @@ class Result(ABC):
         return ()
 
     def __str__(self) -> str:
-        text = self.shown.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
-        return "\n".join([self.title, text, *(f"- {remark}" for remark in self.remarks)])
+        return describe_as_text(self.title, self.shown, self.remarks)
 
     def __repr__(self) -> str:
         return str(self)
@@ -78,7 +77,7 @@ def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[
     return completed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class AuditResult(Audit):
     """An audit beside the ``record`` that it is of."""
 
@@ -89,7 +88,7 @@ class AuditResult(Audit):
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         doubted = {sweep for finding in self.findings for sweep in finding.sweeps}
-        figure = sweeps(self.record.table, doubted, axes=ax)
+        figure = sweeps(self.record.frame, doubted, axes=ax)
         return ax or figure
 
 
@@ -203,7 +202,7 @@ class SweepResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """The rows of the record."""
-        return self.record.table.copy()
+        return self.record.table
 
     def to_json(self) -> dict[str, Any]:
         """The rows: ``{"format": "record/1", "rows": [..]}``."""
@@ -214,18 +213,18 @@ class SweepResult(Result):
         """Amplitude against frequency, each sweep apart."""
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
-        figure = sweeps(self.record.table, axes=ax)
+        figure = sweeps(self.record.frame, axes=ax)
         return ax or figure
 
     @property
     def title(self) -> str:
         """What this is, in a line."""
-        return f"{self.name}: {len(self.record)} rows in {len(self.record.sweeps)} sweeps"
+        return f"{self.name}: {count(len(self.record), 'row')} in {count(len(self.record.sweeps), 'sweep')}"
 
     @property
     def shown(self) -> pd.DataFrame:
         """The first rows."""
-        return self.record.table.head(MOST_SHOWN)
+        return self.table.head(MOST_SHOWN)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
