@@ -29,7 +29,35 @@ if TYPE_CHECKING:
     from damping.signals.chain import ConditioningStep
 
 
-class Result(ABC):
+class Summarised(ABC):
+    """What a notebook and a terminal show: a title, a short table and remarks."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """What this is, in a line."""
+
+    @property
+    @abstractmethod
+    def shown(self) -> pd.DataFrame:
+        """The columns and rows of a table that a summary shows."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader should know beside the table."""
+        return ()
+
+    def __str__(self) -> str:
+        return describe_as_text(self.title, self.shown, self.remarks)
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return describe_as_html(self.title, self.shown, self.remarks)
+
+
+class Result(Summarised):
     """What every result of the library can do."""
 
     @property
@@ -46,28 +74,9 @@ class Result(ABC):
         """Draw on ``ax`` and return it; without one return a figure of its own."""
 
     @property
-    @abstractmethod
-    def title(self) -> str:
-        """What this is, in a line."""
-
-    @property
     def shown(self) -> pd.DataFrame:
         """The columns and rows of the table that a summary shows."""
         return self.table
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What a reader should know beside the table."""
-        return ()
-
-    def __str__(self) -> str:
-        return describe_as_text(self.title, self.shown, self.remarks)
-
-    def __repr__(self) -> str:
-        return str(self)
-
-    def _repr_html_(self) -> str:
-        return describe_as_html(self.title, self.shown, self.remarks)
 
 
 def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
