@@ -14,8 +14,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from damping.plots import to_svg
 from damping.plots.curves import damping_curve, design_loads
-from damping.plots.fits import deviations_figure, ranking
+from damping.plots.fits import deviations_figure, ranking, sweeps
 from damping.plots.gap import gap_probabilities
 
 LAWS = [f"viscous + velocity-squared + displacement-velocity {number}" for number in range(39)]
@@ -24,29 +25,34 @@ WEIGHT = 0.5 ** np.arange(1.0, 40.0)
 GRID = np.linspace(1.0, 4.0, 9)
 
 
-def draw_ranking(axes: Axes) -> None:
-    ranking(pd.DataFrame({"rank": range(1, 40), "law": LAWS, "weight": WEIGHT, "physical": True}), axes=axes)
+def draw_ranking(axes: Axes | None) -> Figure:
+    table = pd.DataFrame({"rank": range(1, 40), "law": LAWS, "weight": WEIGHT, "physical": True})
+    return ranking(table.assign(held_out_error=2.0, average_absolute_percent=1.0), axes=axes)
 
 
-def draw_probabilities(axes: Axes) -> None:
+def draw_probabilities(axes: Axes | None) -> Figure:
     table = pd.DataFrame({"explanation": EFFECTS, "probability": WEIGHT[:8]})
-    gap_probabilities(table.assign(listed=table["probability"] > 0.05), axes=axes)
+    return gap_probabilities(table.assign(listed=table["probability"] > 0.05), axes=axes)
 
 
-def draw_curve(axes: Axes) -> None:
+def draw_curve(axes: Axes | None) -> Figure:
     table = pd.DataFrame({"amplitude": GRID, "damping_ratio": 0.01 * GRID, "tested": GRID < 2.0})
     table = table.assign(damping_ratio_low=0.009 * GRID, damping_ratio_high=0.012 * GRID)
-    damping_curve(table, 0.9, tested=table[table["tested"]], axes=axes)
+    return damping_curve(table, 0.9, tested=table[table["tested"]], axes=axes)
 
 
-def draw_loads(axes: Axes) -> None:
+def draw_loads(axes: Axes | None) -> Figure:
     band = pd.DataFrame({"force": GRID, "median": GRID, "low": 0.8 * GRID, "high": 1.2 * GRID, "linear": 1.4 * GRID})
     tested = pd.DataFrame({"sweep": ["A", "B"], "force": [1.0, 2.0], "amplitude": [1.0, 2.0]})
-    design_loads(band, tested, band.iloc[[5]], 0.9, limit=3.5, axes=axes)
+    return design_loads(band, tested, band.iloc[[5]], 0.9, limit=3.5, axes=axes)
 
 
-def draw_deviations(axes: Axes) -> None:
-    deviations_figure(GRID, GRID - 2.0, GRID, x_label="x", response="y", axes=axes)
+def draw_sweeps(axes: Axes | None) -> Figure:
+    return sweeps(pd.DataFrame({"sweep": ["A", "B"] * 3, "frequency": range(6), "amplitude": range(6)}), axes=axes)
+
+
+def draw_deviations(axes: Axes | None) -> Figure:
+    return deviations_figure(GRID, GRID - 2.0, GRID, x_label="x", response="y", axes=axes)
 
 
 DRAWINGS = [draw_ranking, draw_probabilities, draw_curve, draw_loads, draw_deviations]
@@ -106,6 +112,15 @@ def test_what_is_drawn_shows_on_the_ground_of_the_axes(draw, look):
             seen = [line.get_color()] if line.get_linestyle() != "None" else []
             seen += [line.get_markerfacecolor(), line.get_markeredgecolor()] if line.get_marker() != "None" else []
             assert not seen or max(contrast(colour, ground) for colour in seen) >= 3.0, line
+
+
+@pytest.mark.parametrize("draw", [*DRAWINGS, draw_sweeps])
+def test_figures_of_their_own_are_the_same_whatever_matplotlib_is_set_to(draw):
+    drawn = []
+    for look in ("default", "dark_background", "Solarize_Light2", "seaborn-v0_8-darkgrid"):
+        with style.context("default"), style.context(look):
+            drawn.append(to_svg(draw(None), "own", "title", "description"))
+    assert len(set(drawn)) == 1
 
 
 def test_texts_have_the_colour_of_the_caller():

@@ -54,7 +54,8 @@ class Law:
     components: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if isinstance(self.components, str) or not isinstance(self.components, Iterable):
+        listed = isinstance(self.components, Iterable) and not isinstance(self.components, str)
+        if not listed or not all(isinstance(name, str) for name in self.components):
             raise InputError(f"components {self.components!r}", expected='names of forces, ("viscous", "slip")')
         object.__setattr__(self, "components", tuple(self.components))
         for name in self.components:

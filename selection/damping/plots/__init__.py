@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
 from zlib import crc32
 
-from matplotlib import rc_context, rc_params_from_file
+from matplotlib import rc_context, rc_params_from_file, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -102,8 +102,11 @@ _OTHER_COLOURS = ("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677", "#3d5a8
 _PALETTE = (INK, MUTED, AVERAGE, LINEAR, BEYOND_TEST, ALERT, CREDIBLE, PREDICTIVE, *_COLOURS, *_OTHER_COLOURS, GRIDLINE)
 _OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 
-#: The look of every figure, its colours those above.
+#: The look of what is drawn, its colours those above.
 _STYLE: Any = rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
+#: The look of a figure of its own: what the style leaves open of these is as matplotlib comes.
+_GROUPS = re.compile(r"(axes|errorbar|figure|font|grid|hatch|legend|lines|patch|path|scatter|svg|text|[xy]tick)\.")
+_WHOLE_STYLE: Any = {key: own for key, own in rcParamsDefault.items() if _GROUPS.match(key)} | _STYLE
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -159,7 +162,7 @@ def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     @wraps(draw)
     def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
         axes = kwargs.get("axes")
-        with rc_context(_STYLE) if axes is None else drawn_on(axes, _STYLE, _PALETTE):
+        with rc_context(_WHOLE_STYLE) if axes is None else drawn_on(axes, _STYLE, _PALETTE):
             return draw(*args, **kwargs)
 
     return drawn
@@ -234,7 +237,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     prefix = identifier(name)
     buffer = io.BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with rc_context({**_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
+    with rc_context({**_WHOLE_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
         # the reader's fonts may have what the bundled one lacks
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # print_svg lays the figure out and draws it once, where savefig does so twice

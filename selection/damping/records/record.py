@@ -198,7 +198,9 @@ _NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
 
 def _name_row(index: pd.Index, row: int) -> str:
     """A row by its place from 0, and by its label in the index of a table that has others."""
-    return f"row {row}" if index[row] == row else f"row {row} (labelled {describe_shortened(str(index[row]))})"
+    return (
+        f"row {row}" if str(index[row]) == str(row) else f"row {row} (labelled {describe_shortened(str(index[row]))})"
+    )
 
 
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
