@@ -60,6 +60,11 @@ def test_records_are_equal_whose_rows_are(record):
     assert record == again == pickle.loads(pickle.dumps(record)) == copy.deepcopy(record)
     assert record != dp.Record(record.table.assign(force=2.0 * record.table["force"]), record.source)
     assert record != "a record"
+    assert dataclasses.replace(record, table=record.table) == record
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        record.table = record.table
+    with pytest.raises(TypeError, match="table"):
+        dp.Record()
     assert dp.check(record) != dp.check(again)  # results are themselves alone, and no ValueError of pandas
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,19 @@ from damping.records.text import (
 )
 
 
+class _CopiedRows:
+    """The rows of a record: what is given when it is made, and a copy at each access."""
+
+    def __get__(self, record: Record | None, owner: type) -> pd.DataFrame:
+        if record is None:
+            raise AttributeError  # so the field has no default
+        return record.frame.copy()
+
+    def __set__(self, record: Record, table: pd.DataFrame) -> None:
+        vars(record)["frame"] = table
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One row a steady state.
 
@@ -43,35 +57,32 @@ class Record:
     ``force_sd`` (floats), then any others as they were; rows in file order, index 0..n-1. ``source`` says where it is
     from, for messages. Records are equal whose rows and source are.
 
-    A record does not change: ``table`` is a copy at each access. The library reads ``frame``, the rows themselves,
-    which nothing may write to: they are what was checked.
+    A record does not change: ``table`` is a copy at each access, and another record is made of one that was edited.
+    The library reads ``frame``, the rows that were checked, which nothing writes to.
 
     InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
     """
 
-    frame: pd.DataFrame
-    source: str
+    table: _CopiedRows = _CopiedRows()
+    source: str = "record"
+    frame: pd.DataFrame = field(init=False)
 
-    def __init__(self, table: pd.DataFrame, source: str = "record") -> None:
-        self.frame, self.source = _tabulate_typed(table, source), source
-        problems = find_problems(self.frame)
+    def __post_init__(self) -> None:
+        table = _tabulate_typed(self.frame, self.source)
+        problems = find_problems(table)
         if problems:
-            first = min(problems, key=lambda problem: (problem.row, problem.place(self.frame)))
-            place = _name_row(table.index, first.row)
-            message = f"{first.describe('row', range(len(self)))} in {place}"
-            raise InputError(message, file=source or None, column=first.column, expected=first.expected)
+            first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
+            place = _name_row(self.frame.index, first.row)
+            message = f"{first.describe('row', range(len(table)))} in {place}"
+            raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
+        vars(self)["frame"] = table
 
     @classmethod
     def trusted(cls, frame: pd.DataFrame, source: str) -> Record:
         """A record of rows that were checked before, or are computed from such; nothing is checked or copied."""
         record = object.__new__(cls)
-        record.frame, record.source = frame, source
+        vars(record).update(frame=frame, source=source)
         return record
-
-    @property
-    def table(self) -> pd.DataFrame:
-        """The rows, as a table of the caller's own: what is written to it is another record's (``Record(table)``)."""
-        return self.frame.copy()
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -198,9 +209,8 @@ _NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
 
 def _name_row(index: pd.Index, row: int) -> str:
     """A row by its place from 0, and by its label in the index of a table that has others."""
-    return (
-        f"row {row}" if str(index[row]) == str(row) else f"row {row} (labelled {describe_shortened(str(index[row]))})"
-    )
+    label = str(index[row])
+    return f"row {row}" if label == str(row) else f"row {row} (labelled {describe_shortened(label)})"
 
 
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
