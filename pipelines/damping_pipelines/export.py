@@ -148,7 +148,7 @@ def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, 
         write_bytes(out, content)
         notes = [*notes, *lost]
     else:
-        _write_table(record.table, out)
+        _write_table(record.frame, out)
     show = console()
     show.print(f"{len(record)} rows written to {out}, {names}")
     for note in notes:

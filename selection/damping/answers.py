@@ -10,18 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
-from damping.errors import InputError, check_seed, describe_nearest
-from damping.extrapolation import Extrapolation, sample_candidate
+from damping.errors import InputError, describe_nearest
+from damping.extrapolation import Extrapolation
 from damping.extrapolation.curve import Curve, trace_loads
 from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import PreparedRecord
-from damping.infer.chains import Posterior
-from damping.infer.checks import inference_data
-from damping.infer.law import Law
-from damping.infer.observations import Observations
-from damping.progress import single_threaded
-from damping.ranking import Candidate, Ranking
+from damping.ranked_law import RankedLaw
+from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.text import MOST_SHOWN, list_of_loads
 from damping.report import forms
@@ -33,52 +28,6 @@ if TYPE_CHECKING:
 
 #: Points of the curves of a drawing of loads.
 GRID = 60
-
-
-@dataclass(frozen=True, eq=False)
-class LawSample:
-    """Posterior draws of a law: ``posterior`` with its diagnoses, and the rows ``data`` it was given."""
-
-    posterior: Posterior
-    data: Observations
-
-    @property
-    def draws(self) -> dict[str, FloatArray]:
-        """Draws of each physical parameter, (ensembles, kept)."""
-        return self.posterior.parameters()
-
-    def to_arviz(self) -> Any:
-        """The draws as an arviz ``InferenceData``; chains are the independent ensembles."""
-        return inference_data(self.posterior, self.data)
-
-
-@dataclass(frozen=True, eq=False)
-class RankedLaw:
-    """A law of a ranking: its row ``candidate``, and the rows ``data`` it was fitted to."""
-
-    candidate: Candidate
-    data: Observations
-
-    @property
-    def law(self) -> Law:
-        """The law itself."""
-        return self.candidate.law
-
-    @single_threaded
-    def sample(self, seed: int = 1) -> LawSample:
-        """Chains of the law's posterior, run until every parameter is known.
-
-        Raises:
-            InputError: a seed that is none, or a law that could not be fitted: there is nothing to sample.
-        """
-        check_seed(seed)
-        if self.candidate.evidence is None:
-            raise InputError(f"{self.law.name} could not be fitted", expected="a law with a rank")
-        return LawSample(sample_candidate(self.candidate, self.data, self.data.tested_force, seed), self.data)
-
-    def to_arviz(self, seed: int = 1) -> Any:
-        """Its sample as an arviz ``InferenceData``."""
-        return self.sample(seed).to_arviz()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -17,7 +17,7 @@ from damping.extrapolation import check_loads, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
 from damping.infer import SEED
-from damping.progress import Progress, silent, single_threaded
+from damping.progress import Progress, silent, single_threaded, watch
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -65,7 +65,7 @@ def rank(
     check_seed(seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     laws = candidate_laws()
-    with progress("ranking", len(laws)) as done:
+    with watch(progress)("ranking", len(laws)) as done:
         ranking = rank_laws(prepared.all_rows, seed, laws, done)
     result = RankingResult(ranking, prepared)
     if mode is None or ranking.fit.verdict != "none fits":
@@ -107,7 +107,7 @@ def extrapolate(
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
-    predicted = predict_record(prepared, under, (1.0,), level, seed, progress=progress)
+    predicted = predict_record(prepared, under, (1.0,), level, seed, progress=watch(progress))
     if len(at):
         predicted = replace(predicted, loads=predict_forces(predicted, at))
     against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
@@ -141,7 +141,7 @@ def curve(
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
-    predicted = predict_record(prepared, under, FARTHEST, level, seed, progress=progress)
+    predicted = predict_record(prepared, under, FARTHEST, level, seed, progress=watch(progress))
     reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
     asked = [predict_forces(predicted, reached, each=False)] if len(reached) else []
     asked += [predicted.loads] if len(under) else []
@@ -189,6 +189,7 @@ def diagnose(
 
     check_kind(mode, Mode, "mode")
     check_seed(seed)
+    progress = watch(progress)
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
@@ -235,7 +236,7 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    table = frame.table if isinstance(frame, Record) else frame
+    table = frame.frame if isinstance(frame, Record) else frame
     check_kind(table, pd.DataFrame, "table")
     if not isinstance(terms, str | Sequence):
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
@@ -296,7 +297,7 @@ def sweep(
         levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
     except (TypeError, ValueError):
         raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
-    swept = simulate_sweeps(mode, levels, hertz, direction, method, progress, structure=structure)
+    swept = simulate_sweeps(mode, levels, hertz, direction, method, watch(progress), structure=structure)
     lasting, own = list_lasting(mode.effects, of_rig=not structure), list_lasting(mode.effects)
     left_out = tuple(name for name in mode.effects if name not in lasting)
     return SweepResult(swept, mode.name, left_out, tuple(name for name in lasting if name not in own))

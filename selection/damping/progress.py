@@ -7,6 +7,8 @@ from typing import ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from damping.errors import InputError
+
 
 class Advance(Protocol):
     """Call it when a part is done."""
@@ -24,6 +26,27 @@ def silent(title: str, total: int) -> Iterator[Advance]:
     """Progress that nobody sees."""
     yield lambda what, parts=1: None
 
+
+def watch(progress: object) -> Progress:
+    """A user's ``progress``; InputError where it is no function, or once it gives nothing that a ``with`` opens."""
+    if not callable(progress):
+        raise InputError(f"progress is of type {type(progress).__name__}", expected=_EXPECTED)
+
+    @contextmanager
+    def opened(title: str, total: int) -> Iterator[Advance]:
+        context = progress(title, total)
+        if not isinstance(context, AbstractContextManager):
+            raise InputError(f"progress returned {context!r}", expected=_EXPECTED)
+        with context as advance:
+            if not callable(advance):
+                raise InputError(f"progress yields {advance!r}", expected=_EXPECTED)
+            yield advance
+
+    return opened
+
+
+#: What shows progress.
+_EXPECTED = "a function of a title and a number of parts: a contextlib.contextmanager that yields what each part calls"
 
 Parameters = ParamSpec("Parameters")
 Returned = TypeVar("Returned")

@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, count, describe_as_html, list_of_loads
+from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_as_text, list_of_loads
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -29,7 +29,35 @@ if TYPE_CHECKING:
     from damping.signals.chain import ConditioningStep
 
 
-class Result(ABC):
+class Summarised(ABC):
+    """What a notebook and a terminal show: a title, a short table and remarks."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """What this is, in a line."""
+
+    @property
+    @abstractmethod
+    def shown(self) -> pd.DataFrame:
+        """The columns and rows of a table that a summary shows."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader should know beside the table."""
+        return ()
+
+    def __str__(self) -> str:
+        return describe_as_text(self.title, self.shown, self.remarks)
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return describe_as_html(self.title, self.shown, self.remarks)
+
+
+class Result(Summarised):
     """What every result of the library can do."""
 
     @property
@@ -46,29 +74,9 @@ class Result(ABC):
         """Draw on ``ax`` and return it; without one return a figure of its own."""
 
     @property
-    @abstractmethod
-    def title(self) -> str:
-        """What this is, in a line."""
-
-    @property
     def shown(self) -> pd.DataFrame:
         """The columns and rows of the table that a summary shows."""
         return self.table
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What a reader should know beside the table."""
-        return ()
-
-    def __str__(self) -> str:
-        text = self.shown.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
-        return "\n".join([self.title, text, *(f"- {remark}" for remark in self.remarks)])
-
-    def __repr__(self) -> str:
-        return str(self)
-
-    def _repr_html_(self) -> str:
-        return describe_as_html(self.title, self.shown, self.remarks)
 
 
 def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[str]) -> dict[str, Any]:
@@ -78,7 +86,7 @@ def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[
     return completed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class AuditResult(Audit):
     """An audit beside the ``record`` that it is of."""
 
@@ -89,7 +97,7 @@ class AuditResult(Audit):
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         doubted = {sweep for finding in self.findings for sweep in finding.sweeps}
-        figure = sweeps(self.record.table, doubted, axes=ax)
+        figure = sweeps(self.record.frame, doubted, axes=ax)
         return ax or figure
 
 
@@ -211,7 +219,7 @@ class SweepResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """The rows of the record."""
-        return self.record.table.copy()
+        return self.record.table
 
     def to_json(self) -> dict[str, Any]:
         """The rows: ``{"format": "record/1", "rows": [..]}``."""
@@ -222,7 +230,7 @@ class SweepResult(Result):
         """Amplitude against frequency, each sweep apart."""
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
-        figure = sweeps(self.record.table, axes=ax)
+        figure = sweeps(self.record.frame, axes=ax)
         return ax or figure
 
     @property
@@ -233,7 +241,7 @@ class SweepResult(Result):
     @property
     def shown(self) -> pd.DataFrame:
         """The first rows."""
-        return self.record.table.head(MOST_SHOWN)
+        return self.table.head(MOST_SHOWN)
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -292,8 +292,8 @@ def test_a_record_of_a_frame_is_the_record_of_its_file(tmp_path):
     frame = GOOD.set_axis([7, 8, 9], axis=0)
     made = dp.Record(frame)
     pd.testing.assert_frame_equal(made.table, dp.read_record(path).table)
-    made.table["force"] = 0.0
-    assert frame["force"].tolist() == [1.0, 1.0, 2.0]
+    frame["force"] = 0.0
+    assert made.table["force"].tolist() == [1.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize(

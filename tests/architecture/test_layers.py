@@ -28,6 +28,7 @@ LAYERS = (
     "plots",
     "report",
     "result",
+    "ranked_law",
     "answers",
     "api",
 )

@@ -1,10 +1,12 @@
 """Effects: what may part a simulation from a test. A contract, effects of one kind in one file, and the catalogue."""
 
+import copyreg
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import cast
 
 from damping.effects import course, forces, foreign, rig, structure
-from damping.effects.contract import Effect, Terms
+from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
 #: The library: what a gap may be called, in the order in which hypotheses are tried.
@@ -75,3 +77,27 @@ def with_effects(terms: Terms, effects: Mapping[str, Mapping[str, float]]) -> Te
         effect = find_effect(name)
         terms = effect.simulate(terms, effect.complete(table))
     return terms
+
+
+def list_forms(effect: Effect, scales: Scales) -> tuple[Form, ...]:
+    """The forms of an effect for a problem, and their twins, each with its origin: what makes it again elsewhere."""
+
+    def stamp(form: Form, *origin: object) -> Form:
+        return replace(form, origin=(effect, scales, *origin))
+
+    forms = enumerate(effect.forms(scales))
+    return tuple(stamp(replace(form, twin=form.twin and stamp(form.twin, n, True)), n, False) for n, form in forms)
+
+
+def _make_form(effect: Effect, scales: Scales, number: int, of_twin: bool) -> Form:
+    form = list_forms(effect, scales)[number]
+    return cast(Form, form.twin) if of_twin else form
+
+
+def _find_any(name: str) -> Effect:
+    return CATALOGUE.get(name) or FOREIGN[name]
+
+
+# their functions are of no module: an effect is pickled by its name, a form by its origin
+copyreg.pickle(Effect, lambda effect: (_find_any, (effect.name,)))
+copyreg.pickle(Form, lambda form: (_make_form, form.origin))

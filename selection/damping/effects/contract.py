@@ -202,9 +202,8 @@ class Form:
     """One way an effect may look; an effect has one or several, equally probable.
 
     Attributes:
-        effect: name of the effect.
+        effect: its name. report: see `Report`. origin: what `damping.effects.list_forms` makes it of.
         change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
-        report: see `Report`.
         natural: a strength of the order of one, in the units of the problem: where difference quotients are taken.
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
         replaces: variable of the simulation that the effect takes the place of, if any.
@@ -225,6 +224,7 @@ class Form:
     mirror: str = ""
     twin: Form | None = None
     whole: bool = False
+    origin: tuple[Any, ...] = field(default=(), compare=False, repr=False)
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]

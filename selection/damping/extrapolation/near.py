@@ -75,10 +75,10 @@ def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
 
 def without_offset(record: Record) -> Record:
     """The record with each sweep's phase offset taken off its phases; as it is where energies were recorded."""
-    if not record.has_phase or "energy" in record.table.columns:
+    if not record.has_phase or "energy" in record.frame.columns:
         return record
     offset = tabulate_resonances(record).set_index("sweep")["phase_offset"]
-    table = record.table.copy()
+    table = record.frame.copy()
     table["phase"] = table["phase"] - table["sweep"].astype(str).map(offset)
     return Record.trusted(table, record.source)
 

@@ -190,7 +190,7 @@ def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[R
 
     ``drive``: of its mode; that of a ``base`` is an acceleration in the column ``force``, and energies are per mass.
     """
-    table, driven = record.table.copy(), by.per_mass if drive == "base" else by
+    table, driven = record.frame.copy(), by.per_mass if drive == "base" else by
     for name, powers in _COLUMNS.items():
         if name in table:
             table[name] = table[name] * (by if name in ("mass", "added_mass") else driven).of(*powers)

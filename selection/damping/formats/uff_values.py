@@ -143,7 +143,7 @@ def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple
     AnalysisError: a sweep of several rows without phases.
     """
     written = (*REQUIRED_COLUMNS, "phase")
-    notes = [f"column {name} is not in the universal file" for name in record.table.columns if name not in written]
+    notes = [f"column {name} is not in the universal file" for name in record.frame.columns if name not in written]
     displacement, drive = _describe_axis(_DISPLACEMENT, "Displacement", length), _describe_axis(_FORCE, "Force", force)
     sets = []
     for label in record.sweeps:

@@ -125,7 +125,7 @@ class Diagnosis(Explained):
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
-        columns = self.record.table.columns
+        columns = self.record.frame.columns
         return rank_tests(self.explanations, self.hypotheses, self.in_library, command, self.unit, columns)
 
     @property

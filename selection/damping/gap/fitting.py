@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from damping.arrays import BoolArray
+from damping.effects import list_forms
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, drop_effect, fit_roughly, polish_fits
 from damping.gap.hypotheses import Hypothesis, Start, at_gap, choose_forms, list_starts
@@ -63,7 +64,7 @@ class Fits:
         lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
         lacking["masses"] = not np.ptp(rows.added)
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
-        self.forms = {name: own for name, effect in asked.items() if (own := effect.forms(self.problem.scales))}
+        self.forms = {name: own for name, effect in asked.items() if (own := list_forms(effect, self.problem.scales))}
         self.choices = self.choices or len(self.forms)
 
     def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:

@@ -154,7 +154,7 @@ BY_ROW = tuple(
 def read_rows(record: Record, mode: Mode) -> Rows:
     """The rows of a record, noise not yet known (ones): see `damping.gap.rows`."""
     sweeps, n = record.sweeps, len(record)
-    names = record.table["sweep"].astype(str).to_numpy()
+    names = record.frame["sweep"].astype(str).to_numpy()
     sweep = np.array([sweeps.index(str(s)) for s in names])
     omega = RAD_S_PER_HZ * record.column("frequency")
     order = np.lexsort((np.arange(n), omega, sweep))
@@ -267,7 +267,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
 def _order_taken(record: Record) -> FloatArray:
     """When each row was taken, -1/2 to 1/2 over the record; by the order of the rows where no time is given."""
     time = np.arange(len(record), dtype=float)
-    if "time" in record.table.columns and np.isfinite(record.column("time")).all():
+    if "time" in record.frame.columns and np.isfinite(record.column("time")).all():
         time = record.column("time")
     span = float(np.ptp(time))
     return np.asarray((time - time.min()) / span - 0.5) if span > 0.0 else np.zeros(len(record))

@@ -255,7 +255,7 @@ class Simulator:
         Raises:
             InputError: units that are not those of the mode that stands for it, a phase that is no lag in radians.
         """
-        asked = record.table[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
+        asked = record.frame[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
         force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
         A, phase = self._answer(force, frequency, {})
         answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")

@@ -88,7 +88,7 @@ def further_noise(rows: Rows) -> Rows:
 def is_stated(record: Record) -> tuple[bool, bool]:
     """Whether the noise of amplitudes, and of phases, is stated."""
     names = ("amplitude_sd", "phase_sd")
-    amplitude, phase = (name in record.table.columns and bool(np.any(record.column(name) > 0.0)) for name in names)
+    amplitude, phase = (name in record.frame.columns and bool(np.any(record.column(name) > 0.0)) for name in names)
     return amplitude, phase
 
 

@@ -15,7 +15,7 @@ prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import EllipsisType
@@ -25,6 +25,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from damping.arrays import FloatArray
+from damping.errors import InputError
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
@@ -47,12 +48,16 @@ class Law:
     """A candidate: a sum of components. Two laws with the same components are the same law.
 
     Raises:
-        InputError: a component is no force and no energy term; the nearest one is named.
+        InputError: a component is no force and no energy term; the nearest one is named; or text, no list.
     """
 
     components: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        listed = isinstance(self.components, Iterable) and not isinstance(self.components, str)
+        if not listed or not all(isinstance(name, str) for name in self.components):
+            raise InputError(f"components {self.components!r}", expected='names of forces, ("viscous", "slip")')
+        object.__setattr__(self, "components", tuple(self.components))
         for name in self.components:
             component(name)
 

@@ -157,7 +157,7 @@ def observe(record: Record) -> Observations:
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.
     """
-    table = record.table.sort_values(["frequency", "amplitude", "force"], kind="stable")
+    table = record.frame.sort_values(["frequency", "amplitude", "force"], kind="stable")
     sweeps = table["sweep"].nunique()
     if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
         fewer = (

@@ -17,15 +17,15 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 from xml.etree import ElementTree
 from zlib import crc32
 
-from matplotlib import rc_context, rc_params_from_file
+from matplotlib import rc_context, rc_params_from_file, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
-from damping.errors import check_kind
 from damping.forces import CATALOGUE, Viscous
+from damping.plots.given import drawn_on
 from damping.records.text import describe_shortened
 
 
@@ -75,7 +75,7 @@ INK = "#1f2328"
 #: Texts of less weight: 5.9 to 1 against white, above the 4.5 that small text needs (WCAG 2.1).
 MUTED = "#5c6670"
 #: A label beside a bar.
-BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5, "color": INK}
+BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5}
 #: Dots per inch of a figure on a page in Markdown.
 PAGE_DPI = 130
 #: Lines of the grid.
@@ -99,10 +99,14 @@ PREDICTIVE = "#cddcea"
 _COLOURS = ("#5c6670", "#e69f00", "#d55e00", "#0060a8", "#009e73", *("#d45fb0", "#332288", "#999933", "#56b4e9"))
 _FORCE_COLOURS = dict(zip(CATALOGUE, _COLOURS, strict=False))
 _OTHER_COLOURS = ("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677", "#3d5a80", "#c774b8", "#7a3e12", "#44aa99")
+_PALETTE = (INK, MUTED, AVERAGE, LINEAR, BEYOND_TEST, ALERT, CREDIBLE, PREDICTIVE, *_COLOURS, *_OTHER_COLOURS, GRIDLINE)
 _OTHER_LINES = ("-.", (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 
-#: The look of every figure, its colours those above.
+#: The look of what is drawn, its colours those above.
 _STYLE: Any = rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
+#: The look of a figure of its own: what the style leaves open of these is as matplotlib comes.
+_GROUPS = re.compile(r"(axes|errorbar|figure|font|grid|hatch|legend|lines|patch|path|scatter|svg|text|[xy]tick)\.")
+_WHOLE_STYLE: Any = {key: own for key, own in rcParamsDefault.items() if _GROUPS.match(key)} | _STYLE
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -153,13 +157,12 @@ def build_panels(height: float, rows: int, columns: int = 1, width: float = WIDT
 
 
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """A plotting function that draws in the common style, whatever matplotlib is set to elsewhere."""
+    """A plotting function that draws in the common style, on axes of the caller's own in the colours of his."""
 
     @wraps(draw)
     def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        if kwargs.get("axes") is not None:
-            check_kind(kwargs["axes"], Axes, "ax")
-        with rc_context(_STYLE):
+        axes = kwargs.get("axes")
+        with rc_context(_WHOLE_STYLE) if axes is None else drawn_on(axes, _STYLE, _PALETTE):
             return draw(*args, **kwargs)
 
     return drawn
@@ -234,7 +237,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     prefix = identifier(name)
     buffer = io.BytesIO()
     nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    with rc_context({**_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
+    with rc_context({**_WHOLE_STYLE, "svg.hashsalt": prefix}), warnings.catch_warnings():
         # the reader's fonts may have what the bundled one lacks
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         # print_svg lays the figure out and draws it once, where savefig does so twice

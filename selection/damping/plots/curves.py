@@ -231,7 +231,7 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     axes.plot(tested["force"], tested["amplitude"], "o", color=look.MEASURED, ms=5, mec="white", mew=0.6, zorder=5)
     if len(tested) <= MOST_NAMED:
         for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
-            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", color=look.MEASURED, fontsize=7.5)
+            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", fontsize=7.5)
     axes.vlines(design["force"], design["low"], design["high"], color=look.AVERAGE, linewidth=1.2, zorder=4)
     axes.plot(design["force"], design["median"], "D", color="white", mec=look.AVERAGE, markersize=5, zorder=6)
     axes.set_xlim(force[0], force[-1])

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 from damping import plots as look
 from damping.arrays import FloatArray
 from damping.plots import describe_short, draw_plain_rows, law_style, styled
+from damping.plots.given import count_rows, name_rows
 from damping.records.text import format_share
 
 #: Points from which on they are drawn as one picture: a mark each would make a file many times the data.
@@ -80,12 +81,16 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
             average_absolute_percent`` (per cent of resonant amplitude) and ``physical``.
     """
     if axes is not None:
-        _draw_weights(axes, table)
+        shown = table.head(count_rows(axes, len(table)))
+        _draw_weights(axes, shown, *name_rows(axes, shown["law"].astype(str).tolist()))
+        if len(shown) < len(table):
+            axes.set_xlabel(f"weight (probability), {len(shown)} of {len(table)} laws")
         return cast(Figure, axes.figure)
     lines = max(len(_wrap_name(law)) for law in table["law"].astype(str))
     figure = look.Drawing(figsize=(look.WIDTH, 0.9 + (0.08 + 0.13 * lines) * len(table)))
     weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
-    _draw_weights(weights, table)
+    draw_plain_rows(weights, ["\n".join(_wrap_name(law)) for law in table["law"].astype(str)])
+    _draw_weights(weights, table, np.arange(float(len(table))), 0.8)
     _draw_errors(errors, table)
     figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, columnspacing=1.2)
     return figure
@@ -96,13 +101,13 @@ def _wrap_name(law: str) -> list[str]:
     return wrap(law, MOST_LETTERS, break_long_words=False, break_on_hyphens=False)
 
 
-def _draw_weights(axes: Axes, table: pd.DataFrame) -> None:
+def _draw_weights(axes: Axes, table: pd.DataFrame, at: FloatArray, height: float) -> None:
+    """Bars of a height at rows ``at``, which have their names."""
     laws = table["law"].astype(str).tolist()
-    draw_plain_rows(axes, ["\n".join(_wrap_name(law)) for law in laws])
     colours = [law_style(law).colour for law in laws]
     hatches = ["///" if "viscous + " in law else "" for law in laws]
-    axes.barh(range(len(laws)), table["weight"], color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
-    for row, (weight, rank, physical) in enumerate(table[["weight", "rank", "physical"]].itertuples(index=False)):
+    axes.barh(at, table["weight"], height, color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
+    for row, (weight, rank, physical) in zip(at, table[["weight", "rank", "physical"]].to_numpy(), strict=True):
         label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else format_share(weight)
         axes.annotate(label, (weight, row), (4, 0), **look.BESIDE)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))

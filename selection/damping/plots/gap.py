@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from damping import plots as look
 from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, plain_log, styled
+from damping.plots.given import count_rows, name_rows
 from damping.records.text import format_share
 
 #: Marks of the colour bar, in units of noise.
@@ -182,10 +183,15 @@ def gap_probabilities(table: pd.DataFrame, *, axes: Axes | None = None) -> Figur
         table: ``explanation, probability, listed`` (among those that together reach 0.95).
     """
     figure, ax = build_panel(0.7 + 0.24 * len(table), "probability", axes=axes)
-    draw_plain_rows(ax, table["explanation"].tolist())
+    if axes is None:
+        draw_plain_rows(ax, table["explanation"].tolist())
+        at, height = np.arange(float(len(table))), 0.6
+    else:
+        table = table.head(count_rows(axes, len(table)))
+        at, height = name_rows(axes, table["explanation"].tolist())
     colours = [look.ALERT if listed else look.MUTED for listed in table["listed"]]
-    ax.barh(range(len(table)), table["probability"], color=colours, height=0.6)
-    for row, probability in enumerate(table["probability"].tolist()):
+    ax.barh(at, table["probability"], height, color=colours)
+    for row, probability in zip(at, table["probability"], strict=True):
         ax.annotate(format_share(probability), (probability, row), (4, 0), **look.BESIDE)
     ax.set_xlim(0.0, 1.12)
     return figure

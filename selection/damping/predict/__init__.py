@@ -49,10 +49,10 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
             record, notes = shake(record, mode, participation), [f"base drive: {participation}"]
             mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
         driven = record
-        if mode.rig.rate and "sweep_rate" not in record.table.columns:
-            record = Record(record.table.assign(sweep_rate=mode.rig.rate), record.source)
+        if mode.rig.rate and "sweep_rate" not in record.frame.columns:
+            record = Record(record.frame.assign(sweep_rate=mode.rig.rate), record.source)
         mass, frequency = mode.mass, mode.frequency
-    elif "sweep_rate" not in record.table.columns:
+    elif "sweep_rate" not in record.frame.columns:
         return Measured(record, None, record)
     else:  # what the rows imply; NaN where they imply none
         implied, notes, driven = View(record, None).implied, [], record

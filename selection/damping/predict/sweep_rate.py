@@ -104,7 +104,7 @@ def correct_rate(record: Record, mass: float) -> Record:
 
     AnalysisError: sweeps of too few rows.
     """
-    tables = [_tabulate_corrected(rows, mass) for _, rows in record.table.groupby("sweep", sort=False)]
+    tables = [_tabulate_corrected(rows, mass) for _, rows in record.frame.groupby("sweep", sort=False)]
     return Record(pd.concat(tables, ignore_index=True), record.source)
 
 
@@ -138,7 +138,7 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
         frequency: of the mode, Hz, to start from. upwards: the sense of the sweeps.
     """
     sweeps = []
-    for _, rows in record.table.groupby("sweep", sort=False):
+    for _, rows in record.frame.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", ascending=upwards)
         columns = ("frequency", "amplitude", "phase", "force")
         f, size, lag, force = (ordered[name].to_numpy(dtype=float) for name in columns)
@@ -215,8 +215,8 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     """
     if not record.has_phase:
         return record, ()
-    if "sweep_rate" in record.table.columns:
-        known = record.table.assign(sweep_rate=record.table["sweep_rate"].fillna(0.0))
+    if "sweep_rate" in record.frame.columns:
+        known = record.frame.assign(sweep_rate=record.frame["sweep_rate"].fillna(0.0))
         peaks = known.loc[known.groupby("sweep", sort=False)["amplitude"].idxmax()]
         # 2 zeta f at the peaks, by the balance of forces there
         stiffness = mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2
@@ -226,7 +226,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         return correct_rate(Record(known, record.source), mass), (
             "peaks reached at the sweep rate of the record are corrected to steady ones",
         )
-    counts = record.table.groupby("sweep")["force"].size()
+    counts = record.frame.groupby("sweep")["force"].size()
     if counts.min() < _FEWEST or len(record) > _MOST_ROWS:
         return record, ()
     sense = sense_rate(runs_of(record))
@@ -237,10 +237,10 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     told = octaves > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
     if not told or rate.severity < FAST:
         return record, ()
-    hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.table["frequency"].to_numpy(dtype=float)
+    hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.frame["frequency"].to_numpy(dtype=float)
     said = (
         f"the peaks are moved and skewed as by a sweep of {octaves:.2g} +- {rate.standard_error:.1g} octaves a minute "
         f"{'up' if sense > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady states; "
         "state sweep_rate (Hz/s) to be sure"
     )
-    return correct_rate(Record(record.table.assign(sweep_rate=hertz), record.source), mass), (said,)
+    return correct_rate(Record(record.frame.assign(sweep_rate=hertz), record.source), mass), (said,)

@@ -57,7 +57,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Audit:
     """Findings of a record, those that refuse first, and what its sweeps imply.
 
@@ -107,6 +107,9 @@ class Audit:
     def __str__(self) -> str:
         return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def _repr_html_(self) -> str:
         found = self.table.assign(sweeps=[", ".join(finding.sweeps) for finding in self.findings])
         with pd.option_context("display.max_colwidth", None):
@@ -116,7 +119,7 @@ class Audit:
 
 def require_checks(names: Collection[str]) -> None:
     """InputError for a name that is no check's."""
-    if names is None or isinstance(names, str):
+    if isinstance(names, str) or not isinstance(names, Collection):
         raise InputError(f"despite is {names!r}", expected="a list of names of checks")
     for name in names:
         if name not in NAMES:

@@ -49,9 +49,9 @@ def find_participation(states: Iterable[tuple[Record, float, float]]) -> Partici
     heavier: list[float] = []
     for record, mass, everywhere in states:
         own, added = record.masses(mass), record.added_masses + everywhere
-        as_measured = Record.trusted(record.table.drop(columns="added_mass", errors="ignore"), record.source)
+        as_measured = Record.trusted(record.frame.drop(columns="added_mass", errors="ignore"), record.source)
         implied = View(as_measured, None).implied
-        label = record.table["sweep"].to_numpy()
+        label = record.frame["sweep"].to_numpy()
         for sweep, slope in zip(implied["sweep"], implied["mass"], strict=True):
             M, m_a = own[label == sweep], added[label == sweep]
             if not (np.isfinite(slope) and slope > 0.0) or np.ptp(M) > 0.0 or np.ptp(m_a) > 0.0:
@@ -70,7 +70,7 @@ def find_participation(states: Iterable[tuple[Record, float, float]]) -> Partici
 
 def has_masses(record: Record) -> bool:
     """Whether some rows of a record have a mass of their own, or an added one."""
-    return any(name in record.table.columns and bool(record.column(name, 0.0).any()) for name in _MASSES)
+    return any(name in record.frame.columns and bool(record.column(name, 0.0).any()) for name in _MASSES)
 
 
 def drive_by(record: Record, excited: FloatArray, unit: float) -> Record:
@@ -78,12 +78,12 @@ def drive_by(record: Record, excited: FloatArray, unit: float) -> Record:
 
     With ``excited`` of ones a force is counted in another unit of mass.
     """
-    columns = record.table.columns
-    changed = {name: record.table[name] * (excited / unit) for name in _WITH_FORCE if name in columns}
-    changed |= {name: record.table[name] / unit for name in _MASSES if name in columns}
+    columns = record.frame.columns
+    changed = {name: record.frame[name] * (excited / unit) for name in _WITH_FORCE if name in columns}
+    changed |= {name: record.frame[name] / unit for name in _MASSES if name in columns}
     if np.all(excited == unit) and not has_masses(record):
         return record
-    return Record.trusted(record.table.assign(**changed), record.source)
+    return Record.trusted(record.frame.assign(**changed), record.source)
 
 
 def shake(record: Record, mode: Mode, participation: Participation) -> Record:

@@ -148,7 +148,7 @@ def _is_known(leg: Leg) -> bool:
 def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
     """The mass that the record states of each sweep of the table, else that of the mode, else 1."""
     default = view.mode.mass if view.mode is not None and view.mode.drive == "force" else 1.0
-    own = pd.Series(view.record.masses(default)).groupby(view.record.table["sweep"].astype(str)).median()
+    own = pd.Series(view.record.masses(default)).groupby(view.record.frame["sweep"].astype(str)).median()
     return np.asarray(own.loc[table["sweep"].astype(str)], dtype=np.float64)
 
 
@@ -251,6 +251,6 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
 def _free_of_added_mass(view: View, mode: Mode) -> FloatArray:
     """Frequencies of the levels, by force, Hz, as they would be without the mass that is added to them."""
     table = view.implied.sort_values("force", kind="stable")
-    added = pd.Series(view.record.added_masses).groupby(view.record.table["sweep"].astype(str)).first()
+    added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).first()
     own = added.loc[table["sweep"].astype(str)].to_numpy(dtype=np.float64)
     return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + own / mode.mass))

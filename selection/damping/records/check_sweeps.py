@@ -30,7 +30,7 @@ def check_outlier(view: View) -> Finding | None:
 
     They stay in the fits of laws: one in a hundred coarse sweeps has a right reading like them, at its resonance.
     """
-    table = view.record.table
+    table = view.record.frame
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
     beats = view.sensed is not None  # the response after a peak that was passed too fast falls to nothing between beats
     wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
@@ -86,7 +86,7 @@ def check_jump(view: View) -> Finding | None:
     jumps: dict[str, str] = {}
     table = tabulate_resonances(view.right).query("method == 'beside'")
     for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
-        rows, _ = order_rows(view.right.table[view.right.table["sweep"].astype(str) == sweep])
+        rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
         F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
         if (row := find_jump(F, f, A, phase - offset)) is not None:
             jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
@@ -207,7 +207,7 @@ def check_mixed_levels(view: View) -> Finding | None:
     forces = ", ".join(f"{force:.4g}" for force in levels[:6])
     what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
     advice = "give every level a label of its own"
-    every = view.record.has_phase or "energy" in view.record.table
+    every = view.record.has_phase or "energy" in view.record.frame
     advice += "" if every else ": of one label only the largest amplitude is used"
     blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
     return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
@@ -215,7 +215,7 @@ def check_mixed_levels(view: View) -> Finding | None:
 
 def _find_levels(view: View, sweep: str) -> list[float]:
     """Forces of the levels that one label holds; none where it is one level."""
-    table = view.record.table[view.record.table["sweep"] == sweep].sort_values("frequency", kind="stable")
+    table = view.record.frame[view.record.frame["sweep"] == sweep].sort_values("frequency", kind="stable")
     frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
     order = np.sort(x)
     cuts = np.flatnonzero(np.diff(order) > log(LEVEL))

@@ -44,7 +44,7 @@ def check_exchange(view: View) -> Finding | None:
     """
     if view.mode is not None:
         apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
-        levels = view.record.table.groupby("sweep")["frequency"].nunique().max() == 1
+        levels = view.record.frame.groupby("sweep")["frequency"].nunique().max() == 1
         if levels and np.abs(apart).max() < log(NEAR_THE_MODE) and np.ptp(frequency) > 2.0 * log(NEAR_THE_MODE):
             what = "every force is a number near the frequency of the mode file, and frequencies are as levels of force"
             advice = "are the columns force and frequency exchanged?"
@@ -71,9 +71,9 @@ NEAR_THE_MODE = 1.3
 
 def check_energy(view: View) -> Finding | None:
     """Energies that force and motion do not allow: E <= pi F A always, equal to it at resonance, pi F A sin(phase)."""
-    if "energy" not in view.record.table.columns:
+    if "energy" not in view.record.frame.columns:
         return None
-    table = view.record.table
+    table = view.record.frame
     share = energy_per_cycle(view.record) / (pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64))
     share[list(view.wild)] = np.nan
     apart, noise = _compare_energies(view, share)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -82,6 +82,18 @@ class Units:
         return ", ".join(named) if named else "one consistent system of units"
 
 
+class FixedTable(dict[str, Any]):
+    """A table that does not change, like the mode that holds it; a dictionary, so that it is written as one."""
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("a mode does not change; dataclasses.replace(mode, damping={...}) makes another")
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, Any]]]:
+        return FixedTable, (dict(self),)  # as a whole: item by item it would refuse
+
+
 @dataclass(frozen=True, kw_only=True)
 class Mode:
     """One vibration mode as the simulation assumes it, checked as a mode file is.
@@ -117,7 +129,7 @@ class Mode:
         if written["mode"]["mass"] is type(self).mass:  # the default itself: not given
             del written["mode"]["mass"]
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, _fixed(value))
 
     def find_states(self, own: FloatArray | None, levels: int) -> FloatArray:
         """Masses (levels,) of the states that levels were tested in, by their ``own`` (levels,), NaN of those without.
@@ -190,6 +202,11 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
         "damping": simulated,
         "effects": {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values},
     }
+
+
+def _fixed(value: Any) -> Any:
+    """A field whose tables do not change."""
+    return FixedTable((key, _fixed(inner)) for key, inner in value.items()) if isinstance(value, dict) else value
 
 
 def _as_written(value: Any) -> Any:

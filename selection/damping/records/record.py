@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -25,73 +25,109 @@ from damping.records.keys import (
     TEXT_COLUMNS,
     find_refused,
 )
-from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_meant, describe_shortened, guarded
+from damping.records.text import (
+    MOST_SHOWN,
+    count,
+    describe_as_html,
+    describe_as_text,
+    describe_meant,
+    describe_shortened,
+    guarded,
+)
 
 
-@dataclass(frozen=True)
+class _CopiedRows:
+    """The rows of a record: what is given when it is made, and a copy at each access."""
+
+    def __get__(self, record: Record | None, owner: type) -> pd.DataFrame:
+        if record is None:
+            raise AttributeError  # so the field has no default
+        return record.frame.copy()
+
+    def __set__(self, record: Record, table: pd.DataFrame) -> None:
+        vars(record)["frame"] = table
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Record:
     """One row a steady state.
 
     ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and where given ``phase``
     (rad, lag of displacement behind force), ``energy`` (per cycle), ``mass``, ``amplitude_sd``, ``phase_sd``,
     ``force_sd`` (floats), then any others as they were; rows in file order, index 0..n-1. ``source`` says where it is
-    from, for messages.
+    from, for messages. Records are equal whose rows and source are.
+
+    A record does not change: ``table`` is a copy at each access, and another record is made of one that was edited.
+    The library reads ``frame``, the rows that were checked, which nothing writes to.
 
     InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
     """
 
-    table: pd.DataFrame
+    table: _CopiedRows = _CopiedRows()
     source: str = "record"
+    frame: pd.DataFrame = field(init=False)
 
     def __post_init__(self) -> None:
-        table = _tabulate_typed(self.table, self.source)
+        table = _tabulate_typed(self.frame, self.source)
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            message = f"{first.describe('row', range(len(table)))} in row {first.row}"
+            place = _name_row(self.frame.index, first.row)
+            message = f"{first.describe('row', range(len(table)))} in {place}"
             raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
-        object.__setattr__(self, "table", table)
+        vars(self)["frame"] = table
 
     @classmethod
-    def trusted(cls, table: pd.DataFrame, source: str) -> Record:
+    def trusted(cls, frame: pd.DataFrame, source: str) -> Record:
         """A record of rows that were checked before, or are computed from such; nothing is checked or copied."""
         record = object.__new__(cls)
-        object.__setattr__(record, "table", table)
-        object.__setattr__(record, "source", source)
+        vars(record).update(frame=frame, source=source)
         return record
 
     def __len__(self) -> int:
-        return len(self.table)
+        return len(self.frame)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        return self.source == other.source and self.frame.equals(other.frame)
+
+    @property
+    def title(self) -> str:
+        """What this is, in a line."""
+        return f"{self.source}: {count(len(self), 'row')} in {count(len(self.sweeps), 'sweep')}"
+
+    def __repr__(self) -> str:
+        return describe_as_text(self.title, self.frame.head(MOST_SHOWN))
 
     @property
     def sweeps(self) -> tuple[str, ...]:
         """Labels of the sweeps in order of appearance."""
-        return tuple(str(label) for label in self.table["sweep"].drop_duplicates())
+        return tuple(str(label) for label in self.frame["sweep"].drop_duplicates())
 
     @property
     def has_phase(self) -> bool:
         """Whether phases were recorded."""
-        return "phase" in self.table.columns
+        return "phase" in self.frame.columns
 
     @property
     def is_decay(self) -> bool:
         """Whether rows were taken from free decays: so labelled, or one-row sweeps whose amplitude falls with time."""
-        if "decay" in self.table.columns:
+        if "decay" in self.frame.columns:
             return True
-        if "time" not in self.table.columns or len(self.sweeps) != len(self) or len(self) < 2:
+        if "time" not in self.frame.columns or len(self.sweeps) != len(self) or len(self) < 2:
             return False
         order = np.argsort(self.column("time"), kind="stable")
         return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
 
     def _repr_html_(self) -> str:
-        title = f"{self.source}: {count(len(self), 'row')} in {count(len(self.sweeps), 'sweep')}"
-        return describe_as_html(title, self.table.head(MOST_SHOWN))
+        return describe_as_html(self.title, self.frame.head(MOST_SHOWN))
 
     def column(self, name: str, default: float | None = None) -> FloatArray:
         """A numeric column as a new array (n,), with a ``default`` for what may be blank, or be no column at all."""
         if default is None:
-            return self.table[name].to_numpy(dtype=np.float64, copy=True)
-        own = self.column(name) if name in self.table.columns else np.full(len(self), np.nan)
+            return self.frame[name].to_numpy(dtype=np.float64, copy=True)
+        own = self.column(name) if name in self.frame.columns else np.full(len(self), np.nan)
         return np.where(np.isnan(own), float(default), own)
 
     def relative_sd(self, name: str) -> FloatArray:
@@ -111,7 +147,7 @@ class Record:
         """The rows of one sweep. InputError if the record has no such sweep."""
         if sweep not in self.sweeps:
             raise InputError(f"no sweep {sweep!r}", file=self.source, expected=f"one of {', '.join(self.sweeps)}")
-        return Record.trusted(self.table[self.table["sweep"] == sweep].reset_index(drop=True), self.source)
+        return Record.trusted(self.frame[self.frame["sweep"] == sweep].reset_index(drop=True), self.source)
 
 
 class CellProblem(NamedTuple):
@@ -171,6 +207,12 @@ _NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
 }
 
 
+def _name_row(index: pd.Index, row: int) -> str:
+    """A row by its place from 0, and by its label in the index of a table that has others."""
+    label = str(index[row])
+    return f"row {row}" if label == str(row) else f"row {row} (labelled {describe_shortened(label)})"
+
+
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """A copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
@@ -199,7 +241,7 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
         if not good.all():
             row = int(np.argmin(good))
             expected = IN_BLANK.get(name, expected) if pd.isna(cells.iloc[row]) else expected
-            message = f"{describe_shortened(str(cells.iloc[row]))!r} in row {row}"
+            message = f"{describe_shortened(str(cells.iloc[row]))!r} in {_name_row(table.index, row)}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed
 
@@ -215,7 +257,7 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
     cell or column name that begins with ``=``, ``+``, ``-``, ``@``, tab or carriage return, which a spreadsheet may
     execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
     """
-    table = record.table if isinstance(record, Record) else record
+    table = record.frame if isinstance(record, Record) else record
     parts = [",".join(_describe_cell(str(name)) for name in table.columns) + "\n"]
     for start in range(0, len(table), _BLOCK):
         block = table.iloc[start : start + _BLOCK]

@@ -68,12 +68,12 @@ def energy_per_cycle(record: Record) -> FloatArray:
     phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
     one in a sweep of one) and NaN elsewhere.
     """
-    if "energy" in record.table.columns:
+    if "energy" in record.frame.columns:
         return record.column("energy")
     largest = pi * record.column("force") * record.column("amplitude")
     if record.has_phase:
         return largest * np.sin(record.column("phase"))
-    peaks = record.table.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
+    peaks = record.frame.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
     energy = np.full(len(record), np.nan)
     energy[peaks] = largest[peaks]
     return energy
@@ -81,7 +81,7 @@ def energy_per_cycle(record: Record) -> FloatArray:
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
-    rows = [find_resonance(str(sweep), table) for sweep, table in record.table.groupby("sweep", sort=False)]
+    rows = [find_resonance(str(sweep), table) for sweep, table in record.frame.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
 
 

@@ -69,7 +69,7 @@ class Run:
 
 def runs_of(record: Record) -> list[Run]:
     """The runs of a record: legs of each sweep that go up or down; a sweep without such legs is one run."""
-    ordered = [order_rows(table) for _, table in record.table.groupby("sweep", sort=False)]
+    ordered = [order_rows(table) for _, table in record.frame.groupby("sweep", sort=False)]
     return [_run(table.iloc[leg].sort_values("frequency", kind="stable")) for table, legs in ordered for leg in legs]
 
 

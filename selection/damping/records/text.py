@@ -223,6 +223,12 @@ class CsvRows:
 MOST_SHOWN = 12
 
 
+def describe_as_text(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
+    """What a terminal shows: a title, a table, and remarks as a list."""
+    text = shown.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
+    return "\n".join([title, text, *(f"- {remark}" for remark in remarks)])
+
+
 def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
     """What a notebook shows: a title, a table, and remarks as a list."""
     table = shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)

@@ -160,7 +160,7 @@ class View:
     @cached_property
     def rates(self) -> dict[str, float]:
         """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, where the rate is known."""
-        table = self.record.table
+        table = self.record.frame
         if "sweep_rate" not in table.columns:
             return {}
         width = 2.0 * (self.implied["damping_ratio"] * self.implied["frequency"])
@@ -179,7 +179,7 @@ class View:
     def right(self) -> Record:
         """The record without wild rows, with lags where its phases were others; without phases where they are noise."""
         rows = np.concatenate([run.rows for run in self.runs])
-        table = self.record.table.loc[np.sort(rows)].copy()
+        table = self.record.frame.loc[np.sort(rows)].copy()
         if "phase" in table.columns and any(leg.lag is None for leg in self.legs):
             table = table.drop(columns="phase")
         elif "phase" in table.columns:
@@ -230,7 +230,7 @@ def _replace_steady_amplitudes(table: pd.DataFrame, record: Record) -> pd.DataFr
     """Resonances with those of sweeps at one amplitude and without phases where the force is least."""
     replaced = table.copy()
     for place in np.flatnonzero(table["method"] == "peak"):
-        own = record.table[record.table["sweep"] == table["sweep"][place]]
+        own = record.frame[record.frame["sweep"] == table["sweep"][place]]
         if np.ptp(np.log(own["amplitude"])) < 0.5 * np.ptp(np.log(own["force"])):
             row = (own["force"] / own["amplitude"]).idxmin()
             for name in ("force", "frequency", "amplitude"):

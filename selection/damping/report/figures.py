@@ -80,7 +80,7 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
     if best.fit is None:
         return None
     force = best.fit.force
-    record, frame = result.record, result.record.table
+    record, frame = result.record, result.record.frame
     factor, length = words.choose_length(units.length, data.tested_amplitude.max())
     swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
     if swept and result.backbone:
