@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import damping as dp
+from damping.extrapolation.curve import DRAWN, list_drawn_amplitudes
 from damping.extrapolation.near import trend
 from damping.infer.observations import observe
 from damping.records.record import Record
@@ -80,3 +81,38 @@ def test_a_level_that_gains_nothing_is_not_proposed():
     found = dp.extrapolate(make_decay(amplitude, find_force(amplitude, friction=0.0)), MODE, [3.3])
     assert found.table["high"][0] / found.table["low"][0] < 1.1
     assert found.to_json()["next_level"] is None
+
+
+@pytest.fixture(scope="module")
+def slipping():
+    """A joint of 6 % of the stiffness that slips from 1 mm on: the ratio leaps from 0.4 % to 1.4 % up to 2 mm."""
+    amplitude = 8e-3 * np.exp(-0.36 * np.arange(12))
+    return dp.curve(make_decay(amplitude, find_slip_force(amplitude), scatter=0.002), MODE)
+
+
+def find_slip_force(amplitude, limit=1e-3):
+    """C = c omega A + 4 k d (1 - d/A)/pi beyond the limit d (section 2.4)."""
+    joint = 0.06 * MASS * OMEGA**2
+    return 5.0 * VISCOUS * OMEGA * amplitude + 4.0 / np.pi * joint * limit * np.maximum(1.0 - limit / amplitude, 0.0)
+
+
+def test_a_curve_has_the_levels_and_its_drawing_the_peak_between(slipping):
+    tested = slipping.prepared.data.tested_amplitude
+    distance = np.abs(np.log(slipping.table["amplitude"].to_numpy() / tested[:, np.newaxis]))
+    assert distance.min(axis=1).max() < 0.021
+    (line,) = [
+        line for line in slipping.plot().axes[0].lines if line.get_linewidth() > 2 and line.get_linestyle() == "-"
+    ]
+    drawn, ratio = line.get_data()
+    asked = np.geomspace(1.2e-3, 4e-3, 25)
+    truth = 100.0 * find_slip_force(asked) / (2.0 * MASS * OMEGA**2 * asked)
+    np.testing.assert_allclose(np.interp(asked, drawn, ratio), truth, rtol=0.03)
+
+
+def test_a_drawing_holds_what_was_asked_and_tested(slipping):
+    data = slipping.prepared.data
+    drawn = list_drawn_amplitudes(np.array([5e-4, np.nan, 2e-3]), data)
+    inside = data.tested_amplitude[(data.tested_amplitude > 5e-4) & (data.tested_amplitude < 2e-3)]
+    assert set(drawn) >= {5e-4, 2e-3, *inside}
+    assert (drawn.min(), drawn.max(), len(drawn)) == (5e-4, 2e-3, DRAWN + len(inside))
+    assert list_drawn_amplitudes(np.array([np.nan]), data).size == 0

@@ -49,8 +49,12 @@ MOST_PARTS = 8
 TURNS = 2
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
-#: Amplitudes within the test of a curve that nobody asked for.
+#: Amplitudes within the test of a curve that nobody asked for, beside those of the levels, and how near, ln, to one of
+#: them a level has no row of its own.
 WITHIN = 9
+SAME = 0.02
+#: Amplitudes of a drawing: over two decades they lie 1.12 times apart, where the peak of a joint is 1.4 times wide.
+DRAWN = 40
 #: Amplitudes beyond the test of such a curve.
 BEYOND = 7
 #: Times the largest tested force that such a curve ends at; the first where few levels do not allow the second.
@@ -93,14 +97,27 @@ class Curve:
 
 
 def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
-    """Amplitudes of a curve that nobody asked for: over the test, and on to the largest predicted, ``FARTHEST``."""
+    """Amplitudes of a curve that nobody asked for: over the test and at its levels, and on to the largest predicted."""
     data = predicted.plan.data
     beyond = float(np.nan_to_num(predicted.loads.average.median).max())
     low, high = float(data.A.min()), float(data.A.max())
     within = np.geomspace(low, high, WITHIN) if high > low * (1.0 + ROUNDING) else np.array([high])
+    levels = np.exp(np.bincount(data.levels, np.log(data.tested_amplitude)) / np.bincount(data.levels))
+    apart = np.abs(np.log(levels[:, np.newaxis] / within)).min(axis=1) > SAME
+    within = np.sort(np.append(within, levels[apart]))
     if not beyond > high * (1.0 + ROUNDING):
         return within
     return np.concatenate([within, np.geomspace(high, beyond, BEYOND + 1)[1:]])
+
+
+def list_drawn_amplitudes(amplitudes: FloatArray, data: Observations) -> FloatArray:
+    """Amplitudes of a drawing of a curve at ``amplitudes`` (rows,), NaN of none: these, those tested, and others."""
+    known = amplitudes[np.isfinite(amplitudes)]
+    if not known.size:
+        return known
+    low, high, tested = known.min(), known.max(), data.tested_amplitude
+    within = tested[(tested > low) & (tested < high)]
+    return np.unique(np.concatenate([known, within, np.geomspace(low, high, DRAWN)[1:-1]]))
 
 
 def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray, *, each: bool = True) -> Loads:
