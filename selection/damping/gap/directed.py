@@ -236,7 +236,7 @@ def free_form(fit: ModelFit, trace: Callable[[ModelFit, FloatArray], FloatArray]
     A, B = np.exp(at), basis(u, SPLINES, at).T
     own, parts = trace(fit, A), []
     moved = [trace(replace(fit, y=fit.y + step), A) - own for step in _STEP * np.eye(len(fit.y))]
-    slopes = np.moveaxis(moved, 0, -1) / _STEP
+    slopes = np.moveaxis(np.array(moved), 0, -1) / _STEP
     of_splines = np.hstack([own[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
     for curve, slope, added in zip(own, slopes, of_splines, strict=True):
         by = added - slope @ follow
