@@ -228,14 +228,15 @@ def _name_drive(units: Units) -> str:
 def _print_what_if(result: LoadsResult) -> None:
     """Bands with other priors, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
-    varied = result.extrapolation.vary_priors()
+    varied = result.extrapolation.vary_priors().dropna(subset="median")
     factor, length = choose_length(units.length, varied["median"].max())
     headings = (_name_drive(units), "prior times", "median", "low", "high")
     table = PlainTable(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
         table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
-    out.print(table)
+    if len(varied):
+        out.print(table)
     if further is not None:
         out.print(
             f"To test next: the {units.drive} {further.force:.4g} {units.force}".rstrip()

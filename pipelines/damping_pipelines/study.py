@@ -13,7 +13,13 @@ import numpy as np
 from damping.agreement import compare_with_diagnosis
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, sample_candidate
-from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.curve import (
+    FARTHEST,
+    list_default_amplitudes,
+    list_drawn_amplitudes,
+    predict_forces,
+    trace_loads,
+)
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
 from damping.extrapolation.near import Plan, plan_loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
@@ -222,9 +228,13 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan, all_rows=rows)
     against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted) if len(asked) else ()
-    reached = predict_forces(predicted, list_default_amplitudes(predicted), each=False)
-    curve = trace_loads(reached, prepared.backbone, plan.data)
+    amplitudes = list_default_amplitudes(predicted)
+    curve, drawn = (
+        trace_loads(predict_forces(predicted, at, each=False), prepared.backbone, plan.data)
+        for at in (amplitudes, list_drawn_amplitudes(amplitudes, plan.data))
+    )
     result: dict[str, Any] = {"against": against, "curve": replace(curve, cautions=_warn(against, curve.cautions))}
+    result["drawn_curve"] = drawn
     if len(asked):
         grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
         design_curve = trace_loads(predicted.loads, prepared.backbone, plan.data)

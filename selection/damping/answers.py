@@ -12,7 +12,7 @@ import pandas as pd
 
 from damping.errors import InputError, describe_nearest
 from damping.extrapolation import Extrapolation
-from damping.extrapolation.curve import Curve, trace_loads
+from damping.extrapolation.curve import Curve, list_drawn_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
@@ -222,7 +222,10 @@ class CurveResult(PredictedResult):
         """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""
         from damping.plots.curves import damping_curve  # noqa: PLC0415 - as above
 
-        figure = damping_curve(self.table, self.curve.level, self.mode.units.length, axes=ax)
+        amplitudes = list_drawn_amplitudes(self.curve.amplitude.median, self.prepared.data)
+        loads = predict_forces(self.extrapolation, amplitudes, each=False) if amplitudes.size else None
+        drawn = trace_loads(loads, self.prepared.backbone, self.prepared.data) if loads else self.curve
+        figure = damping_curve(drawn.table, self.curve.level, self.mode.units.length, axes=ax)
         return ax or figure
 
     @property

@@ -241,7 +241,7 @@ def test_further_level_shrinks_the_band_as_a_normal_does_where_draws_have_no_res
     law = np.column_stack([at_level, 0.1 * at_level, k * at_level])
     law[:400, 0], law[200:800, 2] = np.nan, np.nan
     noise = np.broadcast_to(n * rng.standard_normal(len(law))[:, None], law.shape)
-    spread = Spread(law, np.zeros_like(law), noise, np.isfinite(law))
+    spread = Spread(law, np.zeros_like(law), noise, np.isfinite(law), np.isfinite(law))
     member = Member("normal", 1.0, None, np.zeros((len(law), 1)))
     chosen = choose_next_level([member], [spread], np.array([2.0, 1.0]), 4.0, 0.9)
     left = np.hypot(k * s * n / np.hypot(s, n), n)

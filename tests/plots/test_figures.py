@@ -9,13 +9,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from damping.plots import to_svg
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps, mode_over_level
 from damping.plots.fits import corner, predictive_check, ranking, sweeps
-from damping.plots.gap import MODELS, gap_overlay
+from damping.plots.gap import MODELS, gap_map, gap_overlay
+from damping_pipelines.fleet.page import leading_laws
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
 from damping_validation.calibrate import draw_coverage
 
@@ -235,6 +237,39 @@ def test_frequencies_of_resonances_alone_do_not_overlap():
     FigureCanvasAgg(figure)
     sweeps(table, axes=figure.add_subplot())
     figure.canvas.draw()
-    boxes = [label.get_window_extent() for label in figure.axes[0].get_xticklabels() if label.get_text()]
-    shown = sorted((box.x0, box.x1) for box in boxes)
-    assert all(left[1] < right[0] for left, right in pairwise(shown))
+    assert stand_apart(figure.axes[0])
+
+
+def stand_apart(axes: Axes) -> bool:
+    """Whether the numbers below the axes, as they were drawn, do not touch."""
+    low, high = axes.get_xlim()
+    shown = [label for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high and label.get_text()]
+    boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in shown))
+    return len(boxes) > 1 and all(left[1] < right[0] for left, right in pairwise(boxes))
+
+
+@pytest.mark.parametrize("quantities", [("amplitude",), ("amplitude", "phase"), ("amplitude", "phase", "third")])
+def test_frequencies_of_a_map_do_not_run_together(quantities):
+    rows = [("level 0.05 g", f, name, 3.0) for name in quantities for f in np.linspace(30.4, 31.35, 29)]
+    figure = gap_map(pd.DataFrame(rows, columns=["sweep", "frequency", "quantity", "value"]), "in units of noise")
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    assert all(stand_apart(axes) for axes in figure.axes[: len(quantities)])
+
+
+def test_the_label_of_leading_laws_is_whole():
+    figure = leading_laws(pd.Series({"viscous + velocity-squared + displacement-velocity": 1, "viscous": 1}))
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    label, whole = figure.axes[0].xaxis.label.get_window_extent(), figure.bbox
+    assert whole.x0 <= label.x0 < label.x1 <= whole.x1
+
+
+def test_the_legend_of_levels_lies_on_no_band():
+    figure = _level()
+    FigureCanvasAgg(figure)
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    assert not any(legend.get_window_extent().overlaps(axes.get_window_extent()) for axes in figure.axes)
+    said = [text.get_text() for text in legend.get_texts()]
+    assert said == ["90 % predictive band, above", "half-power bandwidth, below", "tested", "design"]

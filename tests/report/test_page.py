@@ -218,6 +218,14 @@ def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
     assert f"at 0.8 g (a modal force of {force}) expect {number(result.design.average.median[1])} in" in page
 
 
+@pytest.mark.parametrize(("decay", "said"), [(False, "3 force levels"), (True, "3 amplitude levels of free decay")])
+def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, said: str) -> None:
+    peaks = study.records[0]
+    result = replace(peaks, posteriors=(), data=replace(peaks.data, amplitude_is_input=decay))
+    page = " ".join(render(replace(study, records=(result,), exhibits=())).html.split())
+    assert f"3 points at {said}" in page
+
+
 def test_a_base_is_no_force_and_only_what_is_stated_is_said(study: StudyResult) -> None:
     mode = study.records[0].mode
     shaken = replace(mode, damping={}, units=mode.units.of_base_drive)

@@ -34,7 +34,7 @@ def leading_laws(counts: pd.Series) -> Figure:
     shown = counts.head(MOST_LAWS)
     if len(counts) > MOST_LAWS:
         shown = pd.concat([shown, pd.Series({"others": counts.iloc[MOST_LAWS:].sum()})])
-    figure, axes = build_panel(0.8 + 0.24 * len(shown), "records led (hatched: with a viscous part)")
+    figure, axes = build_panel(0.8 + 0.24 * len(shown), "records led")
     laws = [str(law) for law in shown.index]
     draw_plain_rows(axes, laws)
     colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]

@@ -249,7 +249,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     They are in the unit of the first sensor, whatever that of another is: levels of all modes stand side by side.
     """
     sensor = run.channels[mode.reference]
-    table = mode.record.table.sort_values("amplitude", ignore_index=True)
+    table = mode.record.frame.sort_values("amplitude", ignore_index=True)
     backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
     # what the sensor reads along the backbone: levels are readings
     along = np.geomspace(float(table["amplitude"].iloc[0]) / REACH, REACH * top, _ALONG)

@@ -26,6 +26,8 @@ from damping.extrapolation.draws import (
     choose_next_level,
     draw_spreads,
     list_levels,
+    pool,
+    share_out,
     vary_priors,
 )
 from damping.extrapolation.near import (
@@ -34,7 +36,7 @@ from damping.extrapolation.near import (
     judge_rows,
     plan_loads,
 )
-from damping.extrapolation.prediction import Loads, predict
+from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -48,13 +50,14 @@ from damping.ranking import Candidate
 from damping.ranking.candidates import load_candidates
 from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
-from damping.records.resonance import number_levels
 
 #: Levels below a held-out one, at least.
 FEWEST_BELOW = 2
 #: Fresh draws of a law for each hundredth of its weight, and once more: the upper end of the Saturn V's band at three
 #: times the tested force then differs by 1.0 % from seed to seed.
 FRESH_DRAWS = 1536
+#: Least that a further level is to take off ln(high/low) of a band: ends differ by as much from seed to seed.
+LEAST_GAIN = 0.01
 
 
 def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
@@ -103,12 +106,18 @@ class Extrapolation:
         return table
 
     def choose_next_level(self) -> NextLevel | None:
-        """The further level that would most shrink the band at the largest force asked for; None within the test."""
+        """The further level that would most shrink the band at the largest force asked for.
+
+        None within the test, where nothing is predicted there, and where it would gain less than ``LEAST_GAIN``.
+        """
         if not self.levels.size:
             return None
         spreads = [s.at(slice(len(self.loads.force), None)) for s in self.spreads]
+        if share_out(self.members, spreads) @ ~pool(spreads).resonates[:, -1] > REFUSED_SHARE:
+            return None
         *tried, design = self.levels
-        return choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
+        chosen = choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
+        return chosen if np.log(chosen.width / chosen.expected) > LEAST_GAIN else None
 
 
 def extrapolate_loads(
@@ -237,7 +246,7 @@ def leave_higher_levels_out(
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
         inside, refused, linear_over_percent`` (of the measured), ``exponents``.
     """
-    levels = number_levels(data.tested_force)
+    levels = data.levels
     tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
         lower, rows = data.keep_sweeps(levels < below), all_rows and all_rows.keep_sweeps(levels < below)

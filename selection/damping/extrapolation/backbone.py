@@ -141,7 +141,8 @@ class Backbone:
 
     def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
         """ln omega at amplitudes of any shape: its mean plus ``deviation`` standard deviations, within ``_FAR``."""
-        at = np.log(amplitude / self.amplitude.max())
+        with np.errstate(over="ignore"):  # an amplitude beyond all numbers is as the largest of the table
+            at = np.log(amplitude / self.amplitude.max())
         mean, sd = (np.interp(at, _TABLE, values) for values in self._tabulated)
         tested = np.log(self.omega)
         return np.asarray(np.clip(mean + deviation * sd, tested.max() - _FAR, tested.min() + _FAR))

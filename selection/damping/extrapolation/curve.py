@@ -42,10 +42,19 @@ STEP = 0.5
 #: Where friction holds the mode A goes to 0 as a line, not a power: forces from one that moves no draw to one that
 #: moves nearly all of them.
 FRICTION = 16
+#: Of a decay, whose force may hardly change: largest ratio of amplitudes over a step of forces, parts that a step is
+#: cut into at most, and how often: a force is then known to a sixtieth of the step.
+LEAP = 2.0
+MOST_PARTS = 8
+TURNS = 2
 #: How far it goes beyond the force that the steepest law takes, for the ends of a band.
 _MARGIN = 2.5
-#: Amplitudes within the test of a curve that nobody asked for.
+#: Amplitudes within the test of a curve that nobody asked for, beside those of the levels, and how near, ln, to one of
+#: them a level has no row of its own.
 WITHIN = 9
+SAME = 0.02
+#: Amplitudes of a drawing: over two decades they lie 1.12 times apart, where the peak of a joint is 1.4 times wide.
+DRAWN = 40
 #: Amplitudes beyond the test of such a curve.
 BEYOND = 7
 #: Times the largest tested force that such a curve ends at; the first where few levels do not allow the second.
@@ -88,14 +97,27 @@ class Curve:
 
 
 def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
-    """Amplitudes of a curve that nobody asked for: over the test, and on to the largest predicted, ``FARTHEST``."""
+    """Amplitudes of a curve that nobody asked for: over the test and at its levels, and on to the largest predicted."""
     data = predicted.plan.data
     beyond = float(np.nan_to_num(predicted.loads.average.median).max())
     low, high = float(data.A.min()), float(data.A.max())
     within = np.geomspace(low, high, WITHIN) if high > low * (1.0 + ROUNDING) else np.array([high])
+    levels = np.exp(np.bincount(data.levels, np.log(data.tested_amplitude)) / np.bincount(data.levels))
+    apart = np.abs(np.log(levels[:, np.newaxis] / within)).min(axis=1) > SAME
+    within = np.sort(np.append(within, levels[apart]))
     if not beyond > high * (1.0 + ROUNDING):
         return within
     return np.concatenate([within, np.geomspace(high, beyond, BEYOND + 1)[1:]])
+
+
+def list_drawn_amplitudes(amplitudes: FloatArray, data: Observations) -> FloatArray:
+    """Amplitudes of a drawing of a curve at ``amplitudes`` (rows,), NaN of none: these, those tested, and others."""
+    known = amplitudes[np.isfinite(amplitudes)]
+    if not known.size:
+        return known
+    low, high, tested = known.min(), known.max(), data.tested_amplitude
+    within = tested[(tested > low) & (tested < high)]
+    return np.unique(np.concatenate([known, within, np.geomspace(low, high, DRAWN)[1:-1]]))
 
 
 def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray, *, each: bool = True) -> Loads:
@@ -132,8 +154,8 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
-            (list_cautions(f, True, data, weights, plan) if p else (refusal,))
-            for f, p in zip(average.median, predicted_there, strict=True)
+            (list_cautions(f, A, data, weights, plan) if p else (refusal,))
+            for f, A, p in zip(average.median, asked, predicted_there, strict=True)
         ),
         limit=plan.limit,
         amplitude=asked,
@@ -151,11 +173,32 @@ def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> t
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
     grid = np.unique(np.concatenate([points, data.tested_force]))
     loads = free.predict_at(grid, each=each, still=True)
+    if data.amplitude_is_input:
+        return _refine(free, grid, loads, asked, each)
     held = grid[~(loads.average.low > 0.0) & (grid < data.tested_force.min())]
     if held.size and asked.min() < data.tested_amplitude.min():
         still = held[~(loads.average.high[: held.size] > 0.0)].max(initial=grid[0])
         beyond = grid[grid > held[-1]]
         grid = np.concatenate([np.linspace(still, beyond[0], FRICTION), beyond[1:]])
+        loads = free.predict_at(grid, each=each, still=True)
+    return grid, loads
+
+
+def _refine(
+    free: Extrapolation, grid: FloatArray, loads: Loads, asked: FloatArray, each: bool
+) -> tuple[FloatArray, Loads]:
+    """The grid of a decay with more forces where an end of the band leaps over amplitudes asked for, as of friction."""
+    within = np.log([asked.min() / LEAP, asked.max() * LEAP])
+    for _ in range(TURNS):
+        ends = (loads.average.low, loads.average.median, loads.average.high)
+        with np.errstate(divide="ignore"):
+            log_A = np.clip(np.log(ends), *within)
+        leaps = np.nan_to_num(np.abs(np.diff(log_A, axis=1)).max(axis=0)) / np.log(LEAP)
+        parts = np.clip(np.ceil(leaps), 1, MOST_PARTS).astype(np.int64)
+        if parts.max() == 1:
+            break
+        steps = zip(grid[:-1], grid[1:], parts, strict=True)
+        grid = np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in steps]), grid[-1])
         loads = free.predict_at(grid, each=each, still=True)
     return grid, loads
 

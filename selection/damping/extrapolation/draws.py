@@ -82,13 +82,15 @@ class Member:
 class Spread:
     """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise.
 
-    ``resonates``: whether the law itself reaches the force at any amplitude.
+    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it is less at the
+    largest tested one: of those that do not resonate, at any; friction holds the others.
     """
 
     law: FloatArray
     stray: FloatArray
     noise: FloatArray
     resonates: BoolArray
+    short: BoolArray
 
     @property
     def total(self) -> FloatArray:
@@ -133,6 +135,7 @@ def draw_spreads(
     return [draw_spread(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of one beyond all numbers
 def draw_spread(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Spread:
@@ -159,16 +162,17 @@ def draw_spread(
     def follow(strays: FloatArray, *, lets_go: bool) -> FloatArray:
         log_A = np.empty(of_law.shape)
         log_A[:, asked <= top] = of_law[:, asked <= top] + strays[:, : len(within)]
-        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, lets_go=lets_go)
+        how = {"lets_go": lets_go, "of_decay": data.amplitude_is_input}
+        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, **how)
         log_A[:, asked > top] = read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
         return log_A
 
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
     # one draw for all forces: a band is then smooth
     noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
-    with np.errstate(invalid="ignore"):  # where both are infinite
-        strayed = follow(drawn, lets_go=True) - law
-    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law))
+    strayed = follow(drawn, lets_go=True) - law
+    short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
+    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
 
 
 def _levels(

@@ -26,7 +26,7 @@ from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import number_levels, tabulate_resonances
+from damping.records.resonance import tabulate_resonances
 
 #: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
 #: response does not.
@@ -53,7 +53,7 @@ def near_resonance(record: Record) -> Observations:
         own = np.flatnonzero(data.sweep == sweep)
         near[own[np.argmin(cotangent[own])]] = True
     data = data.take_rows(near)
-    one_telling = number_levels(data.tested_force).max() == 0 and data.A.max() > TELLING * data.A.min()
+    one_telling = data.levels.max() == 0 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
 
@@ -69,7 +69,7 @@ def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
     on = "resonances of the sweeps, as rows of one share their error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
     fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row, with others"
-    one_level = number_levels(data.tested_force).max() == 0
+    one_level = data.levels.max() == 0
     return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
 
 
@@ -104,7 +104,7 @@ class Trend:
     Attributes:
         force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
             scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, of a parabola
-            ln A(ln F) through the levels; NaN with fewer than three.
+            ln A(ln F) through the levels, of a decay ln F(ln A); NaN with fewer than three.
     """
 
     force: FloatArray
@@ -132,24 +132,25 @@ def trend(data: Observations, scatter: float) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
-        scatter: relative scatter of one sweep's resonant amplitude.
+        scatter: relative scatter of one sweep's resonant amplitude, of a decay that of its force.
     """
-    levels = number_levels(data.tested_force)
+    levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
     log_F, log_A = (np.bincount(levels, np.log(v)) / count for v in (data.tested_force, data.tested_amplitude))
     step_F, step_A = np.diff(log_F), np.diff(log_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = np.where(step_A > 0.0, step_F / step_A, np.nan)
-        slope = p / step_A  # -dp/d ln A of the upper level, dp/d ln A of the lower
+        slope = (1.0 if of_decay else p) / step_A  # change of p with what scatters: ln F of a decay, else ln A
     variance = scatter**2 / count
     sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
     if len(p) < 2 or np.isnan(p).any():
         return Trend(force, p, sd, np.nan)
-    weighed = np.vander(log_F - log_F.mean(), 3) / np.sqrt(variance)[:, np.newaxis]
-    covariance = np.linalg.inv(weighed.T @ weighed)  # of a parabola ln A(ln F): p falls where it bends upwards
-    bend = (covariance @ weighed.T @ (log_A / np.sqrt(variance)))[0]
-    return Trend(force, p, sd, float(-bend / np.sqrt(covariance[0, 0])))
+    given, scatters = (log_A, log_F) if of_decay else (log_F, log_A)
+    weighed = np.vander(given - given.mean(), 3) / np.sqrt(variance)[:, np.newaxis]
+    covariance = np.linalg.inv(weighed.T @ weighed)  # of a parabola: p falls where ln A(ln F) bends upwards
+    bend = (covariance @ weighed.T @ (scatters / np.sqrt(variance)))[0]
+    return Trend(force, p, sd, float((bend if of_decay else -bend) / np.sqrt(covariance[0, 0])))
 
 
 #: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
@@ -262,7 +263,7 @@ def plan_loads(
         if row.coordinates and row.evidence
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
-    few = number_levels(data.tested_force).max() + 1 < ENOUGH_LEVELS
+    few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     exponents = trend(data, float(np.median(scatter)))
     if joint.informative and joint.probability < JOINTS:

@@ -19,27 +19,24 @@ from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quant
 from damping.extrapolation.near import ENOUGH_LEVELS, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
-from damping.records.resonance import number_levels
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
 
 def list_cautions(
-    force: float, predicted: bool, data: Observations, weights: Sequence[float], plan: Plan | None
+    force: float, amplitude: float, data: Observations, weights: Sequence[float], plan: Plan | None
 ) -> tuple[str, ...]:
     """Cautions on the prediction at one force, the gravest first.
 
     Args:
-        predicted: whether there is one. weights: of the laws that take part.
+        amplitude: predicted there, NaN where none is. weights: of the laws that take part.
     """
-    largest = data.tested_force[data.top]
     said = _list_of_plan(force, plan) if plan else []
-    if not predicted and not (plan and not plan.allows(np.asarray(force))):
+    if np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force))):
         said.append("no prediction: the damping force does not reach this force at any amplitude")
-    if force > largest:
-        said.append(f"beyond the test: {force / largest:.2f} times the largest tested force")
     apart = not weights or max(weights) >= 0.5 * sum(weights)
-    return tuple(said + _list_of_test(force, data) + ([] if apart else ["no law has more than half of the weight"]))
+    of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
+    return tuple(said + of_test + ([] if apart else ["no law has more than half of the weight"]))
 
 
 def _list_of_plan(force: float, plan: Plan) -> list[str]:
@@ -64,17 +61,19 @@ def _list_of_plan(force: float, plan: Plan) -> list[str]:
     return [sentence for sentence in said if sentence]
 
 
-def _list_of_test(force: float, data: Observations) -> list[str]:
-    """What the tested levels cannot say."""
-    lines = []
-    levels = int(number_levels(data.tested_force).max()) + 1
+def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[str]:
+    """What the tested levels cannot say of one that is ``asked``, a force, or an ``amplitude`` of a decay."""
+    tested = data.tested_amplitude if of == "amplitude" else data.tested_force
+    largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
+    if asked > largest:
+        lines.append(f"beyond the test: {asked / largest:.2f} times the largest tested {of}")
     if levels == 1:
-        lines.append("one force level: how damping changes with amplitude rests on the candidates, not on data")
+        lines.append(f"one {of} level: how damping changes with amplitude rests on the candidates, not on data")
     elif levels < 5:
-        lines.append(f"{_WORDS[levels]} force levels say little about how damping grows with amplitude")
-    span = data.tested_force.max() / data.tested_force.min()
-    if levels > 1 and force / data.tested_force.max() > span:
-        lines.append(f"farther beyond the test than the test is wide (largest over smallest tested force {span:.2f})")
+        lines.append(f"{_WORDS[levels]} {of} levels say little about how damping grows with amplitude")
+    span = largest / tested.min()
+    if levels > 1 and asked / largest > span:
+        lines.append(f"farther beyond the test than the test is wide (largest over smallest tested {of} {span:.2f})")
     return lines
 
 
@@ -153,17 +152,18 @@ def predict(
         data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
         spreads: draws at ``force``, where they were made before. each: whether the band of each law is wanted too.
-        still: below the tested forces a draw without a resonance counts as one that friction holds, of amplitude 0;
-            else no prediction is made where many have none.
+        still: below the tested forces, and at all of a decay, whose amplitude is no answer to a force, a draw without a
+            resonance counts as of amplitude 0 where friction holds it, else as infinite; where it does not count no
+            prediction is made if many have none.
     """
     if spreads is None:
         spreads = draw_spreads(members, force, data, repeatability, seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
-    held = (force < data.tested_force.min()) if still else np.full(len(force), False)
+    counted = still & (data.amplitude_is_input | (force < data.tested_force.min()))
     laws = zip(members, spreads, strict=True) if each else ()
-    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, held, level) for m, s in laws]
+    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, counted, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, held, level)
+    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, counted, level)
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -179,13 +179,14 @@ def predict(
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, bool(p), data, [m.weight for m in members], plan)
-            for f, p in zip(force, predicted, strict=True)
+            list_cautions(f, A, data, [m.weight for m in members], plan)
+            for f, A in zip(force, average.median, strict=True)
         ),
         limit=plan.limit if plan else np.inf,
     )
 
 
+@np.errstate(invalid="ignore")  # laws of amplitudes beyond all numbers are infinitely far apart
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
     mean, within, stray, noise = map(np.array, zip(*map(_moments, spreads), strict=True))
@@ -213,20 +214,21 @@ def _band(
     spreads: Sequence[Spread],
     shares: FloatArray,
     allowed: BoolArray,
-    held: BoolArray,
+    counted: BoolArray,
     level: float,
 ) -> Band:
     """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance.
 
-    At forces at which such draws are ``held`` their ln A is -inf. One force after another: all of them pooled would be
-    as much again as was drawn.
+    At forces at which such draws are ``counted`` their ln A is -inf or inf. One force after another: all of them pooled
+    would be as much again as was drawn.
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):
         pooled = pool([spread.at(slice(i, i + 1)) for spread in spreads])
         total, law = pooled.total, pooled.law
-        if held[i]:
-            total, law = (np.where(pooled.resonates, part, -np.inf) for part in (total, law))
+        if counted[i]:
+            bound = np.where(pooled.short, np.inf, -np.inf)
+            total, law = (np.where(pooled.resonates, part, bound) for part in (total, law))
         elif shares @ ~pooled.resonates[:, 0] > REFUSED_SHARE * shares.sum():
             continue
         ends[:3, i] = find_quantiles(total, shares, np.array([0.5, tail, 1.0 - tail]))[:, 0]

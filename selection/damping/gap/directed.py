@@ -10,13 +10,14 @@ damping c(A); a second path, any smooth complex function of frequency; gain and 
 or with frequency; drift in the order of measurement. Two tests have no columns: of windows of frequency (a local
 disturbance) and of neighbours.
 
-What is missing, in free form: the change of natural frequency and damping with amplitude that a fit still lacks.
+What is missing, in free form: natural frequency and damping over amplitude as the record has them beside a fit.
 
-Both are quadratic splines of ln A added to a fit to first order; with M and g of their columns (see
-`damping.gap.directed`) the coefficients are a = -M^-1 g, with covariance M^-1.
+Both are those of the fit and quadratic splines of ln A, to first order; the coefficients are a = -M^-1 g with
+covariance M^-1, and the fitted variables y move with them, by -K a with K = H^-1 J^T W D: a curve c(y) + B a changes
+by B - c'(y) K with a. What a variable and a spline can both do is then no doubt about the curve.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,8 +38,12 @@ SPLINES = 6
 _WINDOWS = (4, 8, 16)
 #: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
 FREE = "stiffness and damping with amplitude"
-#: Splines that the record determines to less than this share of the best determined one are left out.
+#: Combinations of splines that the record determines to less than this share of the best determined one are left out,
+#: and where they make more than a tenth of a curve none is drawn.
 _SEEN = 1e-4
+_MOST_UNSEEN = 0.1
+#: Step of a fitted variable, whose prior has the standard deviation 1, by which the slope of a curve is taken.
+_STEP = 1e-4
 _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 
 
@@ -56,14 +61,20 @@ class Test:
 
 def directed_tests(fit: ModelFit) -> list[Test]:
     """All tests of what a fit leaves, in no order."""
-    rho = fit.model.scatter.correlation
-
-    def white(columns: FloatArray) -> FloatArray:
-        return decorrelate(columns, fit.model, rho)[0]
-
-    own = replace(fit, r=white(fit.r), J=white(fit.J))
-    tests = [_linear(own, name, white(columns.T).T) for name, columns in list_columns(fit).items()]
+    own = _whiten(fit)
+    tests = [_linear(own, name, _whiten_columns(columns, fit)) for name, columns in list_columns(fit).items()]
     return [*tests, _windows(own), _neighbours(own)]
+
+
+def _whiten(fit: ModelFit) -> ModelFit:
+    """The fit with residuals and Jacobian freed of the correlation of neighbours, as its covariance is."""
+    r, J = (decorrelate(part, fit.model, fit.model.scatter.correlation)[0] for part in (fit.r, fit.J))
+    return replace(fit, r=r, J=J)
+
+
+def _whiten_columns(D: FloatArray, fit: ModelFit) -> FloatArray:
+    """Columns (coefficients, m) freed of that correlation too."""
+    return decorrelate(D.T, fit.model, fit.model.scatter.correlation)[0].T
 
 
 def smallest_p(tests: Sequence[Test]) -> float:
@@ -199,7 +210,7 @@ def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effe
 
 @dataclass(frozen=True)
 class FreeForm:
-    """Curves over amplitude A, (n,): relative change of the natural frequency, change of the damping ratio; and sds."""
+    """Natural frequency (Hz) and damping ratio over amplitude A, (n,), and their sds; NaN where nothing tells them."""
 
     A: FloatArray
     frequency: FloatArray
@@ -208,19 +219,29 @@ class FreeForm:
     damping_sd: FloatArray
 
 
-def free_form(fit: ModelFit) -> FreeForm:
-    """The curves of free form that a fit lacks, at amplitudes of the record."""
-    M, g = information(fit, list_columns(fit)[FREE])
+def free_form(fit: ModelFit, trace: Callable[[ModelFit, FloatArray], FloatArray]) -> FreeForm:
+    """The curves of free form beside a fit, at amplitudes of the record.
+
+    ``trace``: natural frequency and damping ratio (2, n) of a fit at amplitudes (n,).
+    """
+    D, u, white = _whiten_columns(list_columns(fit)[FREE], fit), motion(fit), _whiten(fit)
+    M, g = information(white, D)
     values, vectors = np.linalg.eigh(M)
     seen = values > _SEEN * values.max()
     covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    a = -covariance @ g
-    u = motion(fit)
+    weighted = white.J * fit.weights[:, np.newaxis]
+    follow = fit.covariance @ (D @ weighted).T
+    settled = fit.covariance @ (weighted.T @ white.r + fit.y)
     at = np.linspace(u.min(), u.max(), _DRAWN)
-    B = basis(u, SPLINES, at)
-    half = len(B)
-    parts = [
-        (a[own] @ B, np.sqrt(np.sum(B * (covariance[own, own] @ B), axis=0)))
-        for own in (slice(half), slice(half, None))
-    ]
-    return FreeForm(np.exp(at), *parts[0], *parts[1])
+    A, B = np.exp(at), basis(u, SPLINES, at).T
+    own, parts = trace(fit, A), []
+    moved = [trace(replace(fit, y=fit.y + step), A) - own for step in _STEP * np.eye(len(fit.y))]
+    slopes = np.moveaxis(np.array(moved), 0, -1) / _STEP
+    of_splines = np.hstack([own[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
+    for curve, slope, added in zip(own, slopes, of_splines, strict=True):
+        by = added - slope @ follow
+        sd = np.sqrt(np.sum((by @ covariance) * by, axis=1) + np.sum((slope @ fit.covariance) * slope, axis=1))
+        unseen = np.sum((by @ vectors[:, ~seen]) ** 2, axis=1) > _MOST_UNSEEN * np.sum(by**2, axis=1)
+        found = curve - slope @ settled - by @ covariance @ g
+        parts += [np.where(unseen, np.nan, value) for value in (found, sd)]
+    return FreeForm(A, *parts)

@@ -174,7 +174,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         row=order,
         sweep=sweep[order],
         sweeps=sweeps,
-        level=number_levels(record.column("force")[tabulate_resonances(record)["row"]]),
+        level=number_levels(record.column(record.input)[tabulate_resonances(record)["row"]]),
         F=record.column("force")[order],
         omega=omega[order],
         u=np.log(record.column("amplitude")[order]),

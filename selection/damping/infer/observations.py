@@ -18,7 +18,7 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, tabulate_resonances
+from damping.records.resonance import energy_per_cycle, number_levels, tabulate_resonances
 
 #: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
@@ -60,6 +60,11 @@ class Observations:
     amplitude_is_input: bool = False
     tested_mass: FloatArray | None = None
     added_mass: FloatArray | None = None
+
+    @cached_property
+    def levels(self) -> IntArray:
+        """Level of each sweep, lowest 0, shape (sweeps,): by amplitude where that is the input, else by force."""
+        return number_levels(self.tested_amplitude if self.amplitude_is_input else self.tested_force)
 
     @property
     def rows_per_sweep(self) -> IntArray:

@@ -177,8 +177,9 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
         axes.set_xlabel(f"input at the mode, {unit}")
     left.set_ylabel("damping ratio, %")
     right.set_ylabel("frequency, Hz")
-    left.legend(loc="best")
-    right.legend(loc="best")
+    bands, marks = (axes.get_legend_handles_labels() for axes in (left, right))
+    handles, labels = bands[0][:1] + marks[0], [f"{bands[1][0]}, above", f"{marks[1][0]}, below", *marks[1][1:]]
+    figure.legend(handles, labels, loc="outside lower left", ncols=2)  # not on a band of its own colour
     return figure
 
 

@@ -15,6 +15,8 @@ from damping.records.text import format_share
 
 #: Marks of the colour bar, in units of noise.
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
+#: Steps between marks of frequency over the width of a figure: numbers of five figures stand apart.
+_MOST_STEPS = 5
 
 
 @styled
@@ -36,7 +38,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
         drawn = ax.scatter(own["frequency"], heights, c=own["value"], norm=norm, cmap="RdBu_r", marker="s", s=26)
         ax.set_title(quantity)
         ax.set_xlabel("frequency (Hz)")
-        ax.locator_params(axis="x", nbins=5)
+        ax.locator_params(axis="x", nbins=max(_MOST_STEPS // len(quantities), 1))
         draw_plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")

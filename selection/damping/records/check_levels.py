@@ -126,7 +126,7 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     gain = np.abs(course.to_numpy() - np.median(course[same])) < least
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
-    added = pd.Series(view.record.added_masses).groupby(view.record.table["sweep"].astype(str)).median()
+    added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).median()
     own = added.loc[labels].to_numpy(dtype=np.float64)
     beside = ~np.isin(own, own[same])
     return [
@@ -203,7 +203,7 @@ def check_beyond_model(view: View) -> Finding | None:
         name = name_unit(zeta / 0.01, view.mode.units)
         differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
     if not differences:
-        return _compare_structures(view, view.mode, hertz)
+        return _compare_structures(view, view.mode, hertz) or _compare_frequencies(view, view.mode, hertz)
     hertz = view.record.column("frequency")
     other = not hertz.min() / OTHER_MODE < view.mode.frequency < hertz.max() * OTHER_MODE
     advice = "check the gain of the sensor, that it reads displacement, and the mode file"
@@ -245,6 +245,40 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     what += f"{ratio * mode.mass:.4g}, {mode.mass:.4g} there, where it states tolerances of "
     what += f"{100.0 * stated.frequency:.2g} % and {100.0 * stated.mass:.2g} %"
     advice = "is the mode file of this structure in this state? correct it, or state tolerances that it keeps"
+    return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
+
+
+#: Half-power bandwidths between a resonance and that of the mode file, from which on no row of resonance is of both.
+BANDWIDTHS = 1.0
+#: Times that levels may have moved in all how far the lowest lies from the mode file's frequency, from which they move
+#: away: a joint that slips at the lowest level already, fourfold beyond its limit, has lost 4.7 times what it loses up
+#: to sixteenfold.
+MOVED_BEFORE = 5.0
+#: One level tells no movement: the ln of a frequency that joints and springs seldom move by.
+LEAST_SHIFT_ALONE = 0.05
+
+
+def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding | None:
+    """A mode file whose frequency no level comes near, nor would at a smaller amplitude.
+
+    ``hertz``: as above. Not of a mode that is simulated with what moves its resonance from that frequency.
+    """
+    far = np.log(mode.frequency / hertz)
+    shift = float(np.abs(far).min())
+    width = float(2.0 * np.nan_to_num(view.implied["damping_ratio"]).max())
+    least = LEAST_SHIFT if len(hertz) > 1 else LEAST_SHIFT_ALONE
+    away = float(np.max(np.sign(far[0]) * (far - far[0])))
+    moves = mode.tolerance.from_record or mode.effects or "slip" in mode.damping
+    apart = max(OTHER_STRUCTURE * mode.tolerance.frequency, BANDWIDTHS * width, least)
+    if moves or not width > 0.0 or shift < apart or abs(far[0]) < MOVED_BEFORE * away:
+        return None
+    nearest = float(hertz[np.argmin(np.abs(far))])
+    what = f"resonance at {nearest:.4g} Hz, {mode.frequency:.4g} Hz in the mode file: {shift / width:.2g} half-power "
+    what += f"bandwidths away, where it states a tolerance of {100.0 * mode.tolerance.frequency:.2g} %"
+    what += ", and no level comes nearer" if len(hertz) > 1 else ""
+    advice = (
+        "is the mode file of this structure in this state? correct its frequency, or state a tolerance that it keeps"
+    )
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 
 

@@ -120,6 +120,11 @@ class Record:
         order = np.argsort(self.column("time"), kind="stable")
         return bool(np.all(np.diff(self.column("amplitude")[order]) < 0.0))
 
+    @property
+    def input(self) -> str:
+        """Column that tells levels apart: the amplitude of a decay, from which its force follows, else the force."""
+        return "amplitude" if self.is_decay else "force"
+
     def _repr_html_(self) -> str:
         return describe_as_html(self.title, self.frame.head(MOST_SHOWN))
 

@@ -50,7 +50,7 @@ def leading(result: RecordResult) -> LawPosterior | None:
 
 
 def _draw_curve(result: RecordResult) -> Drawn | None:
-    curve = result.curve
+    curve = result.drawn_curve or result.curve
     if curve is None or not np.isfinite(curve.damping_ratio.median).any():
         return None
     table, data = curve.table, result.data

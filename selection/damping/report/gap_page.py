@@ -204,24 +204,28 @@ def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
     for name, fit in (("refitted", refitted(leading)), ("explained", leading)):
-        terms = fitted_terms(fit, deviations=False)
-        M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
-        drive = Drive(np.ones(80), np.full(80, omega_n))
-        Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
-        frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
-        damping = Z.imag / (2.0 * M * omega_n**2)
+        frequency, damping = _trace_local(fit, A)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
     if not rows.at_resonance:
-        tables.append(_tabulate_free_curves(leading, tables[-1]))
+        tables.append(_tabulate_free_curves(leading))
     return pd.concat(tables, ignore_index=True)
 
 
-def _tabulate_free_curves(leading: ModelFit, explained: pd.DataFrame) -> pd.DataFrame:
-    """The explanation with the curves of free form that it lacks, and their 90 per cent limits."""
-    free = free_form(leading)
-    f, xi = (np.interp(free.A, explained["amplitude"], explained[name]) for name in ("frequency", "damping"))
-    curves = {"amplitude": free.A, "frequency": f * (1.0 + free.frequency), "damping": xi + free.damping}
-    for end, reach in (("low", -float(ndtri(0.95))), ("high", float(ndtri(0.95)))):
-        curves[f"frequency_{end}"] = f * (1.0 + free.frequency + reach * free.frequency_sd)
-        curves[f"damping_{end}"] = xi + free.damping + reach * free.damping_sd
+def _trace_local(fit: ModelFit, A: FloatArray) -> FloatArray:
+    """Natural frequency (Hz) and damping ratio (2, n) of the first plane at amplitudes (n,)."""
+    terms = fitted_terms(fit, deviations=False)
+    M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
+    drive = Drive(np.ones(len(A)), np.full(len(A), omega_n))
+    Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
+    frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
+    return np.array([frequency, Z.imag / (2.0 * M * omega_n**2)])
+
+
+def _tabulate_free_curves(leading: ModelFit) -> pd.DataFrame:
+    """The curves of free form beside the explanation, with their 90 per cent limits."""
+    free = free_form(leading, _trace_local)
+    curves = {"amplitude": free.A}
+    for name in ("frequency", "damping"):
+        middle, reach = getattr(free, name), float(ndtri(0.95)) * getattr(free, f"{name}_sd")
+        curves |= {name: middle, f"{name}_low": middle - reach, f"{name}_high": middle + reach}
     return pd.DataFrame({"model": "free", **curves})

@@ -57,6 +57,7 @@ class RecordResult:
     findings: tuple[Finding, ...] = ()  #: of the audit of the record
     against: tuple[str, ...] = ()  #: where the diagnosis disagrees with the predictions
     curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
+    drawn_curve: Curve | None = None  #: the same at as many amplitudes as a drawing needs
     design_curve: Curve | None = None  #: the same at the design forces
     backbone: Backbone | None = None  #: frequency and mass
     next_level: NextLevel | None = None  #: what to test next

@@ -17,7 +17,6 @@ from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
-from damping.records.resonance import number_levels
 from damping.report import tables
 from damping.report.figures import build_loads_explorer
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
@@ -56,7 +55,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
 
 
 def _count_levels(result: RecordResult) -> int:
-    return int(number_levels(result.data.tested_force).max()) + 1
+    return int(result.data.levels.max()) + 1
 
 
 def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:

@@ -15,7 +15,8 @@ quadrature), so with delta = -A'/A
     C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),    d omega/d ln A = -omega'/delta,
 
 which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
-frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping.
+frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping. A joint that slips stores
+less than a spring and has about 3 times the term of d omega/d ln A: twice the term is an uncertainty of the force.
 """
 
 from collections.abc import Sequence
@@ -39,11 +40,11 @@ LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the 
 MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
 WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
 LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
+OF_CUBIC = 0.15  #: error of the slope of a parabola where ln A has c u^3 over a level, |u| < 1/2, in c (<u^4>/<u^2>)
+SURE = 3.0  #: ... which counts where c is more than so many of its standard errors
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
-
 LARGEST_GROWTH = 1.5  #: a decay that grows again by more is none of one mode: noise and image of the window are below
 GROWN = 0.1  #: ... where it comes back to this share of its largest amplitude
-
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -52,7 +53,8 @@ class Decay:
     """Levels of a free decay, arrays (levels,), largest amplitude first.
 
     ``time`` at the middle of each level, ``amplitude`` of displacement, ``frequency`` of phase resonance (Hz),
-    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd`` and ``force_sd`` from noise.
+    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd``, ``force_sd`` from noise and, of the
+    force, from what the balance and a parabola cannot know.
     ``noise`` is its amplitude in the unit of the signal, ``notes`` say what was left out.
     """
 
@@ -159,13 +161,10 @@ def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float)
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
     """AnalysisError where the amplitude (n,) grows again: free motion of one mode only loses energy."""
-    if not len(size):
-        return
     least = np.minimum.accumulate(size)
-    grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[0]))
-    if not len(grown):
-        return
-    raise _growth(float(t[int(np.argmin(size[: grown[0]]))]))
+    grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[:1]))
+    if len(grown):
+        raise _growth(float(t[int(np.argmin(size[: grown[0]]))]))
 
 
 def _growth(since: float) -> AnalysisError:
@@ -239,11 +238,15 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     s = rate - order * turn / rate.imag
     size = float(np.exp(fit[0].real))
     A = size / abs(window.gain(rate)) / abs(s) ** order
-    sd = max(noise / _MEDIAN / size, float(left)) / np.sqrt(max(long / window.correlation, 1.0))
+    averaged = 1.0 / np.sqrt(max(long / window.correlation, 1.0))
+    sd = max(noise / _MEDIAN / size, float(left)) * averaged
     sd_logarithm = float(1.5 * sd)  # the middle of a parabola: sqrt(9/4) of that of a mean
     bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
     # of the slope, and of the bend of the phase: delta has n omega'/omega of it, the force half more
     sd_delta = float(sd * np.sqrt(12.0) / long * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * long)))
+    cubic, of_noise = abs(float(np.polynomial.polynomial.polyfit(u, logarithm.real, 3)[3])), averaged * noise / size
+    if cubic > SURE * np.sqrt(2800.0) * of_noise / _MEDIAN:
+        sd_delta = float(np.hypot(sd_delta, OF_CUBIC * cubic / long))
     return float(middle), A, s.imag, -s.real, turn, sd_logarithm, sd_delta, bend
 
 
@@ -273,7 +276,7 @@ def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> D
         decay_rate=delta,
         force=force,
         amplitude_sd=sd * A,
-        force_sd=force * np.hypot(sd, sd_delta / delta),
+        force_sd=np.hypot(force * np.hypot(sd, sd_delta / delta), 2.0 * mass * A * np.abs(turn)),
         noise=noise,
         notes=tuple(notes),
     )
