@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from damping.effects import course, forces, foreign, rig, structure
+from damping.effects import course, forces, foreign, masses, rig, structure
 from damping.effects.contract import Effect, Terms
 from damping.errors import InputError, list_nearest
 
@@ -39,7 +39,7 @@ _STANDS_FOR = 3.0
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-} | {effect.name: effect for effect in foreign.SINGLE}
+} | {effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)}
 
 
 def find_effect(name: str) -> Effect:

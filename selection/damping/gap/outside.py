@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from damping.effects import FOREIGN
-from damping.effects.foreign import OTHER_MASS
+from damping.effects.masses import OTHER_MASS
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
 from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL
