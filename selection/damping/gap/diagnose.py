@@ -178,15 +178,15 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    outside = weigh_outside(search, leading)
+    outside, imitations = weigh_outside(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
     cautions += describe_outside(outside, leading)
     understated = readings.measure_scatter(known, leading.best, tests, library)
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
-    beyond = weighing.count_beyond(hypotheses)
     by_scatter = readings.stands_above(understated, leading.best)
     dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
+    beyond = 0 if left or imitations else weighing.count_beyond(hypotheses)
     in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
