@@ -39,7 +39,9 @@ _STANDS_FOR = 3.0
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-} | {effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)}
+} | {
+    effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)
+}
 
 
 def find_effect(name: str) -> Effect:

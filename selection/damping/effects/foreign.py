@@ -133,9 +133,9 @@ class LooseDashpot(GrowingForce):
     )
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C = c A omega (1 - (2/pi)(asin x + x r)), x = clearance/A, r = sqrt(1 - x^2); dC/d ln A = C + (4/pi) c A omega x r.
+        """C = c A omega (1 - (2/pi)(asin x + x r)), dC/d ln A = C + (4/pi) c A omega x r above the clearance; else 0.
 
-        Above the clearance; else 0.
+        x = clearance/A, r = sqrt(1 - x^2).
         """
         whole, x, root = self._place(A, omega)
         C: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))

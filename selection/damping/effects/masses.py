@@ -113,8 +113,6 @@ VARYING_MASS = Effect(
     kind="force",
     sentence="a mass that varies with the motion",
     forms=varying_forms,
-    simulate=adds_force(
-        lambda table: (VaryingMass if table["power"] > 1.0 else CarriedMass)(table["coefficient"])
-    ),
+    simulate=adds_force(lambda table: (VaryingMass if table["power"] > 1.0 else CarriedMass)(table["coefficient"])),
     need="beyond",
 )

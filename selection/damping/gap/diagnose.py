@@ -66,6 +66,7 @@ class Explained:
         in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
             ``unexplained_rows``: in the rows, and not only in how the levels scatter. understated: how the rows scatter
             where the noise is stated too small and that is all that is left; there the chance is that of causes beside.
+        imitations: explanations by causes without a name that the record does not tell from the leading one.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -81,6 +82,7 @@ class Explained:
     unexplained: bool
     unexplained_rows: bool
     understated: readings.RowScatter | None
+    imitations: tuple[Hypothesis, ...]
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -126,7 +128,9 @@ class Diagnosis(Explained):
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
         columns = self.record.table.columns
-        return rank_tests(self.explanations, self.hypotheses, self.in_library, command, self.unit, columns)
+        return rank_tests(
+            self.explanations, self.hypotheses, self.in_library, command, self.unit, columns, self.imitations
+        )
 
     @property
     def next_test(self) -> NextTest | None:
@@ -188,10 +192,13 @@ def explain(
     dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
     beyond = 0 if left or imitations else weighing.count_beyond(hypotheses)
     in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+    if weighing.hides_state(leading.best):
+        in_library = min(in_library, weighing.UNCONFIRMED)
+        cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
     found = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
-    return Explained(record, mode, *found, tuple(cautions), tuple(states), simulate, driven.unit)
+    return Explained(record, mode, *found, imitations, tuple(cautions), tuple(states), simulate, driven.unit)
 
 
 @np.errstate(all="ignore")  # as above

@@ -99,8 +99,9 @@ def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES
 
     Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
     fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
-    a constant part, or of its sweep's largest (``RANGED``): rho is the most likely of ``shares``, s the root mean square without the largest, since a wild
-    point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
+    a constant part, or one of its sweep's largest (``RANGED``): rho is the most likely of ``shares``, s the root mean
+    square without the largest, since a wild point is in four combinations. Rows at phase resonance only say nothing of
+    it: ``FIRST_GUESS``.
     """
     width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
     if rows.at_resonance or width == 1:
