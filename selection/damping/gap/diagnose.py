@@ -220,6 +220,7 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
+        *size.describe_scatter(known, leading.best),
         *readings.describe_far_readings(leading.best),
         *readings.describe_noise(known, leading.best, explained.understated),
         *list_ends(leading.best),
