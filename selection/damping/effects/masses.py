@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -39,7 +40,7 @@ def added_forms(_: Scales) -> tuple[Form, ...]:
     return OTHER_ADDED_MASS.either_sign(_report_ratio, natural=0.05, largest=1.5)
 
 
-def simulate_added(terms: Terms, table: dict[str, Floats]) -> Terms:
+def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """Every added mass times 1 + ``relative``, as where it sits beside the antinode."""
     return terms.plus(beside=lambda drive: -table["relative"] * drive.added * np.square(drive.omega))
 

@@ -57,7 +57,7 @@ UNCONFIRMED = 0.4
 KNOWN = 0.5
 #: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
-#: These log odds.
+#: Log odds from which a rival is told: those.
 TOLD = 0.5 * INDISTINCT**2
 #: Odds below which an effect is no candidate for the place of another, however near its prediction.
 LEAST_ODDS = 0.02
