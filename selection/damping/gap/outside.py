@@ -9,14 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from damping.effects import FOREIGN
-from damping.effects.foreign import ANY_POWER
-from damping.effects.masses import OTHER_MASS
+from damping.effects.foreign import SLOW_SPRING
+from damping.effects.masses import OTHER_MASS, VARYING_MASS
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
 from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL, TOLD
 
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
+#: Causes that have the first harmonics of a spring at one mass, whatever their size: rows of such tell nothing of them.
+IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
 #: Log odds that are told as none.
 _EVEN = 0.05
 #: What was entered as a displacement, or a force as constant, where amplitudes go with a power of frequency beside it.
@@ -29,15 +31,15 @@ QUANTITIES = {
 def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
     """Log odds against the leading explanation of causes that have no name in the library, by what they are.
 
-    And those of them that the record does not tell from it, but for a power of velocity: those of the library are such.
+    And those explanations by ``IMITATIONS`` that the record does not tell from it.
     """
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
     for own in foreign[:1]:
         cause = " with ".join(FOREIGN[name].sentence for name in own.effects if name in FOREIGN)
         beside = " and ".join(name for name in own.effects if name not in FOREIGN)
         odds[f"{cause} beside {beside}" if beside else cause] = own.log_posterior - leading.log_posterior
-    alike = (own for own in foreign if own.log_posterior > leading.log_posterior - TOLD)
-    return odds, tuple(own for own in alike if ANY_POWER.name not in own.key)
+    alike = (own for own in foreign if own.key & IMITATIONS)
+    return odds, tuple(own for own in alike if own.log_posterior > leading.log_posterior - TOLD)
 
 
 def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
