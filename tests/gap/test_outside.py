@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.effects import FOREIGN
+from damping.effects.contract import Drive, Terms
 from damping.effects.foreign import LooseDashpot
-from damping.effects.masses import CarriedMass, VaryingMass
+from damping.effects.masses import OTHER_ADDED_MASS, CarriedMass, VaryingMass
+from damping.effects.terms import predict
+from damping.forces import make
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.next_test import _predict_runs
 from damping.gap.rows import read_rows
@@ -186,5 +188,15 @@ def test_frequencies_of_levels_that_alternate_are_told(lab):
     assert any("the frequencies of its levels scatter by 0.12%" in caution for caution in found.cautions)
 
 
-def test_causes_without_a_name_keep_their_own():
-    assert {"varying-mass", "other-added-mass", "loose-dashpot"} <= FOREIGN.keys()
+@pytest.mark.parametrize("shaken", [0.0, 12.0])
+def test_added_mass_that_is_not_as_stated_is_that_mass(shaken):
+    """A fifth more than stated is as if it were stated so, of a force and of a base whose acceleration is 2 m/s^2."""
+    omega = np.linspace(2.8, 3.1, 7)
+    terms = Terms(10.0, 3.2, (make("viscous", coefficient=0.6),), 1)
+
+    def drive(added):
+        return Drive(2.0 * (shaken + added if shaken else 5.0) * np.ones(7), omega, added=added, shaken=shaken)
+
+    off = OTHER_ADDED_MASS.simulate(terms, {"relative": 0.2})
+    own, stated = (predict(*pair).P for pair in ((off, np.zeros(7), drive(2.0)), (terms, np.zeros(7), drive(2.4))))
+    np.testing.assert_allclose(own, stated, rtol=1e-12)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.effects.contract import Effect, Form, Scales, Terms
+from damping.effects.contract import Drive, Effect, Form, Scales, Terms
 from damping.effects.forces import adds_force
 from damping.forces.contract import AveragedForce
 from damping.forces.joints import Spring
@@ -41,8 +41,15 @@ def added_forms(_: Scales) -> tuple[Form, ...]:
 
 
 def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """Every added mass times 1 + ``relative``, as where it sits beside the antinode."""
-    return terms.plus(beside=lambda drive: -table["relative"] * drive.added * np.square(drive.omega))
+    """Every added mass times 1 + ``relative``, as where it sits beside the antinode; a base shakes it too."""
+
+    def received(drive: Drive) -> Floats:
+        shaken = np.asarray(drive.shaken)
+        return np.log1p(
+            table["relative"] * np.where(shaken > 0.0, drive.added / np.maximum(shaken + drive.added, 1e-300), 0.0)
+        )
+
+    return terms.plus(beside=lambda drive: -table["relative"] * drive.added * np.square(drive.omega), received=received)
 
 
 OTHER_ADDED_MASS = Effect(
