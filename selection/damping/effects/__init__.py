@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast
 
-from damping.effects import course, forces, foreign, rig, structure
+from damping.effects import course, forces, foreign, masses, rig, structure
 from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
@@ -41,7 +41,9 @@ _STANDS_FOR = 3.0
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
-} | {effect.name: effect for effect in foreign.SINGLE}
+} | {
+    effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)
+}
 
 #: Effects of the test in which they were found: another one has its own.
 _OF_ONE_TEST = ("drift", "level-offset")

@@ -228,8 +228,9 @@ class Form:
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]
-#: What an effect cannot be told without: measured phases; rows beside resonance; measured third harmonics; two masses.
-Need = Literal["", "phase", "sweep", "third", "masses"]
+#: What an effect cannot be told without: measured phases; rows beside resonance; measured third harmonics; two masses;
+#: either of the last two.
+Need = Literal["", "phase", "sweep", "third", "masses", "beyond"]
 
 
 @dataclass(frozen=True)

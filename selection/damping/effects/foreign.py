@@ -119,6 +119,59 @@ RUB = Effect(
 )
 
 
+@dataclass(frozen=True)
+class LooseDashpot(GrowingForce):
+    """A dashpot that acts beyond a ``clearance`` only, as one with backlash does."""
+
+    coefficient: Floats
+    clearance: Floats
+
+    name: ClassVar[str] = "loose-dashpot"
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE * TIME / LENGTH, least=0.0),
+        Shape("clearance", LENGTH, above=0.0),
+    )
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = c A omega (1 - (2/pi)(asin x + x r)), dC/d ln A = C + (4/pi) c A omega x r above the clearance; else 0.
+
+        x = clearance/A, r = sqrt(1 - x^2).
+        """
+        whole, x, root = self._place(A, omega)
+        C: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+        return C, C + (4.0 / np.pi) * whole * x * root
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """i times that of cos 3 theta, -(4/pi) c A omega x (1 - x^2)^(3/2): none far above the clearance, nor below."""
+        whole, x, root = self._place(A, omega)
+        return np.asarray(-4j / np.pi * whole * x * root**3)
+
+    def _place(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats]:
+        """c A omega, x and sqrt(1 - x^2)."""
+        x = np.minimum(self.clearance / A, 1.0)
+        return self.coefficient * A * omega, x, np.sqrt(1.0 - x * x)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """c q' where abs(q) > clearance."""
+        return np.where(np.abs(q) > self.clearance, sign * speed * self.coefficient, 0.0)
+
+
+def dashpot_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the coefficient. Shape: the clearance."""
+    natural = scales.loss / scales.omega_n
+    return (LOOSE_DASHPOT.form(_report_beyond, natural, shapes=(_place_clearance(scales),)),)
+
+
+LOOSE_DASHPOT = Effect(
+    name="loose-dashpot",
+    kind="force",
+    sentence="a damper that acts beyond a clearance",
+    forms=dashpot_forms,
+    simulate=adds_force(lambda table: LooseDashpot(table["coefficient"], table["clearance"])),
+    need="sweep",
+)
+
+
 def power_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
 
@@ -248,23 +301,5 @@ MEMORY = Effect(
 )
 
 
-def mass_forms(_: Scales) -> tuple[Form, ...]:
-    """Strength: ln of the mass over the simulated one, of either sign."""
-
-    def report(log_ratio: Floats) -> dict[str, Floats]:
-        return {"relative": np.expm1(log_ratio)}
-
-    return OTHER_MASS.either_sign(report, natural=0.05, largest=1.5)
-
-
-OTHER_MASS = Effect(
-    name="other-mass",
-    kind="parameter",
-    sentence="a generalized mass that is off by more than its tolerance",
-    forms=mass_forms,
-    simulate=lambda terms, table: terms._replace(M=terms.M * (1.0 + table["relative"])),
-    need="masses",  # at one mass it is a gain
-)
-
 #: Causes that stand for themselves alone.
-SINGLE = (SLOW_SPRING, RUB, FALLING_FRICTION, MEMORY, OTHER_MASS)
+SINGLE = (SLOW_SPRING, RUB, LOOSE_DASHPOT, FALLING_FRICTION, MEMORY)

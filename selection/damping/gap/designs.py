@@ -99,14 +99,12 @@ def _with_third(design: ProposedTest) -> ProposedTest:
     )
 
 
-def _add_mass(share: float, factor: float = 1.0) -> ProposedTest:
-    """A second state."""
+def _add_mass(share: float) -> ProposedTest:
+    """A second state, at a force that was tested in the first: at another one nothing tells the force from the mass."""
     return ProposedTest(
-        f"a second state with a known mass of {share:.0%} of the modal mass added"
-        + (f", at {factor:g} times the highest force" if factor > 1.0 else ""),
+        f"a second state with a known mass of {share:.0%} of the modal mass added",
         "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
         ("added_mass",),
-        factor=factor,
         heavier=share,
     )
 
@@ -122,8 +120,9 @@ _ALONG = (
         width=2.0,
     ),
     *map(_add_mass, ADDED_MASSES),
-    ProposedTest("a sweep at twice the highest force", "effects part with amplitude", factor=2.0),
-    *(_add_mass(share, 2.0) for share in ADDED_MASSES),
+    ProposedTest(
+        "a sweep at twice the highest force, if rig and structure bear it", "effects part with amplitude", factor=2.0
+    ),
 )
 #: All tests that a record can hold, the mildest first.
 DESIGNS = (

@@ -66,6 +66,7 @@ class Explained:
         in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
             ``unexplained_rows``: in the rows, and not only in how the levels scatter. understated: how the rows scatter
             where the noise is stated too small and that is all that is left; there the chance is that of causes beside.
+        imitations: explanations by causes without a name that the record does not tell from the leading one.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -81,6 +82,7 @@ class Explained:
     unexplained: bool
     unexplained_rows: bool
     understated: readings.RowScatter | None
+    imitations: tuple[Hypothesis, ...]
     cautions: tuple[str, ...]
     states: tuple[State, ...]
     simulate: Simulate | None
@@ -126,7 +128,9 @@ class Diagnosis(Explained):
         """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
         columns = self.record.frame.columns
-        return rank_tests(self.explanations, self.hypotheses, self.in_library, command, self.unit, columns)
+        return rank_tests(
+            self.explanations, self.hypotheses, self.in_library, command, self.unit, columns, self.imitations
+        )
 
     @property
     def next_test(self) -> NextTest | None:
@@ -178,20 +182,23 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    outside = weigh_outside(search, leading)
+    outside, imitations = weigh_outside(search, leading)
     doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
     cautions += describe_outside(outside, leading)
     understated = readings.measure_scatter(known, leading.best, tests, library)
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
-    beyond = weighing.count_beyond(hypotheses)
     by_scatter = readings.stands_above(understated, leading.best)
     dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
+    beyond = 0 if left or imitations else weighing.count_beyond(hypotheses)
     in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+    if weighing.hides_state(leading.best):
+        in_library = min(in_library, weighing.UNCONFIRMED)
+        cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
     found = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
-    return Explained(record, mode, *found, tuple(cautions), tuple(states), simulate, driven.unit)
+    return Explained(record, mode, *found, imitations, tuple(cautions), tuple(states), simulate, driven.unit)
 
 
 @np.errstate(all="ignore")  # as above
@@ -213,6 +220,7 @@ def diagnose(
     apart = size.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
+        *size.describe_scatter(known, leading.best),
         *readings.describe_far_readings(leading.best),
         *readings.describe_noise(known, leading.best, explained.understated),
         *list_ends(leading.best),

@@ -63,6 +63,7 @@ class Fits:
         rows = self.problem.rows
         lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
         lacking["masses"] = not np.ptp(rows.added)
+        lacking["beyond"] = lacking["third"] and lacking["masses"]
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
         self.forms = {name: own for name, effect in asked.items() if (own := list_forms(effect, self.problem.scales))}
         self.choices = self.choices or len(self.forms)

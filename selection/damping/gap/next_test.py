@@ -21,21 +21,26 @@ from scipy.special import logsumexp
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Terms
 from damping.effects.rig import recorded_third
-from damping.effects.terms import cross_motion
+from damping.effects.terms import complex_stiffness, cross_motion
 from damping.gap.designs import DESIGNS, THIRD, ProposedTest
 from damping.gap.fit import ModelFit
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import STEP, residuals, steady
 from damping.gap.problem import State
 from damping.gap.rows import Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import COVER, INDISTINCT, Explanation, count_beyond, distance, foresee_probability
+from damping.gap.weighing import COVER, INDISTINCT, TOLD, Explanation, count_beyond, distance, foresee_probability
 
 #: Expected log odds D below which a test is not worth its time: what it gives scatters by sqrt(2 D), and of 6 it is
 #: above 3, 20 to 1, in four of five.
 WORTH = 6.0
 #: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
 SURELY = 2.0
+#: Least force of a proposed test over what damping takes of it at no motion, 4/pi times friction: below it there is no
+#: resonance, close above it the motion hangs on the friction of the day. And motion that is none, over that of a sweep.
+LEAST_FORCE = 1.5
+STILL = 1e-6
 #: Explanations compared with the leading one; of others nothing is foreseen: they keep their probability.
 MOST_RIVALS = 6
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
@@ -119,6 +124,7 @@ def rank_tests(
     command: str,
     unit: float = 1.0,
     columns: Collection[str] = ("phase",),
+    imitations: Sequence[Hypothesis] = (),
 ) -> tuple[NextTest, ...]:
     """Every test worth its time: those that settle the case, the mildest first, then the others, the surest first.
 
@@ -128,7 +134,8 @@ def rank_tests(
     those against all rivals; none are worth it where nothing rivals the first. ``in_library``: chance that the library
     holds the cause. Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state
     say no more. ``unit``: of mass, in which the rows are counted; what is to be run is told as a record holds it.
-    ``columns``: of the record; further rows have some of them too.
+    ``columns``: of the record; further rows have some of them too. ``imitations``: explanations by causes without a
+    name that the record does not tell from the first: what is measured beyond counts once a test does.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not (blames := bool(alive[0].effects)):
@@ -140,7 +147,7 @@ def rank_tests(
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
     def foresee(*runs: _Run) -> NextTest:
-        odds, probability = _foresee(runs, len(rivals), every, in_library)
+        odds, probability = _foresee(runs, len(rivals), every, in_library, imitations)
         return _describe_test(runs, odds, probability, filled, unit, command)
 
     def foresee_pairs(first: _Run) -> list[NextTest]:
@@ -149,13 +156,14 @@ def rank_tests(
     def is_worth(test: NextTest) -> bool:
         return test.expected_log_odds > WORTH and (blames or test.is_beyond)
 
-    runs = _predict_runs(leading, [rival.hypothesis.best for rival in every[1 : 1 + MOST_RIVALS]])
+    compared = [rival.hypothesis for rival in every[1 : 1 + MOST_RIVALS]]
+    runs = _predict_runs(leading, [rival.best for rival in (*compared, *imitations)])
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
     if not worth:  # some rivals stay whatever is tested: the others may be told
         told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
         if 0 < len(told) < len(rivals):
-            return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns)
+            return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns, imitations)
         first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
         worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if told else []
     elif max(test.probability for test in worth) < COVER:
@@ -174,26 +182,42 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
     expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
     runs = []
     for design in DESIGNS:
+        if not _resonates(expected, design.plan(leading.model.problem)):
+            continue
         seen = _simulate(design.change(expected), design.plan(leading.model.problem))
         runs.append(_Run(design, seen, tuple(_miss(seen, rival, design.change) for rival in rivals)))
     return runs
 
 
-def _foresee(runs: Sequence[_Run], rivals: int, every: Sequence[Explanation], in_library: float) -> tuple[float, float]:
+def _resonates(terms: Terms, rows: Rows) -> bool:
+    """Whether forces leave more than a third beside what friction takes of them: of a mode that sticks none is seen."""
+    still = np.full(len(rows), STILL * float(np.exp(rows.u.min())))
+    friction = complex_stiffness(terms.tuned(rows.drive), still, rows.drive)[0].imag * still
+    return bool(np.all(LEAST_FORCE * friction <= rows.F))
+
+
+def _foresee(
+    runs: Sequence[_Run], rivals: int, every: Sequence[Explanation], in_library: float, imitations: Sequence[Hypothesis]
+) -> tuple[float, float]:
     """Log odds to be expected of all runs together, and how probable the first explanation then is.
 
     ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that settles the case
     against one rival only leaves the others where they are: the log odds are -ln sum p e^-D.
     """
-    compared = every[1 : 1 + len(runs[0].missed)]
-    odds = [_odds([run.missed[at] for run in runs], own.hypothesis.best) for at, own in enumerate(compared)]
+    among = len(runs[0].missed) - len(imitations)
+    compared = [*(own.hypothesis for own in every[1 : 1 + among]), *imitations]
+    odds = np.array([_odds([run.missed[at] for run in runs], own.best) for at, own in enumerate(compared)])
+    surely = odds - SURELY * np.sqrt(2.0 * odds)
     gained = np.zeros(len(every))  # of those that are not compared nothing is foreseen
-    gained[1 : 1 + len(odds)] = np.array(odds) - SURELY * np.sqrt(2.0 * np.array(odds))
-    p = np.array([own.probability for own in compared[:rivals]])
-    alive = every[: 1 + rivals]
-    beyond = (count_beyond(alive), count_beyond(alive, *(run.seen for run in runs)))
-    told = -float(logsumexp(-np.array(odds[:rivals]), b=p / p.sum()))
-    return told, foresee_probability(every, gained, in_library, *beyond)
+    gained[1 : 1 + among] = surely[:among]
+    p = np.array([own.probability for own in every[1 : 1 + rivals]])
+    alive, first = every[: 1 + rivals], every[0].hypothesis
+    behind = [first.log_posterior - own.log_posterior for own in imitations]
+    told_alike = bool(np.all(behind + surely[among:] > TOLD))
+    now = 0 if imitations else count_beyond(alive)
+    beyond = count_beyond(alive, *(run.seen for run in runs)) if told_alike else 0
+    told = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
+    return told, foresee_probability(every, gained, in_library, now, beyond)
 
 
 def _describe_test(

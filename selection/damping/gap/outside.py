@@ -9,13 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from damping.effects import FOREIGN
-from damping.effects.foreign import OTHER_MASS
+from damping.effects.foreign import SLOW_SPRING
+from damping.effects.masses import OTHER_MASS, VARYING_MASS
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
-from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL
+from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL, TOLD
 
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
+#: Causes that have the first harmonics of a spring at one mass, whatever their size: rows of such tell nothing of them.
+IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
 #: Log odds that are told as none.
 _EVEN = 0.05
 #: What was entered as a displacement, or a force as constant, where amplitudes go with a power of frequency beside it.
@@ -25,14 +28,18 @@ QUANTITIES = {
 }
 
 
-def weigh_outside(search: Search, leading: Hypothesis) -> dict[str, float]:
-    """Log odds against the leading explanation of causes that have no name in the library, by what they are."""
-    odds = _weigh_quantities(search, leading)
-    if foreign := fit_foreign(search, leading):
-        cause = " with ".join(FOREIGN[name].sentence for name in foreign.effects if name in FOREIGN)
-        beside = " and ".join(name for name in foreign.effects if name not in FOREIGN)
-        odds[f"{cause} beside {beside}" if beside else cause] = foreign.log_posterior - leading.log_posterior
-    return odds
+def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
+    """Log odds against the leading explanation of causes that have no name in the library, by what they are.
+
+    And those explanations by ``IMITATIONS`` that the record does not tell from it.
+    """
+    odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
+    for own in foreign[:1]:
+        cause = " with ".join(FOREIGN[name].sentence for name in own.effects if name in FOREIGN)
+        beside = " and ".join(name for name in own.effects if name not in FOREIGN)
+        odds[f"{cause} beside {beside}" if beside else cause] = own.log_posterior - leading.log_posterior
+    alike = (own for own in foreign if own.key & IMITATIONS)
+    return odds, tuple(own for own in alike if own.log_posterior > leading.log_posterior - TOLD)
 
 
 def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
@@ -51,14 +58,14 @@ def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
     return odds
 
 
-def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
-    """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
+def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
+    """Explanations by causes that have no name in the library, the most probable first; none where nothing is blamed.
 
-    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
+    Each is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
     mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
     """
     if not leading.effects:
-        return None
+        return []
     masses = np.ptp(search.problem.rows.added)
     of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
     parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
@@ -70,7 +77,7 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
         beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
     if parameters:
         beside.extend(parameters[0], OTHER_MASS.name)
-    return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
+    return [hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()]
 
 
 def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:

@@ -157,19 +157,27 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
                 repeatability.append(
                     f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
                 )
-    unknown = setting.unknowns
-    if len(unknown.scatters) > 1:
-        own, largest = fit.model.scatter, np.max(unknown.scatters, axis=0)
-        of_kinds = (("readings", "gain", own.amplitude), ("frequencies", "frequency", own.frequency))
-        for (what, name, scatter), most in zip(of_kinds, largest, strict=True):
-            if scatter >= most:
-                first, *_, last = sorted((getattr(level, name), level.sweep) for level in levels)
-                repeatability.append(
-                    f"the {what} of its levels scatter by {scatter:.2%}, the edge of what is usual, from "
-                    f"{first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}: "
-                    "a fault of one level, or another cause, may hide there"
-                )
-    return repeatability
+    hidden = "the edge of what is usual, {}: a fault of one level, or another cause, may hide there"
+    return repeatability + _tell_scatters(setting, fit, 1, hidden)
+
+
+def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
+    """What was taken as repeatability of gain or frequency where one rig in ten has as much: next to the edge."""
+    taken = "{}, which was taken as repeatability; where that is known to be better, another cause hides there"
+    return _tell_scatters(setting, fit, 2, taken)
+
+
+def _tell_scatters(setting: Setting, fit: ModelFit, rank: int, told: str) -> list[str]:
+    """Of gain and frequency, where they scatter by the ``rank``-th largest size tried; ``told`` of the span."""
+    levels, own, tried = list_levels(fit), fit.model.scatter, np.transpose(setting.unknowns.scatters)
+    of_kinds = (("readings", "gain", own.amplitude), ("frequencies", "frequency", own.frequency))
+    scatters = []
+    for (what, name, scatter), sizes in zip(of_kinds, map(np.unique, tried), strict=True):
+        if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
+            first, *_, last = sorted((getattr(level, name), level.sweep) for level in levels)
+            span = f"from {first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}"
+            scatters.append(f"the {what} of its levels scatter by {scatter:.2%}, {told.format(span)}")
+    return scatters
 
 
 @dataclass(frozen=True)

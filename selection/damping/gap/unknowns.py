@@ -26,6 +26,8 @@ _TRIMMED = 0.15
 _OF_NORMAL = 0.7215
 #: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
 SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
+#: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set once for each.
+RANGED = np.inf
 _PRICE = 2.0
 #: A deviation beyond this many standard deviations counts as if it were this large: wild points say nothing of a model.
 CLIP = 3.0
@@ -69,10 +71,10 @@ def further_noise(rows: Rows) -> Rows:
         if not measured.any():
             return sd
         own, phasor = rows.where(measured), phasor[measured]
-        floor, largest = float(np.min(rows.sd_amplitude * rows.A)), float(np.max(rows.A))
+        floor = float(np.min(rows.sd_amplitude * rows.A))
         if not own.at_resonance:
-            parts = (roughness(own, part / largest, (0.0,)) for part in (phasor.real, phasor.imag))  # alike everywhere
-            rough = largest * np.hypot(*parts) / np.sqrt(2.0)
+            parts = (roughness(own, part / own.A, (*SHARES, RANGED)) for part in (phasor.real, phasor.imag))
+            rough = own.A * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
             if np.max(np.abs(phasor)) < hum * np.max(rough):
                 floor = np.maximum(floor, np.sqrt(0.5 * np.mean(np.abs(phasor) ** 2)))
@@ -97,8 +99,9 @@ def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES
 
     Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
     fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
-    a constant part: rho is the most likely of ``shares``, s the root mean square without the largest, since a wild
-    point is in four combinations. Rows at phase resonance only say nothing of it: ``FIRST_GUESS``.
+    a constant part, or one of its sweep's largest (``RANGED``): rho is the most likely of ``shares``, s the root mean
+    square without the largest, since a wild point is in four combinations. Rows at phase resonance only say nothing of
+    it: ``FIRST_GUESS``.
     """
     width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
     if rows.at_resonance or width == 1:
@@ -111,6 +114,8 @@ def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES
     choices = []
     for rho in shares:
         shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
+        if rho == RANGED:
+            shape = np.array([rows.A[own].max() for own in rows.runs])[rows.sweep] / rows.A
         of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
         s = max(spread(combined / of_shape), LEAST)
         squares = np.minimum((combined / of_shape / s) ** 2, CLIP**2)

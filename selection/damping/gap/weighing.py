@@ -51,10 +51,14 @@ _MOST_DECADES = 6.0
 MOST_RIVAL = 3.0
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
+#: Largest chance where an effect of one sweep takes up all that a state of a single sweep says: rather none than that.
+UNCONFIRMED = 0.4
 #: The chance that the library holds the cause from which an explanation counts as one.
 KNOWN = 0.5
 #: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
+#: Log odds from which a rival is told: those.
+TOLD = 0.5 * INDISTINCT**2
 #: Odds below which an effect is no candidate for the place of another, however near its prediction.
 LEAST_ODDS = 0.02
 _MOST_SWAPPED = 2
@@ -204,6 +208,17 @@ def estimate_in_library(
     if leading.effects:
         return float(expit(log_odds))
     return float(expit(log_odds) * (1.0 - leading.probability) if unexplained else expit(log_odds + NOTHING_BLAMED))
+
+
+def hides_state(fit: ModelFit) -> bool:
+    """Whether an effect of one sweep is of the only one of its state: it takes up whatever a new state says."""
+    rows = fit.model.problem.rows
+    states = [(rows.added[own[0]], rows.state[own[0]]) for own in rows.runs]
+    if not 1 < len(set(states)) < len(states):
+        return False
+    alone = [rows.label[own[0]] for own, state in zip(rows.runs, states, strict=True) if states.count(state) == 1]
+    tables = (part.form.report(*part.values(own)) for part, own in fit.model.own_variables(fit.y[np.newaxis]))
+    return any(np.any(np.isin(table.get("sweep", 0.0), alone)) for table in tables)
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
