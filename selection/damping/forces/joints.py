@@ -65,13 +65,16 @@ class Slip(GrowingForce):
         held = self._held(A)
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
-        S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
-        return *self.grow(A, omega), S, S - self.scale(A, omega) * sine
+        S = self.stiffness * A * ((np.arctan2(sine, cosine) - cosine * sine) / pi - 1.0)
+        return *self._grow(held, omega), S, S - self.scale(A, omega) * sine
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A: see `averages`."""
-        held = self._held(A)
-        whole = self.scale(A, omega) * ones(omega)
+        return self._grow(self._held(A), omega)
+
+    def _grow(self, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """The same of A1/A."""
+        whole = self.scale(held, omega) * ones(omega)
         return whole * (1.0 - held), whole * held * (held < 1.0)
 
     def _held(self, A: Floats) -> Floats:
