@@ -141,6 +141,8 @@ def explain(
     effects: Mapping[str, Effect] | None = None,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
+    *,
+    brief: bool = False,
 ) -> Explained:
     """Fit and weigh every hypothesis about the gap between a simulation and a record.
 
@@ -148,6 +150,8 @@ def explain(
         effects: the library, by name; all of `CATALOGUE` where not given.
         states: records of further states of the structure with their modes; effects are shared.
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
+        brief: whether it is enough to know that more than noise is left and that the chance of a cause in the library
+            is below ``KNOWN``, where both are so: causes that have no name only lessen it, and are then not weighed.
 
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
@@ -178,16 +182,22 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    outside = weigh_outside(search, leading)
-    doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
-    cautions += describe_outside(outside, leading)
     understated = readings.measure_scatter(known, leading.best, tests, library)
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
     beyond = weighing.count_beyond(hypotheses)
     by_scatter = readings.stands_above(understated, leading.best)
     dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
-    in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+
+    def estimate(outside: Mapping[str, float]) -> tuple[FloatArray, float]:
+        doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
+        chance = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+        return doubts, chance
+
+    enough = brief and (in_rows or of_levels) and estimate({})[1] < weighing.KNOWN
+    outside = {} if enough else weigh_outside(search, leading)
+    cautions += describe_outside(outside, leading)
+    doubts, in_library = estimate(outside)
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
     found = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
@@ -268,7 +278,7 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
     search, combined = Search(start.problem, effects, start.unknowns), False
-    search.singles()
+    search.singles(leader_alone=True)
     for _ in range(MOST_NOISES):
         better = start.with_noise_of((leading := search.ranked()[0]).best)
         if not better.has_noise_of(start):
@@ -279,6 +289,8 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
                     search.extend(base, leading.effects[k])
         elif combined:
             break
+        else:
+            search.singles()
         search.combine()
         combined = True
     return start, search
