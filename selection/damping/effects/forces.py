@@ -21,7 +21,7 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
-from damping.forces.contract import Force, GrowingForce, Joint, ones
+from damping.forces.contract import Force, GrowingForce, Joint, spread
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
     Displacement,
@@ -130,7 +130,7 @@ class ManyJoints(GrowingForce):
         squared = held * held
         lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in (held, squared, still, sine * held))
         size = self.stiffness * A * slipping
-        whole = 4.0 / np.pi * size * ones(omega)
+        whole = spread(4.0 / np.pi * size, omega)
         return whole * (lost - grown), whole * grown, size * S, size * S - whole * turned
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:

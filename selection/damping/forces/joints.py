@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, zeros
+from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, spread, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -74,8 +74,8 @@ class Slip(GrowingForce):
 
     def _grow(self, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """The same of A1/A."""
-        whole = self.scale(held, omega) * ones(omega)
-        return whole * (1.0 - held), whole * held * (held < 1.0)
+        whole = self.scale(held, omega)
+        return spread(whole * (1.0 - held), omega), spread(np.asarray(whole * held * (held < 1.0)), omega)
 
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""
@@ -83,7 +83,7 @@ class Slip(GrowingForce):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C: see `averages`."""
-        return self.scale(A, omega) * ones(omega) * (1.0 - self._held(A))
+        return spread(self.scale(A, omega) * (1.0 - self._held(A)), omega)
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
@@ -92,7 +92,7 @@ class Slip(GrowingForce):
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S and dS/d ln A: see `averages`."""
         _, _, S, slope = self.averages(A, omega)
-        return S * ones(omega), slope * ones(omega)
+        return spread(S, omega), spread(slope, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
@@ -131,7 +131,7 @@ class CubicStiffness(Spring):
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S = (3/4) k3 A^3 and dS/d ln A = 3 S."""
-        S = 0.75 * self.coefficient * (A * A * A) * ones(omega)
+        S = spread(0.75 * self.coefficient * (A * A * A), omega)
         return S, 3.0 * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
@@ -153,7 +153,7 @@ class PowerStiffness(Spring):
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S = k B(p) A^p and dS/d ln A = p S."""
-        S = self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent * ones(omega)
+        S = spread(self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent, omega)
         return S, self.exponent * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
