@@ -289,7 +289,8 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
                     search.extend(base, leading.effects[k])
         elif combined:
             break
-        else:
+        else:  # forms of the others were given up, which a combination may need
+            search = Search(start.problem, effects, start.unknowns)
             search.singles()
         search.combine()
         combined = True
