@@ -46,7 +46,8 @@ def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation)
 
     ``record``, ``mode``: under a modal force, as swept.
     """
-    explained = _explain(record, mode)
+    # of a law that fits poorly the probabilities are told
+    explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor")
     return compare(predicted, explained) if explained else ()
 
 
@@ -65,14 +66,14 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
 
 def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
     """What the diagnosis says against a ranking in which no law fits."""
-    explained = _explain(record, mode)
+    explained = _explain(record, mode, brief=True)
     return describe_misfit(fit, explained) if explained else ()
 
 
-def _explain(record: Record, mode: Mode) -> Explained | None:
+def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
     """What effects explain; None for a model without damping and a record that no simulation can be compared with."""
     try:
-        return explain(record, mode) if mode.damping else None
+        return explain(record, mode, brief=brief) if mode.damping else None
     except AnalysisError:
         return None
 

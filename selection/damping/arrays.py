@@ -32,6 +32,21 @@ POUND_FORCE_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 RAD_S_PER_HZ = 2.0 * pi
 
 
+def invert(z: ComplexArray) -> ComplexArray:
+    """1/z, in a third of the time that numpy takes to divide complex numbers."""
+    x, y = z.real, z.imag
+    squared = x * x + y * y
+    return join_complex(x / squared, -y / squared)
+
+
+def join_complex(real: Floats, imaginary: Floats) -> ComplexArray:
+    """real + i imaginary, without what multiplying complex numbers takes."""
+    same = np.shape(real) == np.shape(imaginary)
+    joined = np.empty(np.shape(real) if same else np.broadcast(real, imaginary).shape, dtype=np.complex128)
+    joined.real, joined.imag = real, imaginary
+    return joined
+
+
 def differs(values: Floats, number: float) -> bool:
     """Whether any value is another; of one number without numpy, whose own way is slow in what is asked often."""
     return values != number if isinstance(values, float) else bool(np.any(values != number))

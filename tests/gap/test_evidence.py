@@ -33,7 +33,10 @@ from damping_validation.generator.steady import true_record
 
 @dataclass(frozen=True)
 class Linear:
-    """A model of residuals r0 + J x + c D z: 3 variables, 2 sweeps; c and the noise are those of the scatter."""
+    """A model of residuals r0 + J x + c D z: 3 variables, 2 sweeps; c and the noise are those of the scatter.
+
+    Each row lies in one of the sweeps, whose two deviations alone it answers to.
+    """
 
     r0: np.ndarray
     J: np.ndarray
@@ -71,6 +74,7 @@ class Linear:
 def linear():
     rng = np.random.default_rng(11)
     J, D = rng.normal(size=(40, 3)), 50.0 * rng.normal(size=(40, 4))
+    D *= np.tile(np.repeat(np.eye(2), 20, axis=0), 2)
     r0 = rng.normal(size=40) - J @ [0.5, -1.0, 0.2]
     return Linear(r0, J, D, Scatter(0.02, 0.01))
 

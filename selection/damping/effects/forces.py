@@ -18,10 +18,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from damping.arrays import ComplexArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
-from damping.forces.contract import Force, GrowingForce, Joint
+from damping.forces.contract import Force, GrowingForce, Joint, spread
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
 from damping.forces.powers import (
     Displacement,
@@ -121,10 +121,17 @@ class ManyJoints(GrowingForce):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
-        C, slope, S, in_phase_slope = (
-            np.sum(part, axis=0) for part in self._take_slipping(A, omega).averages(A, omega)
-        )
-        return C, slope, S, in_phase_slope
+        slipping, limit = self._find_slipping(A, omega)
+        held = np.minimum(limit / A, 1.0)
+        sine = 2.0 * np.sqrt(held * (1.0 - held))
+        cosine = 1.0 - 2.0 * held
+        still = (np.arctan2(sine, cosine) - cosine * sine) / np.pi - 1.0
+        # per stiffness and amplitude, as `Slip.averages`
+        squared = held * held
+        lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in (held, squared, still, sine * held))
+        size = self.stiffness * A * slipping
+        whole = spread(4.0 / np.pi * size, omega)
+        return whole * (lost - grown), whole * grown, size * S, size * S - whole * turned
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A."""
@@ -150,11 +157,17 @@ class ManyJoints(GrowingForce):
 
     def _take_slipping(self, A: Floats, omega: Floats) -> Slip:
         """Joints that stand for those that slip at amplitudes A, along an axis before those of A and omega."""
+        slipping, limit = self._find_slipping(A, omega)
+        return Slip(self.stiffness * (_WEIGHTS.reshape(-1, *[1] * (limit.ndim - 1)) * slipping), limit)
+
+    def _find_slipping(self, A: Floats, omega: Floats) -> tuple[Floats, FloatArray]:
+        """The share of all joints that slips at amplitudes A, and limits of some that stand for them, first axis."""
         reached = (A / self.limit) ** self.kappa
         slipping = np.minimum(reached, 1.0) if self.bounded else -np.expm1(-reached)
-        axes = [1] * max(np.ndim(slipping), np.ndim(omega))
-        share, weight = (nodes.reshape(-1, *axes) for nodes in (_SLIPPING, _WEIGHTS))
-        return Slip(self.stiffness * (weight * slipping), self._find_limit(share * slipping))
+        share = _SLIPPING.reshape(-1, *[1] * max(np.ndim(slipping), np.ndim(omega)))
+        if self.bounded:  # the same share of any that slip has its limit at the same share of the largest of them
+            return slipping, np.asarray(share ** (1.0 / self.kappa) * np.minimum(A, self.limit))
+        return slipping, np.asarray(self._find_limit(share * slipping))
 
     def _find_limit(self, P: Floats) -> Floats:
         """The limit below which a share P of the joints has its own."""

@@ -20,9 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats, differs, invert, join_complex
 from damping.effects.contract import Drive, Instrument, Terms, add_parts
 from damping.effects.moving import hurried
+from damping.forces.contract import Force
 
 #: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
 NEAREST = 1e-6
@@ -40,7 +41,7 @@ class Prediction:
 
 
 class _Receptance(NamedTuple):
-    """Displacement per force, the part of each path in it, and minus its changes by ln A and ln omega_n."""
+    """Displacement per force, the part of each path in it, and the changes of its ln by ln A and ln omega_n."""
 
     H: ComplexArray
     paths: tuple[ComplexArray, ...]
@@ -56,17 +57,13 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
     v, per_u = _pass([reading.unread for reading in reversed(terms.readings)], u - gain)
-    A = np.exp(v)
     terms = terms.tuned(drive)
-    receptance = _receptance(terms, drive, (A, A), every)
-    if (terms.plane is not None or terms.compliance) and not terms.linear:
-        for _ in range(_REFINEMENTS):
-            receptance = _receptance(terms, drive, _shares(terms, receptance, A), every)
-    F = drive.F * np.exp(add_parts(terms.received, drive))
+    turns = 0 if (terms.plane is None and not terms.compliance) or terms.linear else _REFINEMENTS
+    receptance = _receptance(terms, drive, np.exp(v), turns, every)
+    F = drive.F * np.exp(add_parts(terms.received, drive)) if terms.received else drive.F
     x, y = receptance.H.real.copy(), receptance.H.imag.copy()
     real, phase = 0.5 * np.log(x * x + y * y) + np.log(F), np.arctan2(y, x)
-    per_H = -1.0 / receptance.H
-    by_u, by_frequency = receptance.by_u * per_H, receptance.by_frequency * _of_every(per_H, every)
+    by_u, by_frequency = receptance.by_u, receptance.by_frequency
     if drive.resonant is not False and np.any(drive.resonant):
         real, phase, by_u, by_frequency = (
             np.where(drive.resonant, at, beside)
@@ -76,20 +73,12 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     if terms.readings:
         by_u = slope * (by_u.real * per_u) + 1j * by_u.imag * per_u
         by_frequency = _of_every(slope, every) * by_frequency.real + 1j * by_frequency.imag
-    return Prediction(_join(real + gain, phase - lag), by_u, by_frequency)
+    return Prediction(join_complex(real + gain, phase - lag), by_u, by_frequency)
 
 
 def _of_every(values: Any, every: int) -> Any:
     """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values that all models share stay."""
     return values[::every] if np.ndim(values) > 1 else values
-
-
-def _join(real: Floats, imaginary: Floats) -> ComplexArray:
-    """real + i imaginary, without what multiplying complex numbers takes."""
-    same = np.shape(real) == np.shape(imaginary)
-    joined = np.empty(np.shape(real) if same else np.broadcast(real, imaginary).shape, dtype=np.complex128)
-    joined.real, joined.imag = real, imaginary
-    return joined
 
 
 def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, Floats]:
@@ -106,71 +95,119 @@ def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[A
     stiffness = 1.0 / receptance.H
     # a simulation without damping loses nothing at all, and would stand still at no amplitude
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
-    squared = receptance.H * receptance.H
     real = np.log(F) - np.log(np.abs(loss))
-    by_u = -(receptance.by_u / squared).imag / loss
-    by_frequency = -(receptance.by_frequency / _of_every(squared, every)).imag / _of_every(loss, every)
+    by_u = (receptance.by_u * stiffness).imag / loss
+    by_frequency = (receptance.by_frequency * _of_every(stiffness, every)).imag / _of_every(loss, every)
     return real, -0.5 * np.pi, by_u.astype(np.complex128), by_frequency.astype(np.complex128)
 
 
 def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[ComplexArray, ComplexArray]:
     """Z and dZ/d ln A at amplitude A."""
-    detuning = np.square(terms.omega_n) - np.square(drive.omega)
-    # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
-    if not detuning.all():
-        detuning = np.where(detuning == 0.0, NEAREST * np.square(drive.omega), detuning)
-    real = terms.M * drive.mass * detuning - drive.added * np.square(drive.omega)
+    return _add_forces(_Still.of(terms, drive), terms.forces, A, drive)
+
+
+class _Still(NamedTuple):
+    """What of Z does not depend on amplitude: a linear ``spring``, what is ``beside``, and factors on damping forces.
+
+    ``own``: of the simulated ones, the first ``simulated``, each; ``damped``: of all.
+    """
+
+    spring: FloatArray
+    beside: Any
+    own: Floats
+    damped: Floats
+    simulated: int
+
+    @staticmethod
+    def of(terms: Terms, drive: Drive) -> _Still:
+        """That of terms."""
+        squared = np.square(drive.omega)
+        detuning = np.square(terms.omega_n) - squared
+        # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
+        if not detuning.all():
+            detuning = np.where(detuning == 0.0, NEAREST * squared, detuning)
+        spring = terms.M * drive.mass * detuning
+        if differs(drive.added, 0.0):
+            spring = spring - drive.added * squared
+        own = drive.own * np.exp(add_parts(terms.stated, drive)) if terms.stated else drive.own
+        damped = np.exp(add_parts(terms.damped, drive)) if terms.damped else 1.0
+        return _Still(spring, add_parts(terms.beside, drive), own, damped, terms.simulated)
+
+
+def _add_forces(
+    still: _Still, forces: tuple[Force, ...], A: FloatArray, drive: Drive
+) -> tuple[ComplexArray, ComplexArray]:
+    """Z and dZ/d ln A with the forces at amplitude A."""
+    real: Floats = still.spring
     imaginary: Floats = 0.0
     slope_real: Floats = 0.0
     slope_imaginary: Floats = 0.0
-    stated = drive.own * np.exp(add_parts(terms.stated, drive))
-    for number, force in enumerate(terms.forces):
-        own = stated if number < terms.simulated else 1.0
+    scaled = differs(still.own, 1.0)
+    for number, force in enumerate(forces):
         C, slope, S, in_phase_slope = force.averages(A, drive.omega)
-        imaginary = imaginary + C * own
-        slope_imaginary = slope_imaginary + (slope - C) * own
+        slope = slope - C
+        if scaled and number < still.simulated:
+            C, slope = C * still.own, slope * still.own
+        imaginary = imaginary + C
+        slope_imaginary = slope_imaginary + slope
         if force.restores:
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A
-    damped = np.exp(add_parts(terms.damped, drive)) / A
-    Z = _join(real, imaginary * damped)
-    return Z + add_parts(terms.beside, drive) if terms.beside else Z, _join(slope_real, slope_imaginary * damped)
+    damped = still.damped / A
+    Z = join_complex(real, imaginary * damped)
+    return Z + still.beside if np.ndim(still.beside) else Z, join_complex(slope_real, slope_imaginary * damped)
 
 
-def _receptance(terms: Terms, drive: Drive, amplitudes: tuple[FloatArray, FloatArray], every: int = 1) -> _Receptance:
-    """H with each plane's Z at its own amplitude; ``every``: see `predict`."""
-    Z, slope = complex_stiffness(terms, amplitudes[0], drive)
+def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: int = 1) -> _Receptance:
+    """H with each path's Z at its own amplitude, found in ``turns`` from ``A``; ``every``: see `predict`."""
+    still, compliance, amplitudes = _Still.of(terms, drive), add_parts(terms.compliance, drive), (A, A)
+    ratio: Floats = 1.0 if terms.plane is None else terms.plane.ratio
+    stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
+    for _ in range(turns):
+        paths, _ = _list_paths(terms, drive, still, amplitudes, stiffer)
+        amplitudes = _shares(terms, paths, A, sum(paths) + compliance)
+    paths, changes = _list_paths(terms, drive, still, amplitudes, stiffer)
     # dZ/d ln omega_n
     by_stiffness = 2.0 * _of_every(terms.M, every) * drive.mass * np.square(_of_every(terms.omega_n, every))
-    H, squared = hurried(Z, terms, drive)
-    by_u, by_frequency = squared * slope, _of_every(squared, every) * by_stiffness
-    paths: tuple[ComplexArray, ...] = (H,)
-    if terms.plane is not None:
-        t, ratio, in_both, damping = terms.plane
-        other = terms if in_both else terms._replace(forces=terms.viscous)
-        Z, slope = complex_stiffness(other, amplitudes[1], drive)
-        Z, slope = Z.real + 1j * damping * Z.imag, slope.real + 1j * damping * slope.imag
-        stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
-        second, squared = hurried(Z + stiffer, terms, drive)
-        squared = t * squared
-        by_u = (by_u + squared * slope) / (1.0 + t)
-        in_second = _of_every(squared, every) * by_stiffness * np.square(_of_every(ratio, every))
-        by_frequency = (by_frequency + in_second) / (1.0 + _of_every(t, every))
-        paths = (H / (1.0 + t), t * second / (1.0 + t))
-        H = paths[0] + paths[1]
-    for part in terms.compliance:
-        H = H + part(drive)
-    return _Receptance(H, paths, by_u, by_frequency)
+    (per_Z, slope), *others = changes
+    if len(paths) == 1 and not terms.compliance:
+        return _Receptance(paths[0], paths, per_Z * slope, _of_every(per_Z, every) * by_stiffness)
+    by_u, by_frequency = paths[0] * per_Z * slope, _of_every(paths[0] * per_Z, every) * by_stiffness
+    H = paths[0] + compliance
+    for per_Z, slope in others:
+        by_u = by_u + paths[1] * per_Z * slope
+        in_second = _of_every(paths[1] * per_Z, every) * by_stiffness
+        by_frequency = by_frequency + in_second * np.square(_of_every(ratio, every))
+        H = H + paths[1]
+    per_H = invert(H)
+    return _Receptance(H, paths, by_u * per_H, by_frequency * _of_every(per_H, every))
 
 
-def _shares(terms: Terms, receptance: _Receptance, A: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum reads A."""
-    per_reading = A / np.abs(receptance.H)
+def _list_paths(
+    terms: Terms, drive: Drive, still: _Still, amplitudes: tuple[FloatArray, FloatArray], stiffer: Floats
+) -> tuple[tuple[ComplexArray, ...], list[tuple[ComplexArray, ComplexArray]]]:
+    """Displacement per force of each plane at its amplitude; of each, the changes of its ln by Z and of Z by ln A."""
+    Z, slope = _add_forces(still, terms.forces, amplitudes[0], drive)
+    H, per_Z = hurried(Z, terms, drive)
     if terms.plane is None:
-        own = np.abs(receptance.paths[0]) * per_reading
+        return (H,), [(per_Z, slope)]
+    t, _, in_both, damping = terms.plane
+    Z, other = _add_forces(still, terms.forces if in_both else terms.viscous, amplitudes[1], drive)
+    Z, other = Z.real + 1j * damping * Z.imag, other.real + 1j * damping * other.imag
+    second, of_second = hurried(Z + stiffer, terms, drive)
+    return (H / (1.0 + t), t * second / (1.0 + t)), [(per_Z, slope), (of_second, other)]
+
+
+def _shares(
+    terms: Terms, paths: tuple[ComplexArray, ...], A: FloatArray, H: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum ``H`` reads A."""
+    per_reading = A / np.abs(H)
+    if terms.plane is None:
+        own = np.abs(paths[0]) * per_reading
         return own, own
     t = np.asarray(terms.plane.weight)
-    first, second = (np.abs(path) * per_reading for path in receptance.paths)
+    first, second = (np.abs(path) * per_reading for path in paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
 
 
@@ -190,7 +227,7 @@ def cross_motion(terms: Terms, A: FloatArray, drive: Drive) -> ComplexArray:
     """Phasor of the motion across the drive, F sin(theta) cos(theta) (H_1 - H_2) (3.1.24-3.1.27); 0 in one plane."""
     if terms.plane is None:
         return np.zeros(np.broadcast_shapes(np.shape(A), np.shape(terms.M)), dtype=np.complex128)
-    receptance = _receptance(terms.tuned(drive), drive, (A, A))
+    receptance = _receptance(terms.tuned(drive), drive, A, 0)
     t = np.asarray(terms.plane.weight)
     first, second = receptance.paths[0] * (1.0 + t), receptance.paths[1] * (1.0 + t) / t
     return np.asarray(drive.F * np.sqrt(t) / (1.0 + t) * (first - second))

@@ -7,18 +7,19 @@ frequencies of the tested resonances.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.extrapolation.loosening import Loosening, find_change, list_shapes
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
-from damping.predict.steady import bisect, resonant_amplitude
+from damping.predict.steady import bracketed_newton, resonant_amplitude
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -42,21 +43,10 @@ class Interval:
         return {name: float(getattr(self, name)[row]) for name in ("median", "low", "high")}
 
 
-#: Change of frequency with amplitude is tried in these powers of amplitude: of a joint that slips in full (S/A in
-#: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between ...
-POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-#: ... and as joints lose stiffness, never more than they have: of one limit, over the largest tested amplitude, and of
-#: limits spread evenly from none to a largest one.
-LIMITS = tuple(np.geomspace(0.04, 0.96, 96).tolist())
-LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 #: Prior standard deviations of the relative change of frequency from half the largest tested amplitude to it, or since
 #: joints were stuck, alike probable: bolted structures lose a fraction of a per cent to some per cent (Kerschen et al.
 #: 2006, section 2).
 CHANGES = (3e-4, 3e-3, 3e-2)
-#: Prior probability that frequency does not change at all: hardly any structure that is driven harder; and how probable
-#: powers, joints of one limit and of many are beside each other: joints of one limit are hardly any that is bolted.
-CONSTANT = 0.1
-OF_KINDS = (6.0, 1.0, 2.0)
 #: Share of the stiffness that joints may lose: from there on ln omega^2 falls in proportion.
 MOST_LOST = 0.5
 #: Components of the average below this share of the largest are left out.
@@ -78,6 +68,7 @@ _FAR = 2.0
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: ln of the amplitude over the largest tested one at which the backbone is tabulated.
 _TABLE = np.linspace(-5.0, 5.0, 201)
+_STEP = _TABLE[1] - _TABLE[0]
 #: Largest amplitude over the largest tested one that is told from any beyond it: its powers are finite numbers.
 _LARGEST = 1e20
 #: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
@@ -90,7 +81,7 @@ class Backbone:
 
     A straight line in a power of amplitude or in what joints lose, or constant, is omega^2, as springs and joints make
     it, but ln omega^2 where it falls in a power, so that not everything lets go: Bayesian linear regression for each of
-    `_list_shapes`, ``CHANGES`` and scatters, averaged by evidence.
+    `list_shapes`, ``CHANGES`` and scatters, averaged by evidence.
 
     Attributes:
         amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
@@ -107,16 +98,12 @@ class Backbone:
         """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""
         top = float(self.amplitude.max())
         weight, mean, sd = self._mix(np.minimum(np.where(np.isfinite(amplitude), amplitude, top), _LARGEST * top))
-        low, high = (mean - 8.0 * sd).min(axis=0), (mean + 8.0 * sd).max(axis=0)
-
-        def quantile(p: float) -> FloatArray:
-            return np.exp(bisect(lambda x: weight @ ndtr((x - mean) / sd) - p, low, high)) / RAD_S_PER_HZ
-
         tail = 0.5 * (1.0 - level)
-        median = quantile(0.5)
+        median, low, high = np.exp(_find_quantiles(weight, mean, sd, np.array([0.5, tail, 1.0 - tail]))) / RAD_S_PER_HZ
         tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
-        near = np.isfinite(amplitude) & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
-        return Interval(*(np.where(near, f, np.nan) for f in (median, quantile(tail), quantile(1.0 - tail))))
+        known = np.isfinite(amplitude) & (low > 0.0) & np.isfinite(high)
+        near = known & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
+        return Interval(*(np.where(near, f, np.nan) for f in (median, low, high)))
 
     def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
         """Amplitude (draws, forces) where C(A, omega(A)) = F: of a ``force`` with draws (draws, 1), F (forces,).
@@ -141,11 +128,16 @@ class Backbone:
 
     def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
         """ln omega at amplitudes of any shape: its mean plus ``deviation`` standard deviations, within ``_FAR``."""
+        mean, sd = self._tabulated
         with np.errstate(over="ignore"):  # an amplitude beyond all numbers is as the largest of the table
-            at = np.log(amplitude / self.amplitude.max())
-        mean, sd = (np.interp(at, _TABLE, values) for values in self._tabulated)
-        tested = np.log(self.omega)
-        return np.asarray(np.clip(mean + deviation * sd, tested.max() - _FAR, tested.min() + _FAR))
+            at_largest = np.log(amplitude / self.amplitude.max())
+        place = np.clip((at_largest - _TABLE[0]) / _STEP, 0.0, len(_TABLE) - 1.0)
+        before = np.minimum(np.nan_to_num(place).astype(np.int64), len(_TABLE) - 2)
+        share, tested = place - before, np.log(self.omega)
+        at = mean[before] + share * np.diff(mean)[before]
+        if np.any(deviation):
+            at = at + deviation * (sd[before] + share * np.diff(sd)[before])
+        return np.asarray(np.clip(at, tested.max() - _FAR, tested.min() + _FAR))
 
     @cached_property
     def _tabulated(self) -> tuple[FloatArray, FloatArray]:
@@ -166,98 +158,80 @@ class Backbone:
         """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
-        log_z, means, variances, s = [], [], [], np.hypot(_SCATTERS, self.scatter)
-        for shape, mass in _list_shapes():
-            X, at = _design(self.amplitude / top, shape), _design(amplitude / top, shape)
-            least = -MOST_LOST if isinstance(shape, Loosening) else 0.0  # y is omega^2 from here on, ln omega^2 below
+        s = np.hypot(_SCATTERS, self.scatter)
+        found = []
+        for kind, shapes in groupby(list_shapes(), key=lambda own: type(own[0])):
+            listed = list(shapes)
+            loosens = kind is Loosening
+            at_levels, at = (
+                np.array([find_change(part / top, shape) for shape, _ in listed])
+                for part in (self.amplitude, amplitude)
+            )
+            least = -MOST_LOST if loosens else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(least)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + least) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
-            for size in CHANGES if shape else (0.0,):
-                V = np.array([_ANYWHERE, 2.0 * size][: X.shape[1]]) ** 2
-                z, b, covariance = _regress(X / per_scatter[:, None], y / per_scatter, V, s)
-                if isinstance(shape, Loosening):  # half a normal prior: joints do not stiffen
-                    z = np.where(b[:, 1] < 0.0, z + np.log(2.0), -np.inf)
-                mean, variance = b @ at.T, np.einsum("ij,kjl,il->ki", at, covariance, at)
-                log_z.append(np.log(mass / (len(CHANGES) if shape else 1)) + z)
-                below = np.minimum(mean - least, 0.0) / (1.0 + least)
-                means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, least)) + below))
-                variances.append(s[:, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, least)) ** 2)
+            sizes = np.array([0.0] if listed[0][0] is None else CHANGES)
+            z, b, covariance = _regress(at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter, sizes, s)
+            if loosens:  # half a normal prior: joints do not stiffen
+                z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
+            masses = np.array([mass for _, mass in listed]) / len(sizes)
+            found.append((z + np.log(masses)[:, None, None], b, covariance, at, least))
+        most = max(float(z.max()) for z, *_ in found) + np.log(NEGLIGIBLE)
+        log_z, means, variances = [], [], []
+        for z, b, covariance, at, least in found:
+            shape, size, scatter = np.nonzero(z > most)
+            b, (own, both, other) = b[shape, size, scatter], covariance[:, shape, size, scatter, None]
+            mean, x = b[:, :1] + b[:, 1:] * at[shape], at[shape]
+            variance = own + x * (2.0 * both + x * other)
+            log_z.append(z[shape, size, scatter])
+            below = np.minimum(mean - least, 0.0) / (1.0 + least)
+            means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, least)) + below))
+            variances.append(s[scatter, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, least)) ** 2)
         evidences = np.concatenate(log_z)
-        kept = evidences > evidences.max() + np.log(NEGLIGIBLE)
-        weight = np.exp(evidences[kept] - logsumexp(evidences[kept]))
-        return weight, np.concatenate(means)[kept], np.sqrt(np.concatenate(variances)[kept])
+        weight = np.exp(evidences - logsumexp(evidences))
+        return weight, np.concatenate(means), np.sqrt(np.concatenate(variances))
 
 
-@dataclass(frozen=True)
-class Power:
-    """How a resonance changes with the amplitude over the largest tested one, x: as x^p, by one from x = 1/2 to 1."""
+def _find_quantiles(weight: FloatArray, mean: FloatArray, sd: FloatArray, p: FloatArray) -> FloatArray:
+    """Quantiles p (quantiles,) of mixtures of normals of weights (k,), means and deviations (k, rows)."""
+    z = ndtri(p)[:, None]
+    of_each = mean + z[..., None] * sd  # none of the mixture lies beyond those of its parts
+    low, high = of_each.min(axis=1), of_each.max(axis=1)
+    middle = weight @ mean
+    start = middle + z * np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
 
-    exponent: float
+    def excess(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z = (x[:, None, :] - mean) / sd
+        density = weight @ (np.exp(-0.5 * z * z) / sd) / np.sqrt(2.0 * np.pi)
+        return weight @ ndtr(z) - p[:, None], density
 
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """The change since x = 1."""
-        return np.asarray((x**self.exponent - 1.0) / (1.0 - 0.5**self.exponent))
-
-
-@dataclass(frozen=True)
-class Loosening:
-    """The same by the share of stiffness that joints have ``lost`` at x over their ``limit``, by one up to x = 1."""
-
-    limit: float
-    lost: Callable[[FloatArray], FloatArray]
-
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """The change since x = 1."""
-        return np.asarray(self.lost(x / self.limit) / self.lost(np.array(1.0 / self.limit)) - 1.0)
+    return bracketed_newton(excess, low, high, np.clip(start, low, high), rising=True)
 
 
-def _lose_of_one(x: FloatArray) -> FloatArray:
-    """1 - (psi - sin psi cos psi)/pi, cos psi = 1 - 2/x, beyond the limit (`damping.forces.joints.Slip`); else 0."""
-    cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
-    return 1.0 - (np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)) / np.pi
+def _regress(
+    x: FloatArray, one: FloatArray, y: FloatArray, sizes: FloatArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Regression y = b_0 one + b_1 x + noise of each deviation s (scatters,), for every x (shapes, levels) and size.
 
-
-def _lose_of_many(x: FloatArray) -> FloatArray:
-    """The mean of `_lose_of_one` over limits from 0 to 1: x/2 up to the largest, then x times its integral over 1/x."""
-    cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
-    psi, sine = np.arccos(cosine), np.sqrt(1.0 - cosine**2)
-    return x * (0.5 * (1.0 - cosine) - (sine - psi * cosine) / (2.0 * np.pi) + sine**3 / (6.0 * np.pi))
-
-
-@cache
-def _list_shapes() -> list[tuple[Power | Loosening | None, float]]:
-    """Every shape, None of a constant, with its prior probability."""
-    kinds: tuple[list[Power | Loosening], ...] = (
-        [Power(exponent) for exponent in POWERS],
-        [Loosening(limit, _lose_of_one) for limit in LIMITS],
-        [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS],
-    )
-    shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
-    return [
-        (None, CONSTANT),
-        *((shape, own / len(kind)) for kind, own in zip(kinds, shares, strict=True) for shape in kind),
-    ]
-
-
-def _design(x: FloatArray, shape: Power | Loosening | None) -> FloatArray:
-    """Columns 1 and the ``shape``, if any, (rows, 1 or 2)."""
-    ones = np.ones((len(x), 1))
-    return ones if shape is None else np.column_stack([ones, shape(x)])
-
-
-def _regress(X: FloatArray, y: FloatArray, V: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Regression y = X b + noise of each deviation s (k,), with b ~ N(0, V).
+    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), of ``sizes`` (sizes,); b_1 is 0 where the size is.
 
     Returns:
-        Log evidence (k,); b (k, columns) and its covariance.
+        Log evidence (shapes, sizes, scatters); b (.., 2); its variances and covariance, (3, ..): of b_0, both, b_1.
     """
-    over = 1.0 / s[:, None] ** 2
-    precision = X.T @ X * over[:, None] + np.diag(1.0 / V)
-    b = np.asarray(np.linalg.solve(precision, (X.T @ y * over)[..., None])[..., 0])
-    misfit = np.sum((y - b @ X.T) ** 2 * over, axis=1) + np.sum(b**2 / V, axis=1)
-    log_z = -0.5 * (misfit + np.linalg.slogdet(precision)[1] + np.sum(np.log(V))) - len(y) * np.log(s)
-    return log_z, b, np.asarray(np.linalg.inv(precision))
+    over, V = s**-2.0, (2.0 * sizes[:, None]) ** 2
+    p = one @ one * over + _ANYWHERE**-2.0  # precision, (scatters,) and below (shapes, sizes, scatters)
+    q = (x @ one)[:, None, None] * over * np.ones_like(V)
+    r = np.sum(x * x, axis=1)[:, None, None] * over + 1.0 / np.where(V > 0.0, V, 1.0)
+    u, v = one @ y * over, (x @ y)[:, None, None] * over
+    det = p * r - q * q
+    b = np.stack([(r * u - q * v) / det, (p * v - q * u) / det], axis=-1)
+    left = y - b[..., :1] * one - b[..., 1:] * x[:, None, None, :]
+    prior = (b[..., 0] / _ANYWHERE) ** 2 + b[..., 1] ** 2 / np.where(V > 0.0, V, 1.0)
+    misfit = np.sum(left**2, axis=-1) * over + prior
+    log_V = 2.0 * np.log(_ANYWHERE) + np.log(np.where(V > 0.0, V, 1.0))
+    log_z = -0.5 * (misfit + np.log(det) + log_V) - len(y) * np.log(s)
+    return log_z, b, np.array([r / det, -q / det, p / det])
 
 
 def find_backbone(record: Record, mode: Mode) -> Backbone:

@@ -219,6 +219,12 @@ def ones(*arrays: Floats) -> FloatArray:
     return np.ones(shapes[0] if len(shapes) == 1 else np.broadcast_shapes(*shapes))
 
 
+def spread(values: Floats, omega: Floats) -> Floats:
+    """Values in their broadcast shape with omega."""
+    shape = np.shape(omega)
+    return values if not shape or np.shape(values)[-len(shape) :] == shape else values * np.ones(shape)
+
+
 def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:
     """Their sum, zeros of the shape of A and omega where there are none."""
     return reduce(add, values) if values else zeros(A, omega)

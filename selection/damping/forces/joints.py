@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, zeros
+from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, spread, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -65,14 +65,17 @@ class Slip(GrowingForce):
         held = self._held(A)
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
-        S = self.stiffness * A * ((np.arccos(cosine) - cosine * sine) / pi - 1.0)
-        return *self.grow(A, omega), S, S - self.scale(A, omega) * sine
+        S = self.stiffness * A * ((np.arctan2(sine, cosine) - cosine * sine) / pi - 1.0)
+        return *self._grow(held, omega), S, S - self.scale(A, omega) * sine
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A: see `averages`."""
-        held = self._held(A)
-        whole = self.scale(A, omega) * ones(omega)
-        return whole * (1.0 - held), whole * held * (held < 1.0)
+        return self._grow(self._held(A), omega)
+
+    def _grow(self, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """The same of A1/A."""
+        whole = self.scale(held, omega)
+        return spread(whole * (1.0 - held), omega), spread(np.asarray(whole * held * (held < 1.0)), omega)
 
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""
@@ -80,7 +83,7 @@ class Slip(GrowingForce):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C: see `averages`."""
-        return self.scale(A, omega) * ones(omega) * (1.0 - self._held(A))
+        return spread(self.scale(A, omega) * (1.0 - self._held(A)), omega)
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
@@ -89,7 +92,7 @@ class Slip(GrowingForce):
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S and dS/d ln A: see `averages`."""
         _, _, S, slope = self.averages(A, omega)
-        return S * ones(omega), slope * ones(omega)
+        return spread(S, omega), spread(slope, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the joint itself is added with its memory, less what it is while stuck."""
@@ -128,7 +131,7 @@ class CubicStiffness(Spring):
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S = (3/4) k3 A^3 and dS/d ln A = 3 S."""
-        S = 0.75 * self.coefficient * (A * A * A) * ones(omega)
+        S = spread(0.75 * self.coefficient * (A * A * A), omega)
         return S, 3.0 * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
@@ -150,7 +153,7 @@ class PowerStiffness(Spring):
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S = k B(p) A^p and dS/d ln A = p S."""
-        S = self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent * ones(omega)
+        S = spread(self.coefficient * velocity_power_energy(self.exponent) / np.pi * A**self.exponent, omega)
         return S, self.exponent * S
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from damping.arrays import Floats
-from damping.forces.contract import AveragedForce, CoefficientForce, Force, absolute, ones
+from damping.forces.contract import AveragedForce, CoefficientForce, Force, absolute, spread
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, Uniform, coefficient_in
 
 
@@ -43,7 +43,7 @@ class Displacement(CoefficientForce):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = (2/pi) C2 A, at any frequency."""
-        return (2.0 / pi) * self.coefficient * A * ones(omega)
+        return spread((2.0 / pi) * self.coefficient * A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """C2 |q| sgn q'."""

@@ -17,7 +17,7 @@ from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
-from damping.gap.outside import describe_outside, weigh_outside
+from damping.gap.outside import describe_outside, weigh_library
 from damping.gap.problem import (
     Setting,
     State,
@@ -145,6 +145,8 @@ def explain(
     effects: Mapping[str, Effect] | None = None,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
+    *,
+    brief: bool = False,
 ) -> Explained:
     """Fit and weigh every hypothesis about the gap between a simulation and a record.
 
@@ -152,6 +154,8 @@ def explain(
         effects: the library, by name; all of `CATALOGUE` where not given.
         states: records of further states of the structure with their modes; effects are shared.
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
+        brief: whether it is enough to know that more than noise is left and that the chance of a cause in the library
+            is below ``KNOWN``, where both are so: causes that have no name only lessen it, and are then not weighed.
 
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
@@ -182,16 +186,14 @@ def explain(
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    outside, imitations = weigh_outside(search, leading)
-    doubts = weighing.describe_doubts(tests, hypotheses, outside.values())
-    cautions += describe_outside(outside, leading)
     understated = readings.measure_scatter(known, leading.best, tests, library)
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
     by_scatter = readings.stands_above(understated, leading.best)
     dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
-    beyond = 0 if left or imitations else weighing.count_beyond(hypotheses)
-    in_library = weighing.estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+    enough = brief and (in_rows or of_levels)
+    outside, imitations, doubts, beyond, in_library = weigh_library(search, hypotheses, tests, dispersion, left, enough)
+    cautions += describe_outside(outside, leading)
     if weighing.hides_state(leading.best):
         in_library = min(in_library, weighing.UNCONFIRMED)
         cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
@@ -276,7 +278,7 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
     search, combined = Search(start.problem, effects, start.unknowns), False
-    search.singles()
+    search.singles(leader_alone=True)
     for _ in range(MOST_NOISES):
         better = start.with_noise_of((leading := search.ranked()[0]).best)
         if not better.has_noise_of(start):
@@ -287,6 +289,9 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
                     search.extend(base, leading.effects[k])
         elif combined:
             break
+        else:  # forms of the others were given up, which a combination may need
+            search = Search(start.problem, effects, start.unknowns)
+            search.singles()
         search.combine()
         combined = True
     return start, search

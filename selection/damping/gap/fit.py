@@ -226,7 +226,7 @@ def _step(
     H = np.swapaxes(weighted, 1, 2) @ J
     diagonal = np.arange(H.shape[1])
     H[:, diagonal, diagonal] += 1.0
-    gradient = np.einsum("bmk,bm->bk", weighted, r) + y
+    gradient = (r[:, np.newaxis] @ weighted)[:, 0] + y
     H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
     step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
     return np.clip(step, -1.5, 1.5), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)

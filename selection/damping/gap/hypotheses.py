@@ -230,8 +230,9 @@ def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tupl
         k = base.model.problem.simulation.names.index(form.replaces)
         inverse = inverse - np.outer(inverse[k], inverse[k]) / inverse[k, k]
     weighted = d * base.weights
-    freed = weighted @ base.J @ inverse
-    squared = np.sum(weighted * d, axis=1) - np.sum(freed * (weighted @ base.J), axis=1)
+    shared = weighted @ base.J
+    freed = shared @ inverse
+    squared = np.sum(weighted * d, axis=1) - np.sum(freed * shared, axis=1)
     gradient = (r * base.weights) @ base.J + base.y
     pull = np.sum(weighted * r, axis=1) - np.sum(freed * gradient, axis=1)
     return np.maximum(squared, 1e-9 / form.natural**2), pull

@@ -193,7 +193,7 @@ class Model:
         own = self.residuals(points.reshape(batch * (size + 1), -1), size + 1)
         r = own.r.reshape(batch, size + 1, -1)
         J = np.zeros((batch, r.shape[2], y.shape[1]))
-        J[:, :, :size] = np.swapaxes((r[:, 1:] - r[:, :1]) / STEP, 1, 2)
+        J[:, :, :size] = np.swapaxes((r[:, 1:] - r[:, :1]) * (1.0 / STEP), 1, 2)
         by_gain, by_frequency = own.by_sweep()
         value, gain = np.arange(r.shape[2]), size + self.problem.rows.sweep_of_values
         J[:, value, gain] = by_gain * self.scatter.amplitude

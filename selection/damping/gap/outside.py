@@ -3,17 +3,28 @@
 Forces and parts of `damping.effects.foreign`, and amplitudes that are those of another quantity.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.effects import FOREIGN
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
+from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
-from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL, TOLD
+from damping.gap.weighing import (
+    KNOWN,
+    LEAST_ODDS,
+    MOST_RIVAL,
+    TOLD,
+    Explanation,
+    count_beyond,
+    describe_doubts,
+    estimate_in_library,
+)
 
 #: Causes without a name that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
@@ -78,6 +89,32 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
     if parameters:
         beside.extend(parameters[0], OTHER_MASS.name)
     return [hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()]
+
+
+def weigh_library(
+    search: Search,
+    hypotheses: Sequence[Explanation],
+    tests: Sequence[Test],
+    dispersion: float,
+    left: bool,
+    enough: bool,
+) -> tuple[dict[str, float], tuple[Hypothesis, ...], FloatArray, int, float]:
+    """Causes without a name and those not told, doubts, what is beyond, and the chance of a cause in the library.
+
+    ``left``: whether more than noise is left. ``enough``: whether causes without a name, which only lessen that chance,
+    are not weighed where it is below ``KNOWN`` already.
+    """
+
+    def estimate(outside: Mapping[str, float], beyond: int) -> tuple[FloatArray, float]:
+        doubts = describe_doubts(tests, hypotheses, outside.values())
+        return doubts, estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+
+    beyond = 0 if left else count_beyond(hypotheses)
+    enough = enough and estimate({}, beyond)[1] < KNOWN
+    outside, imitations = ({}, ()) if enough else weigh_outside(search, hypotheses[0].hypothesis)
+    beyond = 0 if imitations else beyond
+    doubts, chance = estimate(outside, beyond)
+    return outside, imitations, doubts, beyond, chance
 
 
 def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:

@@ -208,21 +208,56 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     root = np.sqrt(weights)
     J = fit.J / own * root[:, np.newaxis]
     start = fit.r * root - J @ (fit.y * own)  # residuals at x = 0, b = 0
-    scale = np.hstack([np.ones((len(unknown.scatters), k)), np.repeat(unknown.scatters, sweeps, axis=1)])
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
     regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
     of_correlations = []
     for rho in unknown.correlations:
-        white, log_det = decorrelate(np.column_stack([start, J]), fit.model, rho)
-        h, N = white[:, 1:].T @ white[:, 0], white[:, 1:].T @ white[:, 1:]
-        values, vectors = np.linalg.eigh(N * scale[:, :, np.newaxis] * scale[:, np.newaxis, :])
-        g = np.einsum("skj,sk->sj", vectors, h * scale)[:, np.newaxis, :]
-        H = 1.0 + np.maximum(values, 0.0)[:, np.newaxis, :] * precision[:, np.newaxis]
-        gained = 0.5 * np.sum((g * precision[:, np.newaxis]) ** 2 / H, axis=2) - 0.5 * np.sum(np.log(H), axis=2)
-        of_correlations.append(base + log_det - 0.5 * float(white[:, 0] @ white[:, 0]) * precision + gained)
+        white, log_det = decorrelate(np.column_stack([J, start]), fit.model, rho)
+        of_correlations.append(base + log_det + _integrate(white.T @ white, sweeps, unknown.scatters, precision))
     return np.stack(of_correlations, axis=1)
+
+
+def _integrate(
+    products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]], precision: FloatArray
+) -> FloatArray:
+    """ln of the Gaussian integral over variables and deviations of sweeps, (scatters, noises).
+
+    That is -(p r.r - g^T H^-1 g + ln det H)/2, g = p D J^T r, H = 1 + p D J^T J D, of the ``products`` of (J, r) with
+    itself: D is 1 for variables, else the scatter of gain or frequency, p each ``precision`` (noises,). A row lies in
+    one sweep, so that the deviations make blocks of two by two; these are eliminated first, then the variables one by
+    one, for all scatters and noises at once.
+    """
+    k = len(products) - 1 - 2 * sweeps
+    own, gain = np.array([*range(k), -1]), slice(k, k + sweeps)  # variables and residuals; gains
+    frequency = slice(k + sweeps, k + 2 * sweeps)
+    a, f = np.array(scatters).T[:, np.newaxis, :, np.newaxis] * np.sqrt(precision)  # (1, scatters, noises) each
+    of_gain, of_frequency, of_both = (
+        np.diagonal(products[one, other])[:, np.newaxis, np.newaxis]
+        for one, other in ((gain, gain), (frequency, frequency), (gain, frequency))
+    )
+    first, second, both = 1.0 + a * a * of_gain, 1.0 + f * f * of_frequency, a * f * of_both
+    det = first * second - both * both
+    inverse = np.concatenate([a * a * second / det, f * f * first / det, -a * f * both / det])
+    u, v = products[gain][:, own], products[frequency][:, own]
+    outer = np.concatenate(
+        [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)]
+    )
+    eliminated = np.tensordot(outer, inverse, axes=(0, 0))  # (variables and residuals, the same, scatters, noises)
+    left = (products[np.ix_(own, own)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
+    left[range(k), range(k)] += 1.0
+    log_det = np.sum(np.log(det), axis=0)
+    for j in range(k):
+        column = left[j + 1 :, j]
+        log_det += np.log(left[j, j])
+        left[j + 1 :, j + 1 :] -= column[:, np.newaxis] * (column / left[j, j])
+    return np.asarray(-0.5 * (left[k, k] + log_det))
+
+
+def _multiply_outer(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Products of every entry of each row of u with every one of that of v, (rows, entries, entries)."""
+    return u[:, :, np.newaxis] * v[:, np.newaxis, :]
 
 
 def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> ModelFit:

@@ -40,14 +40,17 @@ def bracketed_newton(
     low: FloatArray,
     high: FloatArray,
     start: FloatArray | None = None,
+    *,
+    rising: bool = False,
 ) -> FloatArray:
     """Roots by Newton's method, bisecting wherever a step would leave the bracket; NaN where a bracket is NaN.
 
     Args:
         function: value and derivative at an array of the shape of ``low``; each value changes sign in its bracket.
         low, high: ends of the brackets. start: in the brackets, where the first step begins; ``high`` by default.
+        rising: whether each value is known to rise from below zero to zero or above.
     """
-    side = function(high)[0] >= 0.0
+    side = np.True_ if rising else function(high)[0] >= 0.0
     u = high if start is None else start
     with np.errstate(all="ignore"):
         moved = high - low
@@ -140,7 +143,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
 
         # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
         start = np.broadcast_to(np.clip(np.nan_to_num(np.log(near)), -_WIDEST, _WIDEST), shape) if grows else None
-        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start))
+        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start, rising=True))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:

@@ -7,8 +7,8 @@ import numpy as np
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE
-from damping.forces.contract import Force
+from damping.forces import CATALOGUE, Component
+from damping.forces.contract import Force, Sum
 from damping.infer.best_fit import BestFit, build_force, fit_laws
 from damping.infer.law import Law
 from damping.infer.observations import Observations
@@ -71,25 +71,39 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
     order = sorted(fits, key=lambda fit: len(fit.law.parts))
     n = np.array([fit.n for fit in order])
-    beyond: dict[int, float] = {}
-
-    def predict_beyond(i: int) -> float:
-        if i not in beyond:
-            beyond[i] = float(np.log(resonant_amplitude(order[i].force, force, omega)))
-        return beyond[i]
-
+    beyond = np.log(_predict_all(order, force, omega))
     groups: dict[int, list[BestFit]] = {}
     for i, fit in enumerate(order):
         leaders = np.array([*groups], int)
         on_rows = leaders[np.all(np.abs(n[leaders] - n[i]) < INDISTINCT * noise, axis=1)]
         for leader in on_rows.tolist():
-            ends = predict_beyond(i), predict_beyond(leader)
+            ends = beyond[[i, leader]]
             if abs(ends[0] - ends[1]) < INDISTINCT * noise.max() or bool(np.isnan(ends).all()):
                 groups[leader].append(fit)
                 break
         else:
             groups[i] = [fit]
     return list(groups.values())
+
+
+def _predict_all(fits: Sequence[BestFit], force: float, omega: float) -> FloatArray:
+    """Resonant amplitude of each fit, (fits,); those of several terms at once, with 0 of the terms that they lack."""
+    amplitude, several = np.empty(len(fits)), [i for i, fit in enumerate(fits) if len(fit.law.parts) > 1]
+    for i, fit in enumerate(fits):
+        if i not in several:
+            amplitude[i] = resonant_amplitude(fit.force, force, omega)
+    named = dict[str, tuple[Component, FloatArray, dict[str, FloatArray]]]()
+    for place, i in enumerate(several):
+        for part, coefficient, shapes in zip(fits[i].law.parts, fits[i].coefficients, fits[i].shapes, strict=True):
+            values = {name: np.full(len(several), value) for name, value in shapes.items()}
+            _, coefficients, known = named.setdefault(part.name, (part, np.zeros(len(several)), values))
+            coefficients[place] = coefficient
+            for name, value in shapes.items():
+                known[name][place] = value
+    if several:
+        every = Sum(tuple(part.build(c, **values) for part, c, values in named.values()))
+        amplitude[several] = resonant_amplitude(every, force, omega)
+    return amplitude
 
 
 #: Times that a law is fitted without some of the sweeps, at most.
