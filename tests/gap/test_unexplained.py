@@ -15,8 +15,8 @@ from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
 from damping.gap.corrected import describe_shortfall
 from damping.gap.diagnose import diagnose, explain
-from damping.gap.outside import describe_outside
 from damping.gap.rows import UNSEEN, read_rows
+from damping.gap.search import describe_outside
 from damping.gap.size import nominal_residuals
 from damping.gap.unknowns import stated_noise
 from damping.gap.weighing import (

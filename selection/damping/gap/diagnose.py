@@ -14,10 +14,8 @@ from damping.forces import Viscous
 from damping.gap import readings, size, weighing
 from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
-from damping.gap.outside import describe_outside, weigh_outside
 from damping.gap.problem import (
     Setting,
     State,
@@ -27,9 +25,9 @@ from damping.gap.problem import (
     refuse_rows,
     setting,
 )
-from damping.gap.search import Search
+from damping.gap.search import Search, describe_outside, weigh_outside
 from damping.gap.simulation import Simulate
-from damping.gap.states import list_repeated, refuse_copies
+from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
 from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (

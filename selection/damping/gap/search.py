@@ -1,12 +1,19 @@
-"""The search for explanations: the simulation alone, with each effect, with combinations as far as data demand them."""
+"""The search for explanations: the simulation alone, with each effect, with combinations as far as data demand them.
+
+Beside the leading one causes are weighed that have no name in the library: forces and parts of
+`damping.effects.foreign`, and amplitudes that are those of another quantity.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from itertools import chain, combinations, product
 
 import numpy as np
 
+from damping.effects import FOREIGN
+from damping.effects.foreign import OTHER_MASS
 from damping.effects.rig import AMPLITUDE_SCALE
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import fit_model
@@ -24,6 +31,7 @@ from damping.gap.hypotheses import (
     order_ways,
 )
 from damping.gap.model import Model
+from damping.gap.weighing import LEAST_ODDS, MOST_RIVAL
 
 #: A further effect is fitted where its linear gain in ln p is at least the first and, times the second (gains of fits
 #: are larger than lines say), brings the hypothesis within ``NEAR`` of the most probable.
@@ -182,3 +190,73 @@ class Search(Fits):
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name])[:most]:
             self.extend(base, name, tried[name])
+
+
+#: Causes without a name that are fitted in the place of each of several effects.
+MOST_FOREIGN = 4
+#: Log odds that are told as none.
+_EVEN = 0.05
+#: What was entered as a displacement, or a force as constant, where amplitudes go with a power of frequency beside it.
+QUANTITIES = {
+    1: "velocity entered as displacement",
+    2: "acceleration entered as displacement, or the force of a rotating mass as constant",
+}
+
+
+def weigh_outside(search: Search, leading: Hypothesis) -> dict[str, float]:
+    """Log odds against the leading explanation of causes that have no name in the library, by what they are."""
+    odds = _weigh_quantities(search, leading)
+    if foreign := fit_foreign(search, leading):
+        cause = " with ".join(FOREIGN[name].sentence for name in foreign.effects if name in FOREIGN)
+        beside = " and ".join(name for name in foreign.effects if name not in FOREIGN)
+        odds[f"{cause} beside {beside}" if beside else cause] = foreign.log_posterior - leading.log_posterior
+    return odds
+
+
+def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
+    """Log odds against the leading effects of amplitudes that are A (omega/omega_n)^k, by what was entered wrongly.
+
+    k = 1 of a velocity, 2 of an acceleration (over omega_n^k), or where a force of that power was entered as constant.
+    Only where the simulation alone fits amplitudes freed of it to the noise, at the price of one effect.
+    """
+    rows, odds = search.problem.rows, dict[str, float]()
+    for k, what in QUANTITIES.items() if leading.effects and not rows.at_resonance else ():
+        freed = replace(rows, u=rows.u - k * np.log(rows.omega / search.problem.simulation.mode.omega_n))
+        alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().ranked()[0]
+        if leaves_noise(alone):
+            times = "(f0/f)" + ("^2" if k > 1 else "")
+            odds[f"{what} (amplitudes times {times} fit)"] = alone.log_evidence - leading.log_posterior
+    return odds
+
+
+def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
+    """The most probable explanation by a cause that has no name in the library; None where nothing is blamed.
+
+    It is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
+    mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
+    """
+    if not leading.effects:
+        return None
+    masses = np.ptp(search.problem.rows.added)
+    of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
+    parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
+    fitted = {key: own for key, own in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
+    own = {name: search.effects[name] for name in frozenset().union(*fitted)}
+    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
+    beside.singles()
+    for replaced in leading.effects if len(leading.effects) > 1 else ():
+        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+    if parameters:
+        beside.extend(parameters[0], OTHER_MASS.name)
+    return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)
+
+
+def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:
+    """Cautions of causes ``outside`` the library, by log odds, that the leading explanation does not exclude."""
+    alive = {cause: odds for cause, odds in outside.items() if odds >= np.log(LEAST_ODDS)}
+    return [f"{cause} {_compare_odds(odds, leading)}, and has no name in the library" for cause, odds in alive.items()]
+
+
+def _compare_odds(odds: float, leading: Hypothesis) -> str:
+    well = "better" if odds > MOST_RIVAL else "as well" if odds >= -_EVEN else "nearly as well"
+    return f"explains the record {well} (log odds {round(odds, 1) + 0.0:.1f} against {' + '.join(leading.effects)})"
