@@ -7,7 +7,6 @@ import re
 import numpy as np
 import pytest
 
-from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import describe_mode_to_toml, read_mode
@@ -25,7 +24,7 @@ def written(lab, tmp_path):
 
     def write(name):
         path = tmp_path / f"{name}.toml"
-        path.write_text(describe_mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best, CATALOGUE)))
+        path.write_text(describe_mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best)))
         return path
 
     return write

@@ -92,7 +92,7 @@ class Explained:
     @property
     def corrected(self) -> Mode:
         """The simulation corrected by the leading hypothesis, as it stands beside these records."""
-        corrected = corrected_mode(self.leading.best, CATALOGUE)
+        corrected = corrected_mode(self.leading.best)
         return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
 
 

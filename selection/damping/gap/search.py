@@ -184,11 +184,11 @@ class Search(Fits):
                     ways.setdefault(key, []).append(Way(hope, base, name, starts))
         return {key: sorted(own, key=lambda way: -way.hope) for key, own in ways.items()}
 
-    def extend_by_gain(self, base: Hypothesis, names: Collection[str], most: int) -> None:
-        """Fit a hypothesis with each of those effects of ``names`` that promise most."""
+    def extend_by_gain(self, base: Hypothesis, names: Collection[str]) -> None:
+        """Fit a hypothesis with each of the ``MOST_FOREIGN`` effects of ``names`` that promise most."""
         tried = {name: list_starts(base.plain, own, self.units) for name, own in self.forms.items() if name in names}
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
-        for name in sorted(gains, key=lambda name: -gains[name])[:most]:
+        for name in sorted(gains, key=lambda name: -gains[name])[:MOST_FOREIGN]:
             self.extend(base, name, tried[name])
 
 
@@ -245,7 +245,7 @@ def fit_foreign(search: Search, leading: Hypothesis) -> Hypothesis | None:
     beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
     beside.singles()
     for replaced in leading.effects if len(leading.effects) > 1 else ():
-        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys())
     if parameters:
         beside.extend(parameters[0], OTHER_MASS.name)
     return next((hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()), None)

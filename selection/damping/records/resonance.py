@@ -264,8 +264,6 @@ def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, p
     half-widths Im Z of the nearer row, or half as far as the frequency (a coarse sweep with noise), or where that row
     is at resonance (``JUMP_AT_RESONANCE``).
     """
-    if len(phase) < 2:
-        return None
     i, nearest, nearer = find_passage(phase)
     if not JUMP_AT_RESONANCE < nearest < np.inf:
         return None
