@@ -26,8 +26,7 @@ from damping.records.reading import read_record, read_table
 from damping.records.record import Record, record_to_csv
 from damping.regression import list_columns_for, parse_terms
 from damping.regression.design import list_required_columns
-from damping.regression.printout import describe_comparison
-from damping.regression.program import Regression
+from damping.regression.program import Regression, describe_comparison
 from damping.regression.selecting import Choice
 from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep

@@ -6,19 +6,36 @@ Source: R. R. Reed, *Determination of Modal Damping for Launch Vehicles Using Ex
 NAS8-21110. The files and the meaning of every column are described in ``data/saturn-v/README.md``.
 
 Units are lb, in, s.
+
+Here too what every chapter's page needs. Its text is ``page.txt`` of its folder (:mod:`damping.report.page`) with the
+directives
+
+- ``[figure NAME 3.2]``: a figure of the chapter with its number in the report (none: it goes further than the report);
+  the rest of the line is its title, the lines after it say what it shows,
+- ``[table NAME] caption``: a table of the page,
+- ``[known NAME]``: a table of the report as ``known_tables.toml`` has it.
 """
 
-from collections.abc import Iterable
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import count
+from itertools import count as count_up
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
+from damping.plots import to_svg
+from damping.report import count, format_joined
+from damping.report.page import Block, FigureBlock, Fold, Section, Table, Text, join_lines, write_blocks
 from damping_pipelines import shipped_folder
 
 Version = Literal["printed", "corrected", "used"]
@@ -97,4 +114,146 @@ def columns(table: pd.DataFrame, *names: str) -> tuple[FloatArray, ...]:
 def by_point(name: str, values: npt.ArrayLike, points: Iterable[object] | None = None) -> dict[str, float]:
     """``{name[1]: first value, name[2]: second, ...}``, or with the ``points`` named."""
     numbers = np.asarray(values, dtype=float).tolist()
-    return {f"{name}[{k}]": value for k, value in zip(points or count(1), numbers, strict=points is not None)}
+    return {f"{name}[{k}]": value for k, value in zip(points or count_up(1), numbers, strict=points is not None)}
+
+
+#: Figures whose data are not printed: there is a counterpart, from other data.
+NOT_PRINTED = ("5.1",)
+#: What tables and figures call what the code knows by name.
+LABELS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("labels.toml").read_text("utf-8"))
+#: Agreements of a printed number with its recomputation that count as right.
+CLOSE = ("printed digits", "last digit", "0.5 per cent")
+
+
+@dataclass(frozen=True)
+class DrawnBlock(FigureBlock):
+    """A figure of its own file, ``file`` without the ending, that can be drawn again."""
+
+    file: str = ""
+    draw: Callable[[], Figure] = Figure
+
+
+def draw_block(file: str, title: str, description: str, draw: Callable[[], Figure], caption: str = "") -> DrawnBlock:
+    """Draw a figure with its caption: by default its title and description."""
+    return DrawnBlock(to_svg(draw(), file, title, description), caption or f"{title}. {description}", file, draw)
+
+
+def describe_counterpart(number: str, title: str) -> str:
+    """The title of a figure after its ``number`` in the source report, where it has one."""
+    if not number:
+        return title
+    numbers, what = number.split(", "), "counterpart" if number in NOT_PRINTED else "redrawn"
+    return f"Fig{'s' * (len(numbers) > 1)}. {format_joined(numbers)} {what}: {title[:1].lower()}{title[1:]}"
+
+
+@dataclass(frozen=True)
+class ReportPart:
+    """A section with the tables that belong to it, by file; the figures are in its blocks."""
+
+    section: Section
+    tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> dict[str, DrawnBlock]:
+        """The figures by file."""
+        return {block.file: block for block in _drawn_in(self.section.blocks)}
+
+
+def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
+    """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds.
+
+    Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
+    """
+    own = {column: column for column in map(str, frame.columns) if not column.isascii()}
+    return Table(frame, "", headings=own | dict(headings or {}), key=f"chapter_{chapter}_{name}")
+
+
+def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
+    """The one row of a table in which the columns named have these values."""
+    chosen = np.logical_and.reduce([(frame[name] == value).to_numpy() for name, value in where.items()])
+    assert chosen.sum() == 1, f"{chosen.sum()} rows with {where}"
+    return frame.iloc[int(chosen.argmax())]
+
+
+def chapter_of(identity: str) -> int:
+    """Chapter of an id, the first digit of ``tab4II`` or ``eq4110``."""
+    digit = re.search(r"\d", identity)
+    assert digit, f"{identity} names no chapter"
+    return int(digit[0])
+
+
+def describe_agreement_text(reproduction: pd.DataFrame) -> str:
+    """How many printed numbers come out how well, and how many of the rest carry an erratum or a reason."""
+    counts = reproduction["agreement"].value_counts()
+    counted = format_joined(
+        f"{counts[name]} {words}" for name, words in LABELS["agreements"].items() if counts.get(name, 0)
+    )
+    known = reproduction.loc[reproduction["erratum"] != "", "erratum"]
+    text = f"Of the {len(reproduction)} numbers printed in this chapter as results, {counted}."
+    if known.empty:
+        return text
+    return f"{text} {count(known.nunique(), 'erratum').replace('erratums', 'errata')} explain {len(known)} of them."
+
+
+def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
+    for block in blocks:
+        if isinstance(block, DrawnBlock):
+            yield block
+        elif isinstance(block, Fold):
+            yield from _drawn_in(block.blocks)
+
+
+#: A table with more rows than this is folded away.
+MOST_ROWS = 24
+#: Tables that are known by name: ``title``, ``text``, what it says, and ``columns`` that the page shows (all if none).
+KNOWN: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
+
+
+def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
+    """A table that is known by name with what it says, folded where it is long."""
+    title, text = KNOWN[name]["title"], KNOWN[name]["text"]
+    shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
+    if len(shown) <= MOST_ROWS:
+        return [Table(shown, text or title, key=name)]
+    words = [Text(text)] if text else []
+    return [*words, Fold(f"{title}: all {len(shown)} rows", [Table(shown, title, key=name)])]
+
+
+def write_chapter(
+    number: int,
+    named: Mapping[str, pd.DataFrame],
+    *,
+    values: Mapping[str, Any],
+    figures: Mapping[str, Callable[[], Figure]],
+    tables: Mapping[str, pd.DataFrame],
+    shown: Mapping[str, Table],
+    headings: Mapping[str, str] | None = None,
+) -> ReportPart:
+    """The section of a chapter from its text, a template that knows ``agreement``, ``tables`` by name and ``row``.
+
+    Args:
+        named: tables of the report beside ours, by name. values: what else the template is filled with.
+        figures: how each is drawn, by name.
+        tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
+        shown: further tables of the page by name, or such as stand for whole ones, without captions.
+    """
+    whole = {name: chapter_table(number, name, frame, headings) for name, frame in tables.items()}
+    known = whole | dict(shown)
+
+    def take(kind: str, name: str, rest: str) -> list[Block]:
+        if kind == "figure":
+            name, _, counterpart = name.partition(" ")
+            head, _, description = map(join_lines, rest.partition("\n"))
+            caption = f"{describe_counterpart(counterpart, head)}. {description}"
+            return [draw_block(f"chapter-{number}-{name}", head, description, figures[name], caption)]
+        if kind == "known":
+            return build_known_table(name, named[name])
+        return [replace(known[name], caption=join_lines(rest))]
+
+    printed = named["reproduction"]
+    agreement = describe_agreement_text(printed[printed["id"].map(chapter_of) == number])
+    text = Path(__file__).parent / f"chapter_{number}" / "page.txt"
+    known_values = {"agreement": agreement, "tables": {**named, **tables}, "row": row, "labels": LABELS}
+    blocks = write_blocks(text, {**known_values, **values}, take)
+    section = Section(f"chapter-{number}", LABELS["titles"][str(number)], blocks)
+    return ReportPart(section, {whole[name].key: frame for name, frame in tables.items()})

@@ -18,7 +18,7 @@ from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
 from damping_pipelines.study_files import to_netcdf
 from damping_pipelines.terminal import progress
-from damping_reed1970 import data_folder, load_text
+from damping_reed1970 import CLOSE, LABELS, ReportPart, chapter_of, data_folder, load_text
 from damping_reed1970.chapter_2.page import write_chapter_2
 from damping_reed1970.chapter_3.page import write_chapter_3
 from damping_reed1970.chapter_3.planar_posterior import PlanarPosterior
@@ -28,7 +28,6 @@ from damping_reed1970.chapter_4.page import write_chapter_4
 from damping_reed1970.chapter_5 import tabulate_regression_deviations, tabulate_regressions
 from damping_reed1970.chapter_5.page import write_chapter_5
 from damping_reed1970.chapter_6 import section_6_1, section_6_1_errors, write_chapter_6
-from damping_reed1970.common import CLOSE, LABELS, ReportPart, chapter_of
 from damping_reed1970.reproduction import errata_part, reproduce, reproduction_part
 from damping_reed1970.studies import ReportResults, Studies, compute_studies, diagnose_gaps, gaps_part
 

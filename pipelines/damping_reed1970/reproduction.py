@@ -15,8 +15,19 @@ from damping.arrays import FloatArray
 from damping.plots import ALERT, AVERAGE, MUTED, build_panel, draw_plain_rows, styled
 from damping.report import number
 from damping.report.page import Block, Section, Table, join_lines, write_blocks
-from damping_reed1970 import chapter_2, chapter_3, chapter_4, chapter_5, load_text
-from damping_reed1970.common import CLOSE, KNOWN, LABELS, ReportPart, chapter_of, draw_block
+from damping_reed1970 import (
+    CLOSE,
+    KNOWN,
+    LABELS,
+    ReportPart,
+    chapter_2,
+    chapter_3,
+    chapter_4,
+    chapter_5,
+    chapter_of,
+    draw_block,
+    load_text,
+)
 
 Agreement = Literal["printed digits", "last digit", "0.5 per cent", "2 per cent", "no"]
 

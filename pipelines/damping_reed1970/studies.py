@@ -21,7 +21,7 @@ from damping.report import format_share
 from damping.report.gap import describe_diagnosis, tabulate_hypotheses
 from damping.report.gap_page import gap_figures
 from damping.report.page import Block, List, Section, Table, Text, join_lines, write_blocks
-from damping_reed1970 import data_folder, load_table
+from damping_reed1970 import DrawnBlock, ReportPart, data_folder, draw_block, load_table
 from damping_reed1970.chapter_2 import HysteresisLoops, SlipEquivalent, hysteresis_loops, slip_equivalent
 from damping_reed1970.chapter_3 import PLANES
 from damping_reed1970.chapter_3.study import Chapter3
@@ -32,7 +32,6 @@ from damping_reed1970.chapter_4.lines import SweepLines, coefficient_lines, forc
 from damping_reed1970.chapter_5.circularity import Circularity, circularity
 from damping_reed1970.chapter_5.false_terms import FalseTerms, false_terms
 from damping_reed1970.chapter_5.nine_terms import EnergySurface, energy_surface, nine_terms
-from damping_reed1970.common import DrawnBlock, ReportPart, draw_block
 from damping_validation.scorer_output import load_blind_table, tabulate_blind_rows
 
 MODES = (1, 2)

@@ -72,19 +72,19 @@ def _over_a_cycle(force: Callable[[FloatArray, FloatArray], FloatArray]) -> Comp
     return np.asarray(2j * np.mean(force(q, velocity) * np.cos(_CYCLE), axis=1))
 
 
-def _iwan(chi: float, spike: float, limit: float) -> ComplexArray:
-    """S + iC of sliders that slip at x with density x^chi up to ``limit``, and a share ``spike`` that all slip there.
+def _iwan(chi: float, spike: float) -> ComplexArray:
+    """S + iC of sliders that slip at x with density x^chi up to 1, and a share ``spike`` that all slip there.
 
     Segalman 2005: each slider's loop is traced on its way down from A, f = max(x - (A - q), -x).
     """
-    x = limit * (np.arange(60) + 0.5) / 60.0
+    x = (np.arange(60) + 0.5) / 60.0
     weight = x**chi / np.sum(x ** (chi + 1.0))
-    x, weight = np.append(x, limit), np.append((1.0 - spike) * weight, spike / limit)
+    x, weight = np.append(x, 1.0), np.append((1.0 - spike) * weight, spike)
     angle = np.pi * (np.arange(400) + 0.5) / 400.0
     force = np.zeros((len(_A), len(angle)))
-    for limit_of_one, strength in zip(x, weight, strict=True):
-        down = np.minimum(limit_of_one, _A) - _A * (1.0 - np.cos(angle))
-        force += strength * np.maximum(down, -limit_of_one)
+    for limit, strength in zip(x, weight, strict=True):
+        down = np.minimum(limit, _A) - _A * (1.0 - np.cos(angle))
+        force += strength * np.maximum(down, -limit)
     # what is stuck does no work, to the last digit
     work = np.where(_A[:, 0] <= x[0], 0.0, 2.0 * np.mean(-force * np.sin(angle), axis=1))
     return np.asarray(2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0))
@@ -94,15 +94,15 @@ def _iwan(chi: float, spike: float, limit: float) -> ComplexArray:
 _SUBSTEPS = 4
 
 
-def _bouc_wen(n: float, limit: float) -> ComplexArray:
-    """S + iC of dz = (1 - |z/limit|^n (1 + sign(z dq))/2) dq, stepped through three cycles."""
+def _bouc_wen(n: float) -> ComplexArray:
+    """S + iC of dz = (1 - |z|^n (1 + sign(z dq))/2) dq, stepped through three cycles."""
     q = np.sin(np.linspace(0.0, 6.0 * np.pi, 2401)) * _A
     z, energy, in_phase = np.zeros(len(_A)), np.zeros(len(_A)), np.zeros(len(_A))
     for i in range(1, q.shape[1]):
         step = q[:, i] - q[:, i - 1]
         for _ in range(_SUBSTEPS):
-            rate = 1.0 - np.abs(z / limit) ** n * 0.5 * (1.0 + np.sign(z * step))
-            new = np.clip(z + rate * step / _SUBSTEPS, -limit, limit)
+            rate = 1.0 - np.abs(z) ** n * 0.5 * (1.0 + np.sign(z * step))
+            new = np.clip(z + rate * step / _SUBSTEPS, -1.0, 1.0)
             if i > 1600:
                 energy += 0.5 * (z + new) * step / _SUBSTEPS
             z = new
@@ -127,8 +127,8 @@ def _joint_with_memory(name: str, number: int) -> ComplexArray:
     """S + iC of an Iwan or a Bouc-Wen joint of random shape with a limit of 1; the shapes spread over their ranges."""
     shape = np.random.default_rng([number, len(name)])
     if name == "iwan":
-        return _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25), 1.0)
-    return _bouc_wen(shape.uniform(1.0, 3.0), 1.0)
+        return _iwan(shape.uniform(-0.8, 0.2), shape.uniform(0.0, 0.25))
+    return _bouc_wen(shape.uniform(1.0, 3.0))
 
 
 def _with_memory(name: str, rng: np.random.Generator) -> Parts:

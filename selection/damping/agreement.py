@@ -144,7 +144,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
         if explanation.probability < ALIVE:
             break
         rows = explanation.hypothesis.best.model.problem.rows
-        corrected = corrected_mode(explanation.hypothesis.best, CATALOGUE)
+        corrected = corrected_mode(explanation.hypothesis.best)
         amplitude = simulate_resonance(corrected, loads.force, rows.omega, rows.has_phase)
         outside = (amplitude < band.low) | (amplitude > band.high)
         if outside.any():

@@ -6,7 +6,6 @@ Unit constants with their sources.
 import math
 from collections.abc import Mapping
 from math import pi
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -67,6 +66,4 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    if isinstance(value, Path):
-        return str(value)
     return value

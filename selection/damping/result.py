@@ -166,7 +166,7 @@ class RegressionResult(Result):
     @property
     def table(self) -> pd.DataFrame:
         """One row for each term of the selected model: ``name, coefficient, std_error, t_ratio, p_value``."""
-        from damping.regression.program import tabulate_terms  # noqa: PLC0415 - other results need no regression
+        from damping.regression.fit import tabulate_terms  # noqa: PLC0415 - other results need no regression
 
         return tabulate_terms(self.regression.selected.fit)
 
@@ -178,7 +178,7 @@ class RegressionResult(Result):
 
     def printout(self) -> str:
         """The print-out of the program of 1970."""
-        from damping.regression.printout import printout  # noqa: PLC0415 - as above
+        from damping.regression.program import printout  # noqa: PLC0415 - as above
 
         return printout(self.regression)
 

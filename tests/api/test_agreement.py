@@ -10,7 +10,6 @@ import pytest
 import damping as dp
 from damping import agreement, extrapolation
 from damping.agreement import describe_disagreement, describe_fall, describe_misfit, simulate_resonance
-from damping.effects import CATALOGUE
 from damping.gap import diagnose
 from damping.gap.corrected import corrected_mode
 from damping.infer.doubt import JointEvidence
@@ -73,7 +72,7 @@ def test_what_is_alive_on_the_flagship_stays_within_the_band(flagship):
     alive = [own.hypothesis.best for own in explained.hypotheses if own.probability > agreement.ALIVE]
     assert len(alive) > 1
     for fit in alive:
-        (own,) = simulate_resonance(corrected_mode(fit, CATALOGUE), np.array([90.0]), fit.model.problem.rows.omega)
+        (own,) = simulate_resonance(corrected_mode(fit), np.array([90.0]), fit.model.problem.rows.omega)
         assert band.low[0] < own < band.high[0]
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.effects import CATALOGUE
 from damping.errors import AnalysisError, InputError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import diagnose
@@ -220,7 +219,7 @@ def test_viscous_damping_that_is_not_simulated_is_found(lab, honest, share):
     found, said = answer(honest(), lab.mode(damping=damping))
     assert ("the simulation has no damping" in said) == (not damping)
     assert found.leading.effects == ("viscous-coefficient",)
-    corrected = corrected_mode(found.leading.best, CATALOGUE).damping
+    corrected = corrected_mode(found.leading.best).damping
     lost = corrected["viscous"]["coefficient"]
     lost += 2.0 / (np.pi * lab.omega) * corrected.get("displacement", {"coefficient": 0.0})["coefficient"]
     np.testing.assert_allclose(lost, lab.viscous, rtol=0.02, atol=0.0)  # 1 % noise, and 2 % tolerance of the mass

@@ -13,8 +13,8 @@ from damping.errors import AnalysisError
 from damping.gap.corrected import effect_values
 from damping.gap.designs import DESIGNS
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.driven import drive_by_forces
 from damping.gap.next_test import name_command, rank_tests
+from damping.gap.states import drive_by_forces
 from damping.predict import prepare
 from damping.records import audit
 from damping.records.base_drive import find_participation

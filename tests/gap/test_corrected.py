@@ -9,7 +9,6 @@ import pytest
 
 from damping.agreement import simulate_resonance
 from damping.api import sweep
-from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values, refitted_values
 from damping.gap.diagnose import diagnose
 from damping.records.mode import describe_mode_to_toml, read_mode
@@ -29,7 +28,7 @@ def written(lab, tmp_path):
 
     def write(name):
         path = tmp_path / f"{name}.toml"
-        path.write_text(describe_mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best, CATALOGUE)))
+        path.write_text(describe_mode_to_toml(corrected_mode(lab.diagnosed(name).leading.best)))
         return path
 
     return write

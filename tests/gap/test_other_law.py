@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import diagnose
 from damping.records.record import Record
@@ -39,7 +38,7 @@ def test_structural_damping_against_a_viscous_simulation(lab, seed):
     test = found.next_tests[0]
     assert "added_mass" in test.columns
     own = next(own.hypothesis.best for own in found.hypotheses if own.effects == ("displacement",))
-    corrected = corrected_mode(own, CATALOGUE)
+    corrected = corrected_mode(own)
     # C = (2/pi) C2 A of the law is the loss; 60 rows of 1 % know it to .3 %: four of them
     loss = 0.5 * np.pi * lab.viscous * lab.omega
     assert (set(corrected.damping), corrected.effects) == ({"displacement"}, {})
@@ -69,7 +68,7 @@ def test_structural_damping_of_another_size_than_simulated(lab, share):
     found = diagnose(structural(lab, lab.bench().rows, 7, share=share), lab.mode())
     named = {own.effects: own.hypothesis.best for own in found.hypotheses if own.probability > 0.1}
     assert ("displacement",) in named
-    coefficient = corrected_mode(named["displacement",], CATALOGUE).damping["displacement"]["coefficient"]
+    coefficient = corrected_mode(named["displacement",]).damping["displacement"]["coefficient"]
     # as above; the smaller damping is known less well in proportion
     np.testing.assert_allclose(coefficient, share * 0.5 * np.pi * lab.viscous * lab.omega, rtol=0.03, atol=0.0)
 

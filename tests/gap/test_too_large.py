@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.effects import CATALOGUE
 from damping.gap.corrected import corrected_mode, effect_values
 from damping.gap.diagnose import diagnose, explain
 from damping.records.record import Record
@@ -62,7 +61,7 @@ def test_a_simulated_force_that_is_not_there(lab, simulated, force, effect, seed
     np.testing.assert_allclose(values[leading], values["relative"] * whole, rtol=1e-12, atol=0.0)  # rounding
     (said,) = describe_diagnosis(found)["verdict"]
     assert f"the simulated {force} force is not there" in said
-    corrected = corrected_mode(found.leading.best, CATALOGUE)
+    corrected = corrected_mode(found.leading.best)
     assert (set(corrected.damping), corrected.effects) == ({"viscous"}, {})
 
 
@@ -74,7 +73,7 @@ def test_a_simulated_friction_against_the_true_one(lab, simulated, true, relativ
     cells = rub(lab, rows, true * 0.4 * whole)
     mode = replace(mode, damping=mode.damping | {"coulomb": {"coefficient": 0.4 * whole}})
     found = explain(lab.record(rows, cells, 3), mode)
-    corrected = corrected_mode(found.leading.best, CATALOGUE).damping["coulomb"]["coefficient"]
+    corrected = corrected_mode(found.leading.best).damping["coulomb"]["coefficient"]
     # 60 rows of 1 % know this friction to 2 % of the largest force, 0.06 of the simulated: three of them
     np.testing.assert_allclose(corrected / (0.4 * whole), true, rtol=0.0, atol=0.2)
     if relative is None:

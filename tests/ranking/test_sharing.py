@@ -102,7 +102,7 @@ def test_odds_of_normal_posteriors(same):
 def test_a_record_alone_has_the_evidence_of_its_law(power_law):
     """Averaged over the nodes, evidence with the shape held is that of :func:`evidence`, by another way."""
     data = power_law(1.6, 5)
-    held = sharing._hold_shape(POWER, EXPONENT, data, 0)
+    held = sharing._hold_shape(POWER, EXPONENT, data)
     nodes = (np.arange(40) + 0.5) / 40.0
     averaged = logsumexp([held(p) for p in nodes]) - np.log(40.0)
     # both are Monte Carlo: 6 % and 3 %, and forty nodes leave two on the peak

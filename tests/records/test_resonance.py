@@ -14,9 +14,8 @@ from damping.infer.observations import observe
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.reading import read_record
-from damping.records.record import Record
+from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import (
-    energy_per_cycle,
     find_jump,
     find_resonance,
     number_levels,

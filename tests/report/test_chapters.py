@@ -15,12 +15,11 @@ from damping.report import number
 from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping_reed1970 import load_text
+from damping_reed1970 import ReportPart, chapter_of, describe_agreement_text, load_text
 from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
 from damping_reed1970.chapter_5.page import tabulate_regression_rows
-from damping_reed1970.common import ReportPart, chapter_of, describe_agreement_text
 from damping_reed1970.exhibit import exhibit, report_parts
 from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
 from damping_reed1970.studies import Gaps, ReportResults, Studies

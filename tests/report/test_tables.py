@@ -36,7 +36,7 @@ from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior
 from damping.report.study import render
 from damping.report.tables import record_tables, tabulate_design
 from damping_pipelines.study_files import add_damping_ratio
-from damping_reed1970.common import LABELS
+from damping_reed1970 import LABELS
 
 POUND = Units("lb", "in", "s")
 

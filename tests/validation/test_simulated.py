@@ -70,10 +70,10 @@ def test_springs_of_joints_are_those_of_sliders():
     C, _, S, _ = Slip(1.0, 0.5).averages(A, OMEGA)
     np.testing.assert_allclose(truths._slip(0.5)[0.0], S + A + 1j * C, rtol=1e-9, atol=1e-10)  # A up to e^9
     C, _, S, _ = Slip(np.full((60, 1), 1.0 / x.sum()), x[:, None]).averages(A, OMEGA)
-    iwan = truths._iwan(0.0, 0.0, 1.0)
+    iwan = truths._iwan(0.0, 0.0)
     # midpoints of 400 angles: 1e-4 of a loop with kinks
     np.testing.assert_allclose(iwan, (S + A / x.sum()).sum(axis=0) + 1j * C.sum(axis=0), rtol=1e-3, atol=1e-4)
-    bouc = truths._bouc_wen(2.0, 1.0)
+    bouc = truths._bouc_wen(2.0)
     np.testing.assert_allclose(bouc.real[:40] / A[:40], 1.0, rtol=0.02)  # stuck below a twentieth of the limit
     np.testing.assert_allclose(bouc.imag[-40:], 4.0 / np.pi, rtol=0.02)  # slipping in full
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from scipy.linalg import eigh
 
 from damping.plots import INK, LINEAR, MUTED, WIDTH, build_panel, build_panels, law_style, styled
+from damping_reed1970 import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_2 import REFERENCE, Loop, SlipEquivalent, equal_amplitudes
-from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 #: Of the 1441 points of a small loop, only every nth is drawn: all corners at multiples of 30 degrees stay.

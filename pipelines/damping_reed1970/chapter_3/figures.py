@@ -14,10 +14,10 @@ from damping.arrays import FloatArray, Floats
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED, build_panel, build_panels, styled
 from damping.plots.fits import corner
 from damping.signals import plane_motion
+from damping_reed1970 import LABELS
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
 from damping_reed1970.chapter_3.planar_fit import Fits, phasors
 from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
-from damping_reed1970.common import LABELS
 
 OMEGA = "frequency ω (rad/s)"
 PITCH = "#0072b2"

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from damping.arrays import FloatArray
 from damping.records.runs import find_prominent
 from damping.report import NOTHING
+from damping_reed1970 import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_3 import PLANES, figures
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
 from damping_reed1970.chapter_3.study import Chapter3
-from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults
 
 #: Rise of a peak above what is around it, over the largest value: that of a median of draws is rough by less.

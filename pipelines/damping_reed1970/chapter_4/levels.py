@@ -24,10 +24,10 @@ from damping.plots import INK, MUTED, build_panel, draw_plain_rows, plain_log, s
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
+from damping_reed1970 import LABELS
 from damping_reed1970.chapter_2 import CASES
 from damping_reed1970.chapter_4 import resonances
 from damping_reed1970.chapter_4.lines import fit_mode
-from damping_reed1970.common import LABELS
 
 #: One-term cases of Table 2.I by force name; of case V the second term alone.
 ONE_TERM = {"V, second term" if case == "V" else case: force for case, force in CASES.items()}

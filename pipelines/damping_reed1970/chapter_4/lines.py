@@ -17,8 +17,7 @@ from damping.extrapolation.draws import Member
 from damping.extrapolation.prediction import Loads, predict
 from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
-from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law
-from damping.regression.program import tabulate_terms
+from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law, tabulate_terms
 from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances
 

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, build_panels, law_style, plain_log, styled
 from damping.report.page import Table
+from damping_reed1970 import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED
 from damping_reed1970.chapter_4 import amplitude_frequency as response
 from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.lines import SweepLines
-from damping_reed1970.common import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 

@@ -17,8 +17,7 @@ from damping.arrays import FloatArray
 from damping.forces import coefficient_from_energy, force_class
 from damping.regression import parse_term
 from damping.regression.design import Columns, Design, design_of
-from damping.regression.fit import Fit, fit
-from damping.regression.program import tabulate_terms
+from damping.regression.fit import Fit, fit, tabulate_terms
 from damping_reed1970 import Run, Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
 

@@ -21,8 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from damping.arrays import FloatArray
 from damping.plots import ALERT, LINEAR, MUTED, build_panels, plain_log, styled
 from damping.regression.design import Design
-from damping.regression.fit import Fit, fit, one_term_fits
-from damping.regression.program import tabulate_terms
+from damping.regression.fit import Fit, fit, one_term_fits, tabulate_terms
 from damping.regression.selecting import fit_nonnegative, stepwise
 from damping.regression.subsets import Subsets, all_subsets, best_subsets
 from damping_reed1970 import Version

@@ -6,10 +6,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.report.page import Table
+from damping_reed1970 import ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_5.circularity import ROUTES, Circularity, draw_circularity
 from damping_reed1970.chapter_5.false_terms import FARTHER, METHODS, draw_false_terms
 from damping_reed1970.chapter_5.nine_terms import draw_energy_surfaces, draw_terms_against_error
-from damping_reed1970.common import ReportPart, chapter_table, write_chapter
 from damping_reed1970.studies import ReportResults, Studies
 
 

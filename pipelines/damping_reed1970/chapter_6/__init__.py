@@ -24,10 +24,9 @@ from damping.ranking import Candidate, Ranking, rank_laws
 from damping.regression.fit import Form
 from damping.report import format_between, number
 from damping.report.page import Table
-from damping_reed1970 import chapter_3, chapter_4, load_force_laws, load_table
+from damping_reed1970 import LABELS, ReportPart, chapter_3, chapter_4, load_force_laws, load_table, write_chapter
 from damping_reed1970.chapter_4.lines import IV, coefficients_against_amplitude, fit_mode, report_method
 from damping_reed1970.chapter_5 import E_1, E_2, E_3, E_4, TERM_CASES, EnergyFit, table_5_i
-from damping_reed1970.common import LABELS, ReportPart, write_chapter
 from damping_reed1970.studies import ReportResults
 
 VERSIONS = ("printed", "recomputed", "ours")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects.contract import Effect
+from damping.effects import CATALOGUE
 from damping.forces import list_parameter_names
 from damping.forces.powers import Viscous
 from damping.gap.fit import ModelFit
@@ -136,7 +136,7 @@ def describe_shortfall(fit: ModelFit) -> list[str]:
 
 
 @np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
-def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
+def corrected_mode(fit: ModelFit) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
     Damping forces go to ``damping`` (beside one of the same name, its coefficients add; one of which nothing is left is
@@ -147,7 +147,7 @@ def corrected_mode(fit: ModelFit, effects: Mapping[str, Effect]) -> Mode:
     added: dict[str, Mapping[str, float]] = {}
     others: dict[str, Mapping[str, Any]] = dict(mode.effects)
     for name, values in effect_values(fit).items():
-        effect = effects[name]
+        effect = CATALOGUE[name]
         if effect.corrects and "relative" in values:
             relative[effect.corrects] = values["relative"]
         elif effect.damping and values.keys() - {"relative", "instead"} <= {*list_parameter_names(effect.damping)}:

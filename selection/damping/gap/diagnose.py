@@ -14,7 +14,6 @@ from damping.forces import Viscous
 from damping.gap import readings, size, weighing
 from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
-from damping.gap.driven import as_given, drive_by_forces
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_library
@@ -29,7 +28,7 @@ from damping.gap.problem import (
 )
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
-from damping.gap.states import list_repeated, refuse_copies
+from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
 from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
@@ -96,7 +95,7 @@ class Explained:
     @property
     def corrected(self) -> Mode:
         """The simulation corrected by the leading hypothesis, as it stands beside these records."""
-        corrected = corrected_mode(self.leading.best, CATALOGUE)
+        corrected = corrected_mode(self.leading.best)
         return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
 
 

@@ -107,7 +107,7 @@ def setting(
 
     Args:
         states: further states of the same structure, whose effects are shared. simulate: the user's own simulation.
-        shaken, groups: of each state, see `damping.gap.driven.Driven`; empty where forces drive all.
+        shaken, groups: of each state, see `damping.gap.states.Driven`; empty where forces drive all.
 
     Raises:
         AnalysisError: states that simulate different damping forces.

@@ -17,8 +17,8 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle, number_levels, tabulate_resonances
+from damping.records.record import Record, energy_per_cycle
+from damping.records.resonance import number_levels, tabulate_resonances
 
 #: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000

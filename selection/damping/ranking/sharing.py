@@ -114,13 +114,13 @@ def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dic
     return found
 
 
-def fit_jointly(law: Law, name: str, data: Sequence[Observations], seed: int = 0) -> SharedShape:
+def fit_jointly(law: Law, name: str, data: Sequence[Observations]) -> SharedShape:
     """Records fitted with one value of a shape parameter of the law, coefficients and scatters of each its own.
 
     Raises:
         AnalysisError: the law cannot carry the forces of a record.
     """
-    held = [_hold_shape(law, name, one, seed) for one in data]
+    held = [_hold_shape(law, name, one) for one in data]
     nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])
     lines = np.array([_interpolate(nodes, own) for own in values])
     _, low, high = _find_quantiles(lines.sum(axis=0))
@@ -150,7 +150,7 @@ def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
     return float(median), float(low), float(high)
 
 
-def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[[float], float]:
+def _hold_shape(law: Law, name: str, data: Observations) -> Callable[[float], float]:
     """ln of a record's evidence as a function of the prior probability at which the shape is held."""
     own = Coordinates.of(law, data)
     posterior = Balanced(own.scaled(data.reference), data.scaled())
@@ -163,7 +163,7 @@ def _hold_shape(law: Law, name: str, data: Observations, seed: int) -> Callable[
         def density(z: FloatArray) -> FloatArray:
             return posterior.log_density(np.insert(z, place, held, axis=-1)) - log_prior(np.array([[held]]))
 
-        return importance(density, *find_modes(density, *starts), seed, wanted=BRIEF_DRAWS).log_z
+        return importance(density, *find_modes(density, *starts), seed=0, wanted=BRIEF_DRAWS).log_z
 
     return log_z
 

@@ -7,8 +7,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
-from damping.records.passage import find_jump
-from damping.records.resonance import tabulate_resonances
+from damping.records.resonance import find_jump, tabulate_resonances
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
 

@@ -9,7 +9,7 @@ import numpy as np
 from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
 from damping.records.implied import is_in_turns
 from damping.records.mode import Units
-from damping.records.resonance import energy_per_cycle
+from damping.records.record import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
 #: Factors by which a quantity in a wrong unit is off, and what they mean.

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -249,6 +250,24 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             message = f"{describe_shortened(str(cells.iloc[row]))!r} in {_name_row(table.index, row)}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed
+
+
+def energy_per_cycle(record: Record) -> FloatArray:
+    """Energy input per cycle of each row (n,), in force times length.
+
+    The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may carry below 0; else, without
+    phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
+    one in a sweep of one) and NaN elsewhere.
+    """
+    if "energy" in record.frame.columns:
+        return record.column("energy")
+    largest = pi * record.column("force") * record.column("amplitude")
+    if record.has_phase:
+        return largest * np.sin(record.column("phase"))
+    peaks = record.frame.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
+    energy = np.full(len(record), np.nan)
+    energy[peaks] = largest[peaks]
+    return energy
 
 
 _BLOCK = 20_000  # rows that are written together

@@ -1,9 +1,9 @@
-"""Energy per cycle of every row, and the phase resonance of every sweep.
+"""The phase resonance of every sweep: where it is passed, or jumped over at a fold.
 
-Both rest on the force per unit of displacement that a row measures, Z = F exp(i phase)/A. For first-harmonic averages
+It rests on the force per unit of displacement that a row measures, Z = F exp(i phase)/A. For first-harmonic averages
 S (in phase) and C (in quadrature) of the restoring and damping forces beyond the linear spring,
 
-    Z = K - M omega^2 + (S + i C)/A,    energy per cycle E = pi F A sin(phase) = pi A C,
+    Z = K - M omega^2 + (S + i C)/A,
 
 so Re Z = 0 at phase pi/2: phase resonance, where the force balances the damping alone (report, section 4.1).
 """
@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
-from damping.records.passage import find_cotangent, find_jump, find_passage
 from damping.records.record import Record
 from damping.records.runs import order_rows
 
@@ -38,6 +37,14 @@ LARGEST_OFFSET = pi / 4
 SMALL_DAMPING = 0.05
 _MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
 ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
+#: A sweep jumps where the resonance itself moves by this between two rows, in half-widths (1: damping ratio times
+#: frequency): a resonance that stays moves by noise, and one that is bent little from row to row.
+JUMP = 1.0
+#: |cot phase| of the nearer row up to which a jump past resonance is read as a passage: F/Im Z is then 3 % more than
+#: its amplitude at most.
+JUMP_AT_RESONANCE = 0.25
+FEWEST_BESIDE = 2  #: steps from row to row, beside the one past resonance, that tell whether that is a jump
+_TELLING = 1e-6  # least sin(phase) of a row that is told from one that noise carries beyond 0..pi
 _FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
 SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
@@ -59,24 +66,6 @@ class Resonance:
     phase_offset: float
     method: str
     row: int
-
-
-def energy_per_cycle(record: Record) -> FloatArray:
-    """Energy input per cycle of each row (n,), in force times length.
-
-    The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may carry below 0; else, without
-    phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
-    one in a sweep of one) and NaN elsewhere.
-    """
-    if "energy" in record.frame.columns:
-        return record.column("energy")
-    largest = pi * record.column("force") * record.column("amplitude")
-    if record.has_phase:
-        return largest * np.sin(record.column("phase"))
-    peaks = record.frame.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
-    energy = np.full(len(record), np.nan)
-    energy[peaks] = largest[peaks]
-    return energy
 
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:
@@ -264,3 +253,39 @@ def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -
     if not telling.all():
         at[2] = columns[telling, 2][0]
     return np.asarray(at)
+
+
+def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> int | None:
+    """The row (of n in the order of the sweep, phases freed of their offset) after which it jumps past its resonance.
+
+    Re Z/M = omega_r^2 - omega^2 tells the resonance omega_r at the amplitude of each row, M being the median of
+    -d Re Z/d omega^2 from row to row. Of a resonance that stays it is the same on either side of phase pi/2, however
+    far apart the rows are; over a fold it leaps with the amplitude. None where it moves by less than ``JUMP``
+    half-widths Im Z of the nearer row, or half as far as the frequency (a coarse sweep with noise), or where that row
+    is at resonance (``JUMP_AT_RESONANCE``).
+    """
+    i, nearest, nearer = find_passage(phase)
+    if not JUMP_AT_RESONANCE < nearest < np.inf:
+        return None
+    Z = force / amplitude * np.exp(1j * phase)
+    rise, step = np.diff(Z.real), np.diff(frequency**2)
+    beside = (step != 0.0) & (np.arange(len(step)) != i)
+    if beside.sum() < FEWEST_BESIDE:
+        return None
+    slope = np.median(rise[beside] / step[beside])
+    least = JUMP * max(Z.imag[nearer], -0.5 * slope * abs(step[i]))
+    return i if slope < 0.0 and abs(rise[i] - slope * step[i]) > least else None
+
+
+def find_cotangent(phase: FloatArray) -> FloatArray:
+    """cot(phase); infinite where no row of a driven mode has the phase, though noise may carry it there."""
+    sine = np.sin(phase)
+    return np.divide(np.cos(phase), sine, out=np.full_like(sine, np.inf), where=sine > _TELLING)
+
+
+def find_passage(phase: FloatArray) -> tuple[int, float, int]:
+    """The row before phase pi/2 is passed, and |cot phase| and place of the nearer of the two; infinite: no passage."""
+    cosine, size = np.cos(phase), np.abs(find_cotangent(phase))
+    nearest = np.where(cosine[:-1] * cosine[1:] <= 0.0, np.minimum(size[:-1], size[1:]), np.inf)
+    i = int(np.argmin(nearest))
+    return i, float(nearest[i]), i + int(size[i + 1] < size[i])

@@ -20,8 +20,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.errors import AnalysisError, InputError
-from damping.records.record import Record
-from damping.records.resonance import energy_per_cycle
+from damping.records.record import Record, energy_per_cycle
 from damping.records.text import NUMBER
 from damping.regression import Term, times_matrix
 

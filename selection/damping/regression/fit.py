@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from scipy.special import stdtr, stdtrit
 
 from damping.arrays import BoolArray, FloatArray
@@ -185,6 +186,18 @@ def one_term_fits(design: Design) -> list[Fit]:
     column is zero at every observation.
     """
     return sorted([fit(design.take([i])) for i in range(design.k)], key=lambda single: single.sse)
+
+
+def tabulate_terms(fit: Fit) -> pd.DataFrame:
+    """One row for each term: ``name, coefficient, std_error, t_ratio, p_value``."""
+    numbers = {"coefficient": fit.coefficients, "std_error": fit.std_errors, "t_ratio": fit.t_ratios}
+    return pd.DataFrame({"name": fit.names, **numbers, "p_value": fit.p_values})
+
+
+def tabulate_one_term_fits(design: Design) -> pd.DataFrame:
+    """The fit of each term alone, most significant first."""
+    rows = [(f.names[0], f.coefficients[0], f.t_ratios[0], f.rms_error, f.r_squared) for f in one_term_fits(design)]
+    return pd.DataFrame(rows, columns=["name", "coefficient", "t_ratio", "rms_error", "r_squared"])
 
 
 Form = Literal["velocity-power", "displacement-velocity-power"]
