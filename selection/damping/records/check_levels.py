@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
+from damping.forces import component
 from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, name_unit
 from damping.records.mode import Mode
 from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
@@ -268,7 +269,7 @@ def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding |
     width = float(2.0 * np.nan_to_num(view.implied["damping_ratio"]).max())
     least = LEAST_SHIFT if len(hertz) > 1 else LEAST_SHIFT_ALONE
     away = float(np.max(np.sign(far[0]) * (far - far[0])))
-    moves = mode.tolerance.from_record or mode.effects or "slip" in mode.damping
+    moves = mode.tolerance.from_record or mode.effects or any(component(name).example.restores for name in mode.damping)
     apart = max(OTHER_STRUCTURE * mode.tolerance.frequency, BANDWIDTHS * width, least)
     if moves or not width > 0.0 or shift < apart or abs(far[0]) < MOVED_BEFORE * away:
         return None
