@@ -40,11 +40,11 @@ def made_once():
             made[key] = plan(data, laws, seed, done, mode, estimate)
         return made[key]
 
-    def explain_once(record, mode, *others):
+    def explain_once(record, mode, *others, brief=False):
         assert not any(others)
-        key = (record.table.to_csv(), repr(mode), *diagnose.CATALOGUE)
+        key = (record.table.to_csv(), repr(mode), brief, *diagnose.CATALOGUE)
         if key not in made:
-            made[key] = explain(record, mode)
+            made[key] = explain(record, mode, brief=brief)
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:

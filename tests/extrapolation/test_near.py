@@ -92,8 +92,9 @@ def test_a_cubic_spring_moves_frequencies_only(swept):
 
 def test_recorded_energies_are_not_touched(swept):
     record = swept(PAIR.force, LEVELS, offset=0.1)
-    record.table["energy"] = np.pi * record.table["force"] * record.table["amplitude"]
-    assert without_offset(record) is record
+    energy = np.pi * record.table["force"] * record.table["amplitude"]
+    recorded = Record(record.table.assign(energy=energy))
+    assert without_offset(recorded) is recorded
 
 
 def test_peaks_alone_stay_as_they_are(saturn):
@@ -298,7 +299,7 @@ def test_a_sweep_at_constant_response_singles_out_no_law(swept):
     table = record.table
     table["force"] = table["force"] * table["amplitude"].max() / table["amplitude"]
     table["amplitude"] = table["amplitude"].max()
-    plan = plan_loads(near_resonance(record), CANDIDATES)
+    plan = plan_loads(near_resonance(Record(table)), CANDIDATES)
     assert max(law.weight for law in plan.laws) < 0.5
 
 

@@ -65,7 +65,7 @@ class Slip(GrowingForce):
         held = self._held(A)
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
-        S = self.stiffness * A * ((np.arctan2(sine, cosine) - cosine * sine) / pi - 1.0)
+        S = self.stiffness * A * ((2.0 * np.arcsin(np.sqrt(held)) - cosine * sine) / pi - 1.0)
         return *self._grow(held, omega), S, S - self.scale(A, omega) * sine
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
