@@ -65,7 +65,8 @@ class Slip(GrowingForce):
         held = self._held(A)
         cosine = 1.0 - 2.0 * held
         sine = 2.0 * np.sqrt(held * (1.0 - held))
-        S = self.stiffness * A * ((2.0 * np.arcsin(np.sqrt(held)) - cosine * sine) / pi - 1.0)
+        # psi = pi - 2 asin sqrt(1 - A1/A), which keeps its digits where slip has just begun
+        S = -self.stiffness * A * (2.0 * np.arcsin(np.sqrt(1.0 - held)) + cosine * sine) / pi
         return *self._grow(held, omega), S, S - self.scale(A, omega) * sine
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
