@@ -86,8 +86,9 @@ _ROUNDING = 1e-12
 #: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
 #: any force measured of structures) down to 1/3 (slip in full).
 SLOPES = (0.25, 3.0)
-#: The upper one of decays, whose amplitude is no answer to a force: that of friction hardly changes as they fall.
-OF_FRICTION = 100.0
+#: The largest of a law of a decay, whose amplitude is no answer to a force: friction hardly changes as it falls. Larger
+#: ones only part laws in the table of deviations, by amplitudes that none reaches.
+OF_FRICTION = 20.0
 
 
 class JointEvidence(NamedTuple):
@@ -227,12 +228,14 @@ def extend(
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
     grow far where damping stops growing. NaN counts as steep. ``lets_go``: whether a joint may. ``of_decay``: whether
-    the upper one of ``SLOPES`` is ``OF_FRICTION``.
+    a law's own slope may be as large as ``OF_FRICTION``.
     """
     lean = joint.probability / JOINTS - 1.0
-    step, slopes = np.diff(z), (SLOPES[0], OF_FRICTION if of_decay else SLOPES[1])
+    step = np.diff(z)
     with np.errstate(invalid="ignore"):
-        q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), *slopes)
+        q = np.clip(
+            np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], OF_FRICTION if of_decay else SLOPES[1]
+        )
     delta = np.diff(strays, axis=1) / step
     grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
     if lets_go:
@@ -244,7 +247,8 @@ def extend(
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
         fails = FAILS * joint.failing * (1.0 - bent) / np.maximum(spread, 1e-6)
         grown *= np.where(grown > 0.0, np.hypot(1.0, fails), 1.0)
-    slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), *slopes)  # 10: far beyond ``SLOPES``
+    # strays end at ``SLOPES``, or at a law's own; 10: far beyond
+    slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), SLOPES[0], np.maximum(q, SLOPES[1]))
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
 
