@@ -277,7 +277,7 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
     search, combined = Search(start.problem, effects, start.unknowns), False
-    search.singles(leader_alone=True)
+    search.singles()
     for _ in range(MOST_NOISES):
         better = start.with_noise_of((leading := search.ranked()[0]).best)
         if not better.has_noise_of(start):
@@ -288,9 +288,6 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
                     search.extend(base, leading.effects[k])
         elif combined:
             break
-        else:  # forms of the others were given up, which a combination may need
-            search = Search(start.problem, effects, start.unknowns)
-            search.singles()
         search.combine()
         combined = True
     return start, search

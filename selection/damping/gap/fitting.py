@@ -110,13 +110,8 @@ class Fits:
         """All hypotheses, most probable first."""
         return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
-    def extend(
-        self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None, rival: float = -np.inf
-    ) -> None:
-        """Fit a hypothesis with one more effect, from the best starts of each of its forms.
-
-        Not where all soon stay far behind a ln posterior ``rival`` of another.
-        """
+    def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
+        """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
         rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
@@ -124,7 +119,7 @@ class Fits:
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         fits: list[ModelFit] = []
         for tried, fit in product(promising, base.near[:_MOST_BASES]):
-            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=rival))
+            fits += self._fits(fit, tried, rough, base, max((own.log_posterior for own in fits), default=-np.inf))
         if fits:
             top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]

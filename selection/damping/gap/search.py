@@ -87,12 +87,8 @@ class Search(Fits):
         if len(self.ranked()[0].effects) < len(leading.effects):
             self._shorten()
 
-    def singles(self, *, leader_alone: bool = False) -> None:
-        """Fit the simulation alone, which sets the units of strength, and every effect that could explain something.
-
-        ``leader_alone``: whether the best of them is all that is wanted; others are given up as soon as they stay far
-        behind what was found.
-        """
+    def singles(self) -> None:
+        """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
         null = self.hypotheses.get(frozenset())
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
@@ -102,8 +98,7 @@ class Search(Fits):
         gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name]):  # what is far behind the best is left rough
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
-                known = (own.plain.log_posterior for own in self.hypotheses.values())
-                self.extend(null, name, tried[name], max(known) if leader_alone else -np.inf)
+                self.extend(null, name, tried[name])
 
     def _most_effects(self) -> int:
         """Most effects that the rows can carry; at phase resonance only, one fewer than there are levels."""
