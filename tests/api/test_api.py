@@ -31,16 +31,6 @@ API = {
 
 
 @pytest.fixture
-def record() -> dp.Record:
-    return dp.read_record(RECORD)
-
-
-@pytest.fixture
-def mode() -> dp.Mode:
-    return dp.read_mode(MODE)
-
-
-@pytest.fixture
 def form_of(damping) -> Callable[..., dict]:
     """The form that a command prints."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
-import pickle
+import pickle  # what it reads here was written by the same test
 import re
 from contextlib import nullcontext
 
@@ -20,18 +20,7 @@ from damping_reed1970 import data_folder
 
 SATURN = data_folder() / "saturn-v"
 RECORD = SATURN / "records" / "config-2-mode-1.csv"
-MODE = SATURN / "modes" / "config-2-mode-1.toml"
 SCALES = Scales(0.2, 2.0, 10.0, 3.0, 0.5, 0.01, 0.1, 0.001, 0.05, simulated={"viscous": {"coefficient": 0.5}})
-
-
-@pytest.fixture
-def record() -> dp.Record:
-    return dp.read_record(RECORD)
-
-
-@pytest.fixture
-def mode() -> dp.Mode:
-    return dp.read_mode(MODE)
 
 
 def spoil(record: dp.Record) -> pd.DataFrame:

@@ -22,6 +22,10 @@ _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 _LAG = FormVariable.between(0.2, 5.0)
 
 
+#: Where what acts beyond a gap begins to act.
+CLEARANCE = Shape("clearance", LENGTH, above=0.0)
+
+
 @dataclass(frozen=True)
 class Contact(Spring):
     """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic.
@@ -33,10 +37,7 @@ class Contact(Spring):
     clearance: Floats
 
     name: ClassVar[str] = "contact"
-    shapes: ClassVar[tuple[Shape, ...]] = (
-        Shape("coefficient", FORCE / LENGTH, least=0.0),
-        Shape("clearance", LENGTH, above=0.0),
-    )
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH, least=0.0), CLEARANCE)
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
@@ -59,10 +60,7 @@ class Rub(GrowingForce):
     clearance: Floats
 
     name: ClassVar[str] = "rub"
-    shapes: ClassVar[tuple[Shape, ...]] = (
-        Shape("coefficient", FORCE, least=0.0),
-        Shape("clearance", LENGTH, above=0.0),
-    )
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE, least=0.0), CLEARANCE)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
@@ -127,10 +125,7 @@ class LooseDashpot(GrowingForce):
     clearance: Floats
 
     name: ClassVar[str] = "loose-dashpot"
-    shapes: ClassVar[tuple[Shape, ...]] = (
-        Shape("coefficient", FORCE * TIME / LENGTH, least=0.0),
-        Shape("clearance", LENGTH, above=0.0),
-    )
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE * TIME / LENGTH, least=0.0), CLEARANCE)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = c A omega (1 - (2/pi)(asin x + x r)), dC/d ln A = C + (4/pi) c A omega x r above the clearance; else 0.

@@ -49,9 +49,9 @@ def _log_odds(squared: FloatArray) -> FloatArray:
 def find_pattern(rows: Rows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
     """In words where wild values (m,) lie that are no stray readings; empty where they may be.
 
-    Stray readings are few and lie at random places. Three wild neighbours in a sweep are no stray readings. Neither is
-    a wild amplitude at the peak of its sweep, as of a sensor that clips, if it is so large that chance puts one there
-    in fewer than one record of 300.
+    Stray readings are few and lie at random places. Three wild neighbours in a sweep are no stray readings. Nor is a
+    wild amplitude at the peak of its sweep, where a sensor clips, unless chance puts one as large there in at least
+    one record of 300.
 
     Args:
         r: residuals (m,). sd_amplitude: the noise that they are in units of, relative, (n,).
