@@ -51,6 +51,8 @@ MOST_DISPERSIONS = 3
 FEW_ROWS = 40
 #: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
 MOST_NOISES = 3
+#: Explanations by several effects, the most probable with one noise, that are fitted with the next one too.
+MOST_CARRIED = 8
 
 
 @dataclass(frozen=True)
@@ -263,7 +265,7 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
         if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break
         known = replace(known, dispersion=known.dispersion * rest)
-        search = search.again(known.problem, known.unknowns)
+        search = search.again(known.problem, known.unknowns, larger=rest**2)
     return known, search
 
 
@@ -279,13 +281,13 @@ def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting,
     search, combined = Search(start.problem, effects, start.unknowns), False
     search.singles()
     for _ in range(MOST_NOISES):
-        better = start.with_noise_of((leading := search.ranked()[0]).best)
+        better = start.with_noise_of(search.ranked()[0].best)
         if not better.has_noise_of(start):
+            several = [hypothesis for hypothesis in search.ranked() if len(hypothesis.effects) > 1][:MOST_CARRIED]
             start, search = better, Search(better.problem, effects, better.unknowns)
             search.singles()
-            for k in range(1, len(leading.effects)):
-                if base := search.hypotheses.get(frozenset(leading.effects[:k])):
-                    search.extend(base, leading.effects[k])
+            for hypothesis in several:
+                search.adopt(hypothesis)
         elif combined:
             break
         search.combine()

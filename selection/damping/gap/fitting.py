@@ -18,7 +18,7 @@ from damping.effects import list_forms
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, drop_effect, fit_roughly, polish_fits
 from damping.gap.hypotheses import Hypothesis, Start, at_gap, choose_forms, list_starts
-from damping.gap.model import Problem
+from damping.gap.model import SPREAD, Problem
 from damping.gap.unknowns import Unknowns, marginalise_scatter
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs as much as there are effects.
@@ -28,7 +28,7 @@ _CLOSE = 3.0  #: Another form of an effect whose evidence is within this is kept
 _WORTH = 12.0  #: ln evidence behind the best from which a hypothesis is not fitted again at its own scatter and noise.
 _LOST = 100.0  #: ln evidence behind the best from which predictions are not taken again at a fit's own motion.
 #: Hypotheses, the most probable of all and of one effect, that are fitted to another problem too.
-_AGAIN = 6
+_AGAIN = 8
 _AGAIN_SIMPLE = 3
 _LOST_AGAIN = 30.0  #: ln p behind the best from which hypotheses of several effects are not fitted to another problem.
 #: Starts of each form that are fitted; from this misfit of the base, in units of noise, starts of other sizes too.
@@ -84,27 +84,41 @@ class Fits:
             self.hypotheses[before.key] = before
         return self.hypotheses[again.key]
 
-    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None) -> Self:
+    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
         """The same best hypotheses fitted to another problem, from the modes found: no other is tried.
 
         Strengths keep their units, so that priors stay what they are. ``kept``: which rows the problem has of this one.
+        ``larger``: by how much the variance of its noise is larger, and odds are smaller.
         """
         other = type(self)(problem, self.effects, unknown, units=self.units)
-        sweeps = np.unique(self.problem.rows.sweep[slice(None) if kept is None else kept])
         ranked = self.ranked()
-        probable = [own for own in ranked[:_AGAIN] if own.log_posterior > ranked[0].log_posterior - _LOST_AGAIN]
+        least = ranked[0].log_posterior - larger * _LOST_AGAIN
+        probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
         worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
         for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
-            fits: list[ModelFit] = []
-            for fit in hypothesis.near:
-                at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
-                model = replace(fit.model, problem=problem, scatter=unknown.first, at=at)
-                z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
-                fits += fit_roughly(model, fit.y[np.newaxis, : model.size], z)
-            if fits:  # none where the other problem's rows have no steady state of it
-                other._store(hypothesis.effects, fits, hypothesis.forms)
+            other.adopt(hypothesis, kept)
         return other
+
+    def adopt(self, hypothesis: Hypothesis, kept: BoolArray | None = None) -> None:
+        """Fit a hypothesis of another problem, or of other noise, from its modes, strengths in units of this one.
+
+        ``kept``: which rows this problem has of the other; all where None.
+        """
+        fits: list[ModelFit] = []
+        for fit in hypothesis.near:
+            sweep = fit.model.problem.rows.sweep
+            sweeps = np.unique(sweep if kept is None else sweep[kept])
+            at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
+            parts = tuple(replace(part, unit=self.units.get(part.form, part.unit)) for part in fit.model.parts)
+            model = replace(fit.model, problem=self.problem, scatter=self.unknown.first, at=at, parts=parts)
+            x = fit.y[np.newaxis, : model.size].copy()
+            for part, (before, own) in zip(parts, fit.model.own_variables(x), strict=True):
+                own[:, 0] += np.log(before.unit / part.unit) / SPREAD
+            z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
+            fits += fit_roughly(model, x, z)
+        if fits:  # none where the other problem's rows have no steady state of it
+            self._store(hypothesis.effects, fits, hypothesis.forms)
 
     def ranked(self) -> list[Hypothesis]:
         """All hypotheses, most probable first."""
