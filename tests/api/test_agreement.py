@@ -114,7 +114,7 @@ def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first)
     ]
     page = render_gap_page(diagnosis.diagnosis, None, diagnosis.against, Footer(1, {}, {}))
     assert page.count(said[1:]) == 1
-    assert (page.index(said[1:]) < page.index("class=\"lead\"")) == first
+    assert (page.index(said[1:]) < page.index('class="lead"')) == first
 
 
 def test_what_is_said_of_the_rows_alone_follows_the_loads(flagship, few_laws):

@@ -246,7 +246,7 @@ class Effect:
         damping: name of the damping force that a corrected model has in its place; empty where it is none.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
         need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
-            often than others it is the cause.
+            often than others it is the cause. passing: whether it is of one test, and no further test has it.
     """
 
     name: str
@@ -261,6 +261,7 @@ class Effect:
     need: Need = ""
     denies: frozenset[str] = frozenset()
     prior: float = 1.0
+    passing: bool = False
 
     def changed_by(self, report: Report) -> Callable[..., Terms]:
         """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
