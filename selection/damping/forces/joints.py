@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, spread, zeros
+from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, spread, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -31,7 +31,7 @@ class Coulomb(CoefficientForce):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 4 R/pi at any amplitude and frequency."""
-        return (4.0 / pi) * self.coefficient * ones(A, omega)
+        return (4.0 / pi) * self.coefficient + zeros(A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'."""
