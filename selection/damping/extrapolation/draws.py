@@ -268,11 +268,7 @@ def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
 def choose_next_level(
     members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float
 ) -> NextLevel:
-    """The level of ``tried`` (levels,) that would most shrink the band at ``design``.
-
-    Args:
-        spreads: draws at the forces ``tried``, then ``design``.
-    """
+    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: at all of these."""
     pooled, shares = pool(spreads), share_out(members, spreads)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
