@@ -56,7 +56,7 @@ def find_effect(name: str) -> Effect:
 def list_lasting(effects: Mapping[str, Mapping[str, float]], *, of_rig: bool = False) -> dict[str, Mapping[str, float]]:
     """The effects of a model file that a further test meets: those of the structure; ``of_rig``: of the rig too.
 
-    What drifts, or is off in one sweep or state, is of the test in which it was found.
+    Not those that are ``passing`` (`Effect`), or of one state.
     """
     found = {name: find_effect(name) for name, table in effects.items() if not table.get("state")}
     return {
