@@ -79,8 +79,9 @@ def _join_shares(odd: Mapping[str, tuple[float, str]]) -> str:
 def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, tuple[float, str]]:
     """The share of the base of each sensor that reads neither 1 nor 0 of it, with what explains it.
 
-    They are told where most sensors have one factor or an explanation, near 0 too, and beside others that read 1 or 0:
-    nearly so, but for one that reads far too much. Else the sweep begins above a mode, whose motion is in all of them.
+    Where most sensors have an explanation or one common factor, explained shares near 0 and 1 are told too. Else, where
+    most are odd or fewer than half read 1 or 0 closely, the sweep may begin above a mode, whose motion is in all of
+    them: then a share is told from ``MISREAD`` on, and only beside a majority of others.
     """
     run = levels[0].run
     if not run.is_base_driven:

@@ -82,8 +82,9 @@ class Member:
 class Spread:
     """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise.
 
-    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it is less at the
-    largest tested one: of those that do not resonate, at any; friction holds the others.
+    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it takes less at the
+    largest tested one. A draw that does not resonate has too little damping at any if it is short, else it is held by
+    friction.
     """
 
     law: FloatArray
