@@ -25,7 +25,7 @@ from damping_pipelines.terminal import (
     PlainTable,
     console,
     number,
-    number_even,
+    number_whole,
     parse_number,
     parse_pairs,
     report_findings,
@@ -278,11 +278,11 @@ def _show(answer: Campaign, out: Path) -> None:
     peaks = PlainTable("peak of the sensor that moves most", (level, "peak", "low", "high"), ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
-            ratio = [number_even(100.0 * part, 3) for part in at.ratio] if at.ratio else ["-"] * 3
+            ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio] if at.ratio else ["-"] * 3
             largest = max(at.response, key=lambda response: response.band[0], default=None)
-            peak = [number_even(part, 3) for part in largest.band] if largest else ["-"] * 3
+            peak = [number_whole(part, 3, "#") for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            damping.add_row(mode.name, number(at.level), number_even(at.frequency, 5), *ratio)
+            damping.add_row(mode.name, number(at.level), number_whole(at.frequency, 5, "#"), *ratio)
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)

@@ -113,7 +113,7 @@ def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequen
     from damping.report.page import Footer  # noqa: PLC0415 - as above
 
     footer = Footer(seed, versions(), digest_inputs(inputs))
-    write_text(report, render_gap_page(result.diagnosis, result.posterior, footer))
+    write_text(report, render_gap_page(result.diagnosis, result.posterior, result.against, footer))
 
 
 def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str, object]) -> Path:

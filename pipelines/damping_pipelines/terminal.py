@@ -192,15 +192,11 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 
-def number_whole(value: float, digits: int = 4) -> str:
-    """The same without an exponent however large it is, as of a frequency: 32000, not 3.2e+04."""
-    return f"{value:.0f}" if abs(value) >= 10.0**digits and math.isfinite(value) else number(value, digits)
-
-
-def number_even(value: float, digits: int) -> str:
-    """A number beside others to the given digits, zeros at its end too, without an exponent however large it is."""
-    even = abs(value) < 10.0**digits  # neither infinite nor NaN
-    return f"{value:#.{digits}g}".rstrip(".") if even else number_whole(value, digits)
+def number_whole(value: float, digits: int = 4, mark: str = "") -> str:
+    """The same without an exponent however large it is: 32000, not 3.2e+04; ``mark`` ``#``: with zeros at its end."""
+    if abs(value) >= 10.0**digits - 0.5 and math.isfinite(value):
+        return f"{value:.0f}"
+    return f"{value:{mark}.{digits}g}".rstrip(".") if math.isfinite(value) else "-"
 
 
 def parse_number(text: str) -> float:

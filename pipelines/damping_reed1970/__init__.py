@@ -7,8 +7,7 @@ NAS8-21110. The files and the meaning of every column are described in ``data/sa
 
 Units are lb, in, s.
 
-Here too what every chapter's page needs. Its text is ``page.txt`` of its folder (:mod:`damping.report.page`) with the
-directives
+The page of a chapter is made here too, from ``page.txt`` of its folder (:mod:`damping.report.page`) with the directives
 
 - ``[figure NAME 3.2]``: a figure of the chapter with its number in the report (none: it goes further than the report);
   the rest of the line is its title, the lines after it say what it shows,

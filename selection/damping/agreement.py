@@ -46,7 +46,7 @@ def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation)
 
     ``record``, ``mode``: under a modal force, as swept.
     """
-    # of a law that fits poorly the probabilities are told
+    # where a law fits poorly, `describe_fall` may tell probabilities, which causes without a name change
     explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor")
     return compare(predicted, explained) if explained else ()
 

@@ -135,8 +135,7 @@ class PredictedResult(Result):
     def cautions(self) -> tuple[str, ...]:
         """What the diagnosis says, the headlines, what was done before, and what is odd about the mode."""
         odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
-        of_fit = [sentence for sentence in self.headlines if sentence not in self.against]
-        return (*self.against, *of_fit, *self.prepared.notes_of_loads, *odd)
+        return tuple(dict.fromkeys((*self.against, *self.headlines, *self.prepared.notes_of_loads, *odd)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,7 +13,7 @@ import pandas as pd
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray
 from damping.errors import InputError, check_kind, check_seed
-from damping.extrapolation import check_loads, predict_record
+from damping.extrapolation import list_asked, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
 from damping.infer import SEED
@@ -99,7 +99,7 @@ def extrapolate(
     """
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
 
-    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
+    at, under = list_asked(amplitudes, "amplitude", level), list_asked(forces, "force", level)
     if len(at) and len(under):
         raise InputError("forces beside amplitudes", expected="one of them: a prediction is of the other")
     if not len(at) and not len(under):
@@ -137,7 +137,7 @@ def curve(
     """
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
 
-    at, under = _as_asked(amplitudes, "amplitude", level), _as_asked(forces, "force", level)
+    at, under = list_asked(amplitudes, "amplitude", level), list_asked(forces, "force", level)
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
@@ -149,12 +149,6 @@ def curve(
     against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared)
     traced = join_curves([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
     return CurveResult(predicted, prepared, against, curve=traced)
-
-
-def _as_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
-    """Forces or amplitudes that were asked, one or several, as an array; InputError for one that is none."""
-    values = [values] if isinstance(values, int | float | np.number) else values
-    return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
 
 
 @single_threaded
@@ -281,9 +275,8 @@ def sweep(
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``. structure:
-            the motion of the structure, without what the rig of the model (a gain, a force that drops out) makes of
-            it. What was off in one sweep of a test, or drifted, is never in.
+        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
+        structure: whether effects of the rig are left out. Those of one test always are.
 
     Raises:
         InputError: an argument that is not what it should be.
@@ -297,7 +290,8 @@ def sweep(
         levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
     except (TypeError, ValueError):
         raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
-    swept = simulate_sweeps(mode, levels, hertz, direction, method, watch(progress), structure=structure)
-    lasting, own = list_lasting(mode.effects, of_rig=not structure), list_lasting(mode.effects)
-    left_out = tuple(name for name in mode.effects if name not in lasting)
-    return SweepResult(swept, mode.name, left_out, tuple(name for name in lasting if name not in own))
+    kept = list_lasting(mode.effects, of_rig=not structure)
+    swept = simulate_sweeps(replace(mode, effects=kept), levels, hertz, direction, method, watch(progress))
+    left_out = tuple(name for name in mode.effects if name not in kept)
+    of_rig = tuple(name for name in kept if name not in list_lasting(kept))
+    return SweepResult(swept, mode.name, left_out, of_rig)

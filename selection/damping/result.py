@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_as_text, list_of_loads
+from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_as_text
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -135,16 +135,14 @@ class DiagnosisResult(Result):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is found, how large, where, what stays in doubt, how far the gap shrinks, and what to test next."""
-        from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - other results need no diagnosis
+        from damping.report.gap import describe_diagnosis, order_cautions  # noqa: PLC0415 - other results need none
 
         told = describe_diagnosis(self.diagnosis)
-        first = list_of_loads(self.against)
-        disagreements = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in first)
-        further = (caution for caution in (*self.against, *self.diagnosis.cautions) if caution not in first)
+        first, further = order_cautions(self.against, self.diagnosis.cautions)
         cautions = (f"Caution: {words.end_sentence(caution)}" for caution in further)
         parts = (told[what] for what in ("verdict", "sizes", "place", "doubts", "reach", "following"))
         units = f"Units: {self.diagnosis.mode.units}."
-        return (*disagreements, *(sentence for part in parts for sentence in part), *cautions, units)
+        return (*first, *(sentence for part in parts for sentence in part), *cautions, units)
 
     @property
     def title(self) -> str:

@@ -17,6 +17,8 @@ from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
 from damping.records.text import OF_LOADS
+from damping.report.gap_page import render_gap_page
+from damping.report.page import Footer
 from damping_reed1970 import data_folder
 
 
@@ -110,6 +112,9 @@ def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first)
     assert [sentence for sentence in diagnosis.sentences if sentence.endswith(f"{said[1:]}.")] == [
         capital if first else f"Caution: {said}."
     ]
+    page = render_gap_page(diagnosis.diagnosis, None, diagnosis.against, Footer(1, {}, {}))
+    assert page.count(said[1:]) == 1
+    assert (page.index(said[1:]) < page.index('class="lead"')) == first
 
 
 def test_what_is_said_of_the_rows_alone_follows_the_loads(flagship, few_laws):

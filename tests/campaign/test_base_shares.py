@@ -20,8 +20,8 @@ LEVELS = (0.1, 0.2, 0.4)
 SIZE = 10_000_000
 
 
-def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0):
-    """Sensors on a shaker in the unit they say times ``factors``; ``axes``: part of the base that each reads."""
+def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0, drive=1.0):
+    """Sensors and ``drive`` of a shaker in their unit times ``factors``; ``axes``: part of the base that each reads."""
     f = np.geomspace(first, 65.0, 500)
     w, motion = 2 * np.pi * f, np.outer(axes, np.ones(500)).astype(complex)
     for k, hertz in enumerate(HERTZ):
@@ -30,7 +30,7 @@ def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0):
     with h5py.File(path, "w") as file:
         for seed, level in enumerate(LEVELS):
             run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+            run["frequency"], run["control"] = f, np.full(len(f), drive * level, complex)
             run["control"].attrs["units"] = "g"
             read = level * motion * (1 + 0.005 * np.random.default_rng(seed).normal(size=motion.shape))
             for s, factor in enumerate(factors):
@@ -121,3 +121,10 @@ def test_a_sweep_between_modes_is_no_wrong_unit(tmp_path):
     levels, misread = fit_right_levels(read_runs([path], SIZE)[0])
     assert misread == {}
     assert describe_shares(levels) == []
+
+
+def test_a_drive_in_another_unit_is_told(tmp_path):
+    """Every sensor then reads 1/9.8 of the base, which none does that is right."""
+    path, _ = shaken(tmp_path / "a.h5", (1.0,) * 4, drive=G)
+    with pytest.raises(InputError, match=r"0\.10\d .*\(the drive in m/s\^2 for g\?\)"):
+        analyse([path], [0.8])

@@ -255,7 +255,7 @@ def test_a_state_without_its_record(damping, case):
 
 def test_files_of_one_name_are_told_apart_on_the_page(lab, tmp_path, monkeypatch, damping):
     """States of one structure in folders of their own: each record stands there with its own digest."""
-    answer = SimpleNamespace(diagnosis=None, posterior=None, sentences=())
+    answer = SimpleNamespace(diagnosis=None, posterior=None, against=(), sentences=())
     monkeypatch.setattr("damping.diagnose", lambda *_, **__: answer)
     monkeypatch.setattr("damping.report.gap_page.render_gap_page", lambda *given: json.dumps(given[-1].inputs))
     words = []

@@ -12,7 +12,7 @@ from damping import api, extrapolation
 from damping.infer.law import Law
 from damping_pipelines.cli import app
 from damping_pipelines.laws import _state_frequency
-from damping_pipelines.terminal import Notes, PlainTable, number_even, progress
+from damping_pipelines.terminal import Notes, PlainTable, number_whole, progress
 
 LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
 #: A number that was cut: a digit beside what stands for the rest.
@@ -147,8 +147,9 @@ def test_numbers_of_notes_rise():
         (1300.0, 3, "1300"),
         (0.3, 3, "0.300"),
         (100.0, 3, "100"),
+        (999.7, 3, "1000"),
         (float("nan"), 3, "-"),
     ],
 )
 def test_numbers_beside_each_other_have_even_digits(value, digits, text):
-    assert number_even(value, digits) == text
+    assert number_whole(value, digits, "#") == text

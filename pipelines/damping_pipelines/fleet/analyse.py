@@ -121,7 +121,8 @@ def _complete(read: FleetRecord) -> FleetResult:
     read = replace(read, reasons=tuple(reasons))
     pages = {row_of(task)["report"]: record_page(read)}
     if read.diagnosis:
-        pages[f"{task.stem}-gap.html"] = render_gap_page(read.diagnosis.diagnosis, None, _build_footer(task))
+        told = read.diagnosis
+        pages[f"{task.stem}-gap.html"] = render_gap_page(told.diagnosis, None, told.against, _build_footer(task))
     return FleetResult(row_of(task) | _columns(read), pages)
 
 

@@ -22,6 +22,7 @@ NEAR = 0.25
 ACROSS = 0.1  #: largest share of the base that a sensor across it reads by its transverse sensitivity and by tilt
 EXPLAINED = 0.05  #: relative deviation up to which a share is that of a wrong unit or scaling
 ALIKE = 0.1  #: relative deviation from the middle of the sensors up to which shares are one common factor
+LEAST_SHARE = 0.3  #: share of the base below which a sensor does not follow it, where most do
 LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
 #: What a share of the base is where amplitudes are not those of the drive.
 SCALINGS = {
@@ -78,14 +79,15 @@ def _join_shares(odd: Mapping[str, tuple[float, str]]) -> str:
 def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, tuple[float, str]]:
     """The share of the base of each sensor that reads neither 1 nor 0 of it, with what explains it.
 
-    They are told where most sensors have one factor or an explanation, near 0 too, and beside others that read 1 or 0:
-    nearly so, but for one that reads far too much. Else the sweep begins above a mode, whose motion is in all of them.
+    Where most sensors have an explanation or one common factor, explained shares near 0 and 1 are told too. Else, where
+    most are odd or fewer than half read 1 or 0 closely, the sweep may begin above a mode, whose motion is in all of
+    them: then a share is told from ``MISREAD`` on, and only beside a majority of others.
     """
     run = levels[0].run
     if not run.is_base_driven:
         return {}
     share, doubt = _measure_shares(levels)
-    causes = [_explain(*of) for of in zip(share, doubt, run.channels, strict=True)]
+    causes = [_explain(*of, run.drive_unit) for of in zip(share, doubt, run.channels, strict=True)]
     explained = np.array([bool(cause) for cause in causes])
     off = np.minimum(np.abs(share), np.abs(share - 1.0))
     odd = off > np.maximum(NEAR, doubt)
@@ -99,13 +101,19 @@ def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[
     return {name: (float(part), cause) for name, is_odd, part, cause in told if is_odd and name not in trusted}
 
 
-def _explain(share: float, doubt: float, sensor: Channel) -> str:
-    """The wrong unit or scaling that gives such a share of the base; '' where none does."""
-    own = unit(sensor.unit)
+def _explain(share: float, doubt: float, sensor: Channel, drive: str) -> str:
+    """The wrong scaling, or unit of the sensor or of the ``drive``, that gives such a share of the base; '': none."""
+    causes = [*SCALINGS.items(), *((k, f"{other} for {sensor.unit}?") for other, k in _list_factors(sensor.unit))]
+    causes += [(1.0 / k, f"the drive in {other} for {drive}?") for other, k in _list_factors(drive)]
+    known = (cause for k, cause in causes if abs(share - k) < EXPLAINED * k and doubt < NEAR * k)
+    return f" ({cause})" if (cause := next(known, "")) else ""
+
+
+def _list_factors(text: str) -> list[tuple[str, float]]:
+    """Other units of the same kind, and how many of each make one of this."""
+    own = unit(text)
     others = (other for other in UNITS.get(own.powers[2], ()) if not unit(other).agrees_with(own))
-    causes = SCALINGS | {own.factor / unit(other).factor: f"{other} for {sensor.unit}?" for other in others}
-    known = (factor for factor in causes if abs(share - factor) < EXPLAINED * factor and doubt < NEAR * factor)
-    return f" ({causes[factor]})" if (factor := next(known, 0.0)) else ""
+    return [(other, own.factor / unit(other).factor) for other in others]
 
 
 def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
@@ -120,7 +128,7 @@ def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
             bad[name] = "dead: it reads next to nothing"
-        elif absolute and abs(base[s]) < 0.3 and not (moves[s] and abs(base[s]) < across[s]):
+        elif absolute and abs(base[s]) < LEAST_SHARE and not (moves[s] and abs(base[s]) < across[s]):
             bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
         elif absolute and base[s] < -across[s]:
             bad[name] = "reversed: it moves against the base below resonance"

@@ -21,7 +21,7 @@ from damping.campaign.runs import (
     keep_common_sensors,
     summarise_runs,
 )
-from damping.campaign.tracked import UNEVEN, Source, read_table
+from damping.campaign.tracked import Source, read_table
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.headers import ROLE_NAMES
@@ -29,6 +29,7 @@ from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Summary
 from damping.formats.uff import Function, read_functions
 from damping.records.text import name_apart, read_bytes, read_start
+from damping.signals.windows import UNEVEN
 
 SAMPLES = 2_000_000  #: samples of all channels that are read together
 #: A level in an ID line with the word for it: what differs from run to run, and so is no part of a sensor's name.

@@ -29,11 +29,11 @@ from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
 from damping.records.text import describe_cell, describe_shortened, is_binary, read_bytes, recode
-from damping.signals.histories import describe_uneven, track_sine
+from damping.signals.histories import track_sine
+from damping.signals.windows import UNEVEN, describe_uneven
 
 #: Words for amplitudes that are not those of the sine.
 SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
-UNEVEN = 0.02  #: steps of time that differ by more than this share of one are no even sampling
 
 
 @dataclass(frozen=True)

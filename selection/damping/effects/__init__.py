@@ -45,9 +45,6 @@ FOREIGN: dict[str, Effect] = {
     effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)
 }
 
-#: Effects of the test in which they were found: another one has its own.
-_OF_ONE_TEST = ("drift", "level-offset")
-
 
 def find_effect(name: str) -> Effect:
     """The effect called ``name``. InputError: no such effect; the nearest one is named."""
@@ -59,13 +56,13 @@ def find_effect(name: str) -> Effect:
 def list_lasting(effects: Mapping[str, Mapping[str, float]], *, of_rig: bool = False) -> dict[str, Mapping[str, float]]:
     """The effects of a model file that a further test meets: those of the structure; ``of_rig``: of the rig too.
 
-    What drifts, or is off in one sweep or state, is of the test in which it was found.
+    Not those that are ``passing`` (`Effect`), or of one state.
     """
-    kinds = {name: find_effect(name).kind for name in effects}
+    found = {name: find_effect(name) for name, table in effects.items() if not table.get("state")}
     return {
-        name: table
-        for name, table in effects.items()
-        if name not in _OF_ONE_TEST and not table.get("state") and (of_rig or kinds[name] != "instrument")
+        name: effects[name]
+        for name, effect in found.items()
+        if not effect.passing and (of_rig or effect.kind != "instrument")
     }
 
 

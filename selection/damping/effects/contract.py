@@ -87,10 +87,10 @@ class Terms(NamedTuple):
         compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
             phase. received: ln of the part of the recorded force that arrives. detuned, weighed, damped, stated: ln of
             the factor on omega_n, M, all damping, and the simulation's. offset: ln of the factor of the reading,
-            complex. readings: instruments that are not linear. moving: d omega/dt beside the known one, rad/s^2. law:
-            power of omega/omega_n with which the known one goes. ringing: how what rings is read, see
-            `damping.effects.moving.hurried`. begun: how a moving frequency began, 0 long before the first row of each
-            sweep, 1 there, where it was held.
+            complex. readings: instruments that are not linear. beside: the parts added to Z. moving: d omega/dt beside
+            the known one, rad/s^2. law: power of omega/omega_n with which the known one goes. ringing: how what rings
+            is read, see `damping.effects.moving.hurried`. begun: how a moving frequency began, 0 long before the first
+            row of each sweep, 1 there, where it was held.
     """
 
     M: Floats
@@ -246,7 +246,7 @@ class Effect:
         damping: name of the damping force that a corrected model has in its place; empty where it is none.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
         need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
-            often than others it is the cause.
+            often than others it is the cause. passing: whether it is of one test, and no further test has it.
     """
 
     name: str
@@ -261,6 +261,7 @@ class Effect:
     need: Need = ""
     denies: frozenset[str] = frozenset()
     prior: float = 1.0
+    passing: bool = False
 
     def changed_by(self, report: Report) -> Callable[..., Terms]:
         """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
@@ -293,9 +294,5 @@ class Effect:
         return side(1.0), side(-1.0)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
-        """The table of a model file with the defaults of what it does not name.
-
-        Raises:
-            InputError: a key that is unknown (the nearest known one is named) or missing.
-        """
+        """The table of a model file with defaults where it names none; InputError: an unknown or missing key."""
         return completed(self.shapes, table, f"[effects.{self.name}]")

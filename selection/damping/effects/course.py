@@ -121,6 +121,7 @@ DRIFT = Effect(
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),
     need="sweep",
+    passing=True,
 )
 
 
@@ -174,6 +175,7 @@ LEVEL_OFFSET = Effect(
         *(Shape(name, least=0.0, default=0.0) for name in ("state", "force")),
     ),
     need="sweep",
+    passing=True,
 )
 
 

@@ -22,7 +22,7 @@ from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
 from damping.forces.contract import Force, GrowingForce, Joint, spread
-from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, lose_stiffness
 from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,
@@ -123,15 +123,11 @@ class ManyJoints(GrowingForce):
         """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
         slipping, limit = self._find_slipping(A, omega)
         held = np.minimum(limit / A, 1.0)
-        sine = 2.0 * np.sqrt(held * (1.0 - held))
-        cosine = 1.0 - 2.0 * held
-        still = (np.arctan2(sine, cosine) - cosine * sine) / np.pi - 1.0
-        # per stiffness and amplitude, as `Slip.averages`
-        squared = held * held
-        lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in (held, squared, still, sine * held))
+        parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
+        lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in parts)
         size = self.stiffness * A * slipping
         whole = spread(4.0 / np.pi * size, omega)
-        return whole * (lost - grown), whole * grown, size * S, size * S - whole * turned
+        return whole * (lost - grown), whole * grown, size * S, size * (S + turned)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A."""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.forces.contract import GrowingForce, ones, zeros
+from damping.forces.contract import GrowingForce, spread, zeros
 from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
@@ -21,17 +21,24 @@ _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 #: Lag of what follows the motion late, rad at resonance, as its tangent: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)
 
-
 #: Where what acts beyond a gap begins to act.
 CLEARANCE = Shape("clearance", LENGTH, above=0.0)
 
 
+def _act_beyond(whole: Floats, x: Floats) -> tuple[Floats, Floats]:
+    """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), of a linear force of average w, and its change by ln A.
+
+    It acts beyond x = clearance/A only, a spring from there on (DenHartog 1931); w is in proportion to A.
+    """
+    x = np.minimum(x, 1.0)
+    root = np.sqrt(1.0 - x * x)
+    average: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+    return average, average + (4.0 / np.pi) * whole * x * root
+
+
 @dataclass(frozen=True)
 class Contact(Spring):
-    """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic.
-
-    S = k A (1 - (2/pi)(asin x + x sqrt(1 - x^2))), x = clearance/A, above the clearance (DenHartog 1931); else 0.
-    """
+    """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic."""
 
     coefficient: Floats
     clearance: Floats
@@ -40,12 +47,8 @@ class Contact(Spring):
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH, least=0.0), CLEARANCE)
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S, and dS/d ln A = S + (4/pi) k A x sqrt(1 - x^2)."""
-        x = np.minimum(self.clearance / A, 1.0)
-        root = np.sqrt(1.0 - x * x)
-        k = self.coefficient * A * ones(omega)
-        S: Floats = k * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-        return S, S + (4.0 / np.pi) * k * x * root
+        """S and dS/d ln A: `_act_beyond` of k A."""
+        return _act_beyond(spread(self.coefficient * A, omega), self.clearance / A)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """k (q - clip(q, -clearance, clearance))."""
@@ -64,57 +67,18 @@ class Rub(GrowingForce):
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
-        whole, x = (4.0 / np.pi) * self.coefficient * ones(omega), self.clearance / A
-        return whole * (1.0 - np.minimum(x, 1.0)), whole * x * (x < 1.0)
+        whole, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
+        return spread(whole * (1.0 - np.minimum(x, 1.0)), omega), spread(np.asarray(whole * x * (x < 1.0)), omega)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: zero below it, friction's own far above."""
         x = np.minimum(self.clearance / A, 1.0)
-        return np.asarray(-4j / (3.0 * np.pi) * self.coefficient * ones(omega) * (1.0 + 3.0 * x - 4.0 * x**3))
+        size = spread(self.coefficient * (1.0 + 3.0 * x - 4.0 * x**3), omega)
+        return np.asarray(-4j / (3.0 * np.pi) * size)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q' where abs(q) > clearance."""
         return np.where(np.abs(q) > self.clearance, sign * self.coefficient, 0.0)
-
-
-def _place_clearance(scales: Scales) -> FormVariable:
-    """A clearance within the measured amplitudes."""
-    return FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
-
-
-def _report_beyond(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
-    return {"coefficient": coefficient, "clearance": clearance}
-
-
-def contact_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness. Shape: the clearance."""
-    shapes = (_place_clearance(scales),)
-    return (CONTACT.form(_report_beyond, scales.loss, shapes=shapes, largest=3.0 * scales.stiffness),)
-
-
-CONTACT = Effect(
-    name="contact",
-    kind="force",
-    sentence="a spring that acts beyond a clearance",
-    forms=contact_forms,
-    simulate=adds_force(lambda table: Contact(table["coefficient"], table["clearance"])),
-    need="sweep",
-)
-
-
-def rub_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the friction. Shape: the clearance."""
-    return (RUB.form(_report_beyond, scales.loss * scales.A_high, shapes=(_place_clearance(scales),)),)
-
-
-RUB = Effect(
-    name="rub",
-    kind="force",
-    sentence="friction that acts beyond a clearance",
-    forms=rub_forms,
-    simulate=adds_force(lambda table: Rub(table["coefficient"], table["clearance"])),
-    need="sweep",
-)
 
 
 @dataclass(frozen=True)
@@ -128,42 +92,49 @@ class LooseDashpot(GrowingForce):
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE * TIME / LENGTH, least=0.0), CLEARANCE)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C = c A omega (1 - (2/pi)(asin x + x r)), dC/d ln A = C + (4/pi) c A omega x r above the clearance; else 0.
-
-        x = clearance/A, r = sqrt(1 - x^2).
-        """
-        whole, x, root = self._place(A, omega)
-        C: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-        return C, C + (4.0 / np.pi) * whole * x * root
+        """C and dC/d ln A: `_act_beyond` of c A omega."""
+        return _act_beyond(self.coefficient * A * omega, self.clearance / A)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """i times that of cos 3 theta, -(4/pi) c A omega x (1 - x^2)^(3/2): none far above the clearance, nor below."""
-        whole, x, root = self._place(A, omega)
-        return np.asarray(-4j / np.pi * whole * x * root**3)
-
-    def _place(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats]:
-        """c A omega, x and sqrt(1 - x^2)."""
         x = np.minimum(self.clearance / A, 1.0)
-        return self.coefficient * A * omega, x, np.sqrt(1.0 - x * x)
+        return np.asarray(-4j / np.pi * self.coefficient * A * omega * x * (1.0 - x * x) ** 1.5)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """c q' where abs(q) > clearance."""
         return np.where(np.abs(q) > self.clearance, sign * speed * self.coefficient, 0.0)
 
 
-def dashpot_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the coefficient. Shape: the clearance."""
-    natural = scales.loss / scales.omega_n
-    return (LOOSE_DASHPOT.form(_report_beyond, natural, shapes=(_place_clearance(scales),)),)
+def _build_beyond(
+    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], **rest: Any
+) -> Effect:
+    """The effect of a force that acts beyond a clearance within the measured amplitudes.
+
+    Strength: the coefficient, ``natural`` of it. Shape: the clearance. ``rest``: of a `Form`, from the scales.
+    """
+
+    def report(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
+        return {"coefficient": coefficient, "clearance": clearance}
+
+    def forms(scales: Scales) -> tuple[Form, ...]:
+        clearance = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
+        options = {name: of(scales) for name, of in rest.items()}
+        return (effect.form(report, natural(scales), shapes=(clearance,), **options),)
+
+    simulate = adds_force(lambda table: force(table["coefficient"], table["clearance"]))
+    effect = Effect(force.name, "force", sentence, forms, simulate, need="sweep")
+    return effect
 
 
-LOOSE_DASHPOT = Effect(
-    name="loose-dashpot",
-    kind="force",
-    sentence="a damper that acts beyond a clearance",
-    forms=dashpot_forms,
-    simulate=adds_force(lambda table: LooseDashpot(table["coefficient"], table["clearance"])),
-    need="sweep",
+CONTACT = _build_beyond(
+    Contact,
+    "a spring that acts beyond a clearance",
+    lambda scales: scales.loss,
+    largest=lambda scales: 3.0 * scales.stiffness,
+)
+RUB = _build_beyond(Rub, "friction that acts beyond a clearance", lambda scales: scales.loss * scales.A_high)
+LOOSE_DASHPOT = _build_beyond(
+    LooseDashpot, "a damper that acts beyond a clearance", lambda scales: scales.loss / scales.omega_n
 )
 
 

@@ -16,28 +16,19 @@ from damping.forces.joints import Spring
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 
 
-def mass_forms(_: Scales) -> tuple[Form, ...]:
-    """Strength: ln of the mass over the simulated one, of either sign."""
-    return OTHER_MASS.either_sign(_report_ratio, natural=0.05, largest=1.5)
+def _list_ratios(effect: Effect) -> tuple[Form, ...]:
+    """Strength: ln of a mass over what is stated, of either sign: 5 % is usual, 4.5 times beyond all sense."""
+    return effect.either_sign(lambda log_ratio: {"relative": np.expm1(log_ratio)}, natural=0.05, largest=1.5)
 
 
-def _report_ratio(log_ratio: Floats) -> dict[str, Floats]:
-    return {"relative": np.expm1(log_ratio)}
-
-
-OTHER_MASS = Effect(
+OTHER_MASS: Effect = Effect(
     name="other-mass",
     kind="parameter",
     sentence="a generalized mass that is off by more than its tolerance",
-    forms=mass_forms,
+    forms=lambda _: _list_ratios(OTHER_MASS),
     simulate=lambda terms, table: terms._replace(M=terms.M * (1.0 + table["relative"])),
     need="masses",  # at one mass it is a gain
 )
-
-
-def added_forms(_: Scales) -> tuple[Form, ...]:
-    """Strength: ln of what the added masses are over what is stated, of either sign."""
-    return OTHER_ADDED_MASS.either_sign(_report_ratio, natural=0.05, largest=1.5)
 
 
 def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
@@ -52,56 +43,45 @@ def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     return terms.plus(beside=lambda drive: -table["relative"] * drive.added * np.square(drive.omega), received=received)
 
 
-OTHER_ADDED_MASS = Effect(
+OTHER_ADDED_MASS: Effect = Effect(
     name="other-added-mass",
     kind="instrument",
     sentence="added mass that is not as stated",
-    forms=added_forms,
+    forms=lambda _: _list_ratios(OTHER_ADDED_MASS),
     simulate=simulate_added,
     need="masses",
 )
 
 
+#: Of a mass that varies by its power p: -S over m A^(p+1) omega^2, and the third harmonic over -S.
+_HARMONICS = {2.0: (0.5, 1.0), 1.0: (8.0 / (3.0 * np.pi), 0.2)}
+
+
 @dataclass(frozen=True)
 class VaryingMass(AveragedForce, Spring):
-    """Inertia that grows with the motion as m q^2: m (q^2 q'' + q q'^2), as of a beam whose end moves along.
+    """Inertia that grows with the motion: m (q^2 q'' + q q'^2) of power 2, m |q| q'' of power 1.
 
-    S = -(1/2) m A^3 omega^2. Its first harmonic is that of a cubic spring but for omega^2, which bends the same way at
-    every mass; its third one is three times as large (Crespo da Silva and Glynn 1978).
+    The first is that of a beam whose end moves along (Crespo da Silva and Glynn 1978), the second of a fluid that is
+    carried along (Keulegan and Carpenter 1958). First harmonics are those of springs as q^3 and q |q| but for omega^2,
+    which bends the same way at every mass; third ones are three times, and as large as, those of the springs.
     """
+
+    power: float
 
     name: ClassVar[str] = "varying-mass"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE * TIME**2.0 / LENGTH**3.0),)
+    shapes: ClassVar[tuple[Shape, ...]] = (
+        Shape("coefficient", FORCE * TIME**2.0 / LENGTH / LENGTH ** "power"),
+        Shape("power", above=0.0),
+    )
 
     def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A = 3 S."""
-        S = -0.5 * self.coefficient * (A * A * A) * np.square(omega)
-        return S, 3.0 * S
+        """S and dS/d ln A = (p + 1) S: see `_HARMONICS`."""
+        S = -_HARMONICS[self.power][0] * self.coefficient * A ** (self.power + 1.0) * np.square(omega)
+        return S, (self.power + 1.0) * S
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """(1/2) m A^3 omega^2, real: -S."""
-        return np.asarray(-self.restoring(A, omega)[0] + 0j)
-
-
-@dataclass(frozen=True)
-class CarriedMass(AveragedForce, Spring):
-    """Inertia that grows with the motion as m |q|: m |q| q'', as of a fluid that is carried along.
-
-    S = -(8/(3 pi)) m A^2 omega^2 (Keulegan and Carpenter 1958); first and third harmonic are those of a spring as q |q|
-    but for omega^2.
-    """
-
-    name: ClassVar[str] = "carried-mass"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE * TIME**2.0 / LENGTH**2.0),)
-
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A = 2 S."""
-        S = -8.0 / (3.0 * np.pi) * self.coefficient * (A * A) * np.square(omega)
-        return S, 2.0 * S
-
-    def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """(8/(15 pi)) m A^2 omega^2, real: -S/5."""
-        return np.asarray(-0.2 * self.restoring(A, omega)[0] + 0j)
+        """A share of -S, real: see `_HARMONICS`."""
+        return np.asarray(-_HARMONICS[self.power][1] * self.restoring(A, omega)[0] + 0j)
 
 
 def varying_forms(scales: Scales) -> tuple[Form, ...]:
@@ -121,6 +101,6 @@ VARYING_MASS = Effect(
     kind="force",
     sentence="a mass that varies with the motion",
     forms=varying_forms,
-    simulate=adds_force(lambda table: (VaryingMass if table["power"] > 1.0 else CarriedMass)(table["coefficient"])),
+    simulate=adds_force(lambda table: VaryingMass(table["coefficient"], float(table["power"]))),
     need="beyond",
 )

@@ -210,6 +210,12 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     return np.array(forces, dtype=float)
 
 
+def list_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
+    """Forces or amplitudes, as ``what`` says, of which there may be one or none; InputError as `check_loads`."""
+    values = [values] if isinstance(values, int | float | np.number) else values
+    return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 

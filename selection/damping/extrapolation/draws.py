@@ -82,8 +82,9 @@ class Member:
 class Spread:
     """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise.
 
-    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it is less at the
-    largest tested one: of those that do not resonate, at any; friction holds the others.
+    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it takes less at the
+    largest tested one. A draw that does not resonate has too little damping at any if it is short, else it is held by
+    friction.
     """
 
     law: FloatArray
@@ -268,11 +269,7 @@ def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
 def choose_next_level(
     members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float
 ) -> NextLevel:
-    """The level of ``tried`` (levels,) that would most shrink the band at ``design``.
-
-    Args:
-        spreads: draws at the forces ``tried``, then ``design``.
-    """
+    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: at all of these."""
     pooled, shares = pool(spreads), share_out(members, spreads)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]

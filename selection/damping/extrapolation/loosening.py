@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.forces.joints import lose_stiffness
 
 #: Change of frequency with amplitude is tried in these powers of amplitude: of a joint that slips in full (S/A in
 #: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between ...
@@ -47,9 +48,8 @@ class Loosening:
 
 
 def _lose_of_one(x: FloatArray) -> FloatArray:
-    """1 - (psi - sin psi cos psi)/pi, cos psi = 1 - 2/x, beyond the limit (`damping.forces.joints.Slip`); else 0."""
-    cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
-    return 1.0 - (np.arccos(cosine) - cosine * np.sqrt(1.0 - cosine**2)) / np.pi
+    """That of one joint, -S/(k A) of `damping.forces.joints.Slip`."""
+    return -np.asarray(lose_stiffness(1.0 / np.maximum(x, 1.0))[0])
 
 
 def _lose_of_many(x: FloatArray) -> FloatArray:

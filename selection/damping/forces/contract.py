@@ -213,12 +213,6 @@ def absolute(x: Floats) -> Floats:
     return abs(x) if isinstance(x, float) else np.abs(x)
 
 
-def ones(*arrays: Floats) -> FloatArray:
-    """Ones of the broadcast shape of ``arrays``."""
-    shapes = [np.shape(array) for array in arrays]
-    return np.ones(shapes[0] if len(shapes) == 1 else np.broadcast_shapes(*shapes))
-
-
 def spread(values: Floats, omega: Floats) -> Floats:
     """Values in their broadcast shape with omega."""
     shape = np.shape(omega)

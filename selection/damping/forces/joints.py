@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, ones, spread, zeros
+from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, spread, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
@@ -31,11 +31,21 @@ class Coulomb(CoefficientForce):
 
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C = 4 R/pi at any amplitude and frequency."""
-        return (4.0 / pi) * self.coefficient * ones(A, omega)
+        return (4.0 / pi) * self.coefficient + zeros(A, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'."""
         return sign * self.coefficient
+
+
+def lose_stiffness(held: Floats) -> tuple[Floats, Floats]:
+    """S/(k A) of a joint that slips, and its change by ln A, of ``held`` = A1/A, 1 at most: see `Slip.averages`.
+
+    psi = pi - 2 asin sqrt(1 - A1/A), which keeps its digits where slip has just begun.
+    """
+    sine = 2.0 * np.sqrt(held * (1.0 - held))
+    S = -(2.0 * np.arcsin(np.sqrt(1.0 - held)) + (1.0 - 2.0 * held) * sine) / pi
+    return S, -(4.0 / pi) * held * sine
 
 
 @dataclass(frozen=True)
@@ -63,11 +73,8 @@ class Slip(GrowingForce):
         above A1, dS/d ln A = S - (4/pi) k A1 sin psi.
         """
         held = self._held(A)
-        cosine = 1.0 - 2.0 * held
-        sine = 2.0 * np.sqrt(held * (1.0 - held))
-        # psi = pi - 2 asin sqrt(1 - A1/A), which keeps its digits where slip has just begun
-        S = -self.stiffness * A * (2.0 * np.arcsin(np.sqrt(1.0 - held)) + cosine * sine) / pi
-        return *self._grow(held, omega), S, S - self.scale(A, omega) * sine
+        size, (S, turned) = self.stiffness * A, lose_stiffness(held)
+        return *self._grow(held, omega), size * S, size * (S + turned)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A: see `averages`."""

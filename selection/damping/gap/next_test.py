@@ -37,10 +37,10 @@ from damping.gap.weighing import COVER, INDISTINCT, TOLD, Explanation, count_bey
 WORTH = 6.0
 #: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
 SURELY = 2.0
-#: Least force of a proposed test over what damping takes of it at no motion, 4/pi times friction: below it there is no
-#: resonance, close above it the motion hangs on the friction of the day. And motion that is none, over that of a sweep.
+#: Least force of a proposed test over 4/pi times friction, the damping force at the smallest motion: below 1 there is
+#: no resonance, and close above 1 its amplitude is all but infinitely sensitive to the friction.
 LEAST_FORCE = 1.5
-STILL = 1e-6
+STILL = 1e-6  #: the smallest motion at which damping is asked for, over the smallest that was measured
 #: Explanations compared with the leading one; of others nothing is foreseen: they keep their probability.
 MOST_RIVALS = 6
 #: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
@@ -190,7 +190,7 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
 
 
 def _resonates(terms: Terms, rows: Rows) -> bool:
-    """Whether forces leave more than a third beside what friction takes of them: of a mode that sticks none is seen."""
+    """Whether every force is ``LEAST_FORCE`` times what friction takes: a mode that sticks has no resonance."""
     still = np.full(len(rows), STILL * float(np.exp(rows.u.min())))
     friction = complex_stiffness(terms.tuned(rows.drive), still, rows.drive)[0].imag * still
     return bool(np.all(LEAST_FORCE * friction <= rows.F))

@@ -45,10 +45,11 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
     And those explanations by ``IMITATIONS`` that the record does not tell from it.
     """
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
-    for own in foreign[:1]:
-        cause = " with ".join(FOREIGN[name].sentence for name in own.effects if name in FOREIGN)
-        beside = " and ".join(name for name in own.effects if name not in FOREIGN)
-        odds[f"{cause} beside {beside}" if beside else cause] = own.log_posterior - leading.log_posterior
+    if foreign:
+        first = foreign[0]
+        cause = " with ".join(FOREIGN[name].sentence for name in first.effects if name in FOREIGN)
+        beside = " and ".join(name for name in first.effects if name not in FOREIGN)
+        odds[f"{cause} beside {beside}" if beside else cause] = first.log_posterior - leading.log_posterior
     alike = (own for own in foreign if own.key & IMITATIONS)
     return odds, tuple(own for own in alike if own.log_posterior > leading.log_posterior - TOLD)
 

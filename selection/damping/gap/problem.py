@@ -176,11 +176,10 @@ def refuse_rows(states: Sequence[State]) -> None:
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:
-    """Refuse a record that was plainly not made of the mode.
+    """AnalysisError for a record that was plainly not made of the mode.
 
-    Raises:
-        AnalysisError: the record's frequencies, or the largest amplitudes per force of all its sweeps, lie far from the
-            mode's frequency, and no response as broad as a heavily damped resonance joins the two.
+    Its frequencies, or the largest amplitudes per force of all its sweeps, lie far from the mode's frequency, and no
+    response as broad as a heavily damped resonance joins the two.
     """
     # where the row would lie without its added mass
     hertz = rows.omega / RAD_S_PER_HZ * np.sqrt(1.0 + rows.added / mode.mass)
@@ -280,6 +279,7 @@ def _is_filled(record: Record, name: str) -> BoolArray:
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
+    """Sweeps that hold the amplitude constant, and those that do not reach resonance."""
     constant, beside = [], []
     for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
         if len(own) < _FEW_ROWS:
@@ -290,11 +290,10 @@ def _list_resonance_cautions(rows: Rows) -> list[str]:
         passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
         if peak in (0, len(own) - 1) and not passed:
             beside.append(sweep)
-    resonance_cautions = []
+    cautions = []
     if constant:
-        resonance_cautions.append(
-            f"constant amplitude in sweep {', '.join(constant)}: its peak is in the force, not the amplitude"
-        )
+        why = "its peak is in the force, not the amplitude"
+        cautions.append(f"constant amplitude in sweep {', '.join(constant)}: {why}")
     if beside:
-        resonance_cautions.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
-    return resonance_cautions
+        cautions.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
+    return cautions

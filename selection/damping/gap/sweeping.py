@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
-from damping.effects import CATALOGUE, find_effect, list_lasting, with_effects
+from damping.effects import CATALOGUE, find_effect, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import Prediction, predict
 from damping.errors import AnalysisError, InputError
@@ -41,8 +40,6 @@ def simulate_sweeps(
     direction: Direction = "up",
     method: Method = "ritz",
     progress: Progress = silent,
-    *,
-    structure: bool = False,
 ) -> Record:
     """Sweep a model through ``frequencies`` (n,), Hz and rising, at each force.
 
@@ -50,15 +47,11 @@ def simulate_sweeps(
     (first-harmonic averages) or ``time`` (integration in time to the steady state). Of a model that a base shakes
     ``forces`` are accelerations a, which drive with M a: a participation of 1.
 
-    Amplitude and phase are as the rig of the model reads them, or those of the ``structure``; see
-    :func:`damping.effects.list_lasting`.
-
     Raises:
         InputError: an argument that is not what it should be, before any work.
         AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
-    mode = replace(mode, effects=list_lasting(mode.effects, of_rig=not structure))
     order = frequencies if direction == "up" else frequencies[::-1]
     excited = mode.mass if mode.drive == "base" else 1.0
     tables = []

@@ -51,13 +51,14 @@ _MOST_DECADES = 6.0
 MOST_RIVAL = 3.0
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
-#: Largest chance where an effect of one sweep takes up all that a state of a single sweep says: rather none than that.
+#: Largest chance of a cause in the library where an effect of one sweep takes up all that a state of a single sweep
+#: says: below ``KNOWN``, so that nothing is claimed of it.
 UNCONFIRMED = 0.4
 #: The chance that the library holds the cause from which an explanation counts as one.
 KNOWN = 0.5
 #: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
-#: Log odds from which a rival is told: those.
+#: Log odds of as much, from which a rival is told apart.
 TOLD = 0.5 * INDISTINCT**2
 #: Odds below which an effect is no candidate for the place of another, however near its prediction.
 LEAST_ODDS = 0.02
@@ -211,7 +212,7 @@ def estimate_in_library(
 
 
 def hides_state(fit: ModelFit) -> bool:
-    """Whether an effect of one sweep is of the only one of its state: it takes up whatever a new state says."""
+    """Whether some effect is of a sweep that is the only one of its state: it fits whatever that state says."""
     rows = fit.model.problem.rows
     states = [(rows.added[own[0]], rows.state[own[0]]) for own in rows.runs]
     if not 1 < len(set(states)) < len(states):

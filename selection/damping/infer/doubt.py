@@ -86,8 +86,8 @@ _ROUNDING = 1e-12
 #: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
 #: any force measured of structures) down to 1/3 (slip in full).
 SLOPES = (0.25, 3.0)
-#: The largest of a law of a decay, whose amplitude is no answer to a force: friction hardly changes as it falls. Larger
-#: ones only part laws in the table of deviations, by amplitudes that none reaches.
+#: The largest slope d ln A/d ln F of a law of a decay, whose amplitude is given and whose force follows, which hardly
+#: changes with friction. Beyond it laws would differ by amplitudes alone that no test reaches.
 OF_FRICTION = 20.0
 
 

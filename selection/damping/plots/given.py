@@ -41,9 +41,9 @@ def count_rows(axes: Axes, rows: int) -> int:
 
 
 def name_rows(axes: Axes, names: Sequence[str]) -> tuple[FloatArray, float]:
-    """Names of rows within the axes, first on top: beside them another's axes may stand. Where bars lie, and how high.
+    """Write the names of rows inside the axes, first on top, and return the places and the height of their bars.
 
-    A name longer than the axes are wide is cut.
+    Outside there may be other axes. A name longer than the axes are wide is cut.
     """
     letters = int(_measure(axes)[0] / _LETTER)
     rows = np.arange(float(len(names)))

@@ -251,9 +251,9 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
 
 #: Half-power bandwidths between a resonance and that of the mode file, from which on no row of resonance is of both.
 BANDWIDTHS = 1.0
-#: Times that levels may have moved in all how far the lowest lies from the mode file's frequency, from which they move
-#: away: a joint that slips at the lowest level already, fourfold beyond its limit, has lost 4.7 times what it loses up
-#: to sixteenfold.
+#: Distance of the lowest level from the mode file's frequency, over how far the others move on from there, that one
+#: cause may have made before the lowest level: a joint that is fourfold beyond its limit there has lost 4.7 times what
+#: it loses from there to sixteenfold.
 MOVED_BEFORE = 5.0
 #: One level tells no movement: the ln of a frequency that joints and springs seldom move by.
 LEAST_SHIFT_ALONE = 0.05

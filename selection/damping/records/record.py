@@ -1,7 +1,4 @@
-"""A record: steady states measured (or computed) in one or more sweeps, checked when it is made.
-
-Tables as CSV text: shortest decimal numbers that read back to the last digit, and text no spreadsheet executes.
-"""
+"""A record: steady states measured (or computed) in one or more sweeps, checked when it is made, and as CSV text."""
 
 from __future__ import annotations
 
@@ -9,7 +6,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from math import pi
 from typing import NamedTuple
 
 import numpy as np
@@ -73,8 +69,7 @@ class Record:
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            place = _name_row(self.frame.index, first.row)
-            message = f"{first.describe('row', range(len(table)))} in {place}"
+            message = f"{first.describe('row', range(len(table)))} in {_name_row(self.frame.index, first.row)}"
             raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
         vars(self)["frame"] = table
 
@@ -198,10 +193,9 @@ def require_columns(
     missing = [name for name in required if name not in names]
     if not missing:
         return
+    hint = describe_meant(missing[0], names, likeness=0.6)
     if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
         hint = " (the header is separated by semicolons or tabs: damping import reads such files)"
-    else:
-        hint = describe_meant(missing[0], names, likeness=0.6)
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
@@ -261,7 +255,7 @@ def energy_per_cycle(record: Record) -> FloatArray:
     """
     if "energy" in record.frame.columns:
         return record.column("energy")
-    largest = pi * record.column("force") * record.column("amplitude")
+    largest = math.pi * record.column("force") * record.column("amplitude")
     if record.has_phase:
         return largest * np.sin(record.column("phase"))
     peaks = record.frame.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()

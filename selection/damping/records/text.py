@@ -236,8 +236,8 @@ def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] =
     return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"
 
 
-#: How it begins where ranking and diagnosis give different loads: that stands before an answer, what they say against
-#: each other of the rows alone stands behind it.
+#: How a sentence begins that says that ranking and diagnosis give different loads: it stands before an answer, and
+#: what they say against each other of the rows alone behind it.
 OF_LOADS = "ranking and diagnosis disagree at the"
 
 

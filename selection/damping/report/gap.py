@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
 from damping.gap.size import describe_repeatability
 from damping.gap.weighing import KNOWN
+from damping.records.text import list_of_loads
 from damping.report.page import Block, List, Text, write_sections
 
 #: Least share of what a constant leaves (chi-square) that a power of amplitude takes where one is told: half.
@@ -62,6 +63,13 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in list_sentences(block)] for section in sections}
+
+
+def order_cautions(against: Sequence[str], cautions: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Sentences before the answer, of loads that the ranked laws give otherwise, and the cautions behind it."""
+    first = list_of_loads(against)
+    behind = [caution for caution in (*against, *cautions) if caution not in first]
+    return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in first], behind
 
 
 def _say_effect(name: str, values: Mapping[str, float]) -> str:

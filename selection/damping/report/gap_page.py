@@ -23,7 +23,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
-from damping.report.gap import MOST_BARS, describe_diagnosis, list_sentences, tabulate_hypotheses
+from damping.report.gap import MOST_BARS, describe_diagnosis, list_sentences, order_cautions, tabulate_hypotheses
 from damping.report.page import FigureBlock, Footer, Table, render_page, write_sections
 
 if TYPE_CHECKING:
@@ -35,12 +35,17 @@ _MOST_CELLS = 12
 _POINTS = 160
 
 
-def render_gap_page(diagnosis: Diagnosis, posterior: EffectPosterior | None, footer: Footer) -> str:
-    """The page as HTML. Equal arguments give equal text."""
+def render_gap_page(
+    diagnosis: Diagnosis, posterior: EffectPosterior | None, against: Sequence[str], footer: Footer
+) -> str:
+    """The page as HTML; ``against``: where the ranked laws disagree. Equal arguments give equal text."""
     model = diagnosis.leading.best.model
     rows = model.problem.rows
+    first, cautions = order_cautions(against, diagnosis.cautions)
     values = {
         **vars(diagnosis),
+        "first": first,
+        "cautions": cautions,
         "told": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
         "rows": rows,

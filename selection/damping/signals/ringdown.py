@@ -29,7 +29,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
-from damping.signals.histories import Window, even_times, flat_window, noise_beside, thinned
+from damping.signals.windows import Window, even_times, flat_window, noise_beside, thinned
 
 PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
 APART = 2.0  #: length of a window that tells two modes apart, over 1/(their distance), least
@@ -108,8 +108,7 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
-    limit = find_limit(x)
-    if limit is not None:
+    if (limit := find_limit(x)) is not None:
         why = f"the readings stand at {limit:.4g} again and again: clipped, their amplitude and its decay are lost"
         raise AnalysisError(f"{why}; choose a part without (--start), or another range")
     t, x, dt, jitter = even_times(t, x, frequency)
@@ -244,6 +243,7 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
     # of the slope, and of the bend of the phase: delta has n omega'/omega of it, the force half more
     sd_delta = float(sd * np.sqrt(12.0) / long * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * long)))
+    # of a cubic coefficient, sqrt(2800) times the error of a mean
     cubic, of_noise = abs(float(np.polynomial.polynomial.polyfit(u, logarithm.real, 3)[3])), averaged * noise / size
     if cubic > SURE * np.sqrt(2800.0) * of_noise / _MEDIAN:
         sd_delta = float(np.hypot(sd_delta, OF_CUBIC * cubic / long))
@@ -254,8 +254,7 @@ def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Levels whose slope is known, up to the first at which the window would smear the decay."""
     notes = []
     known = levels[(levels["delta"] > 0.0) & (levels["sd_delta"] <= WORST_SLOPE * levels["delta"])]
-    hidden = len(levels) - len(known)
-    if hidden:
+    if hidden := len(levels) - len(known):
         notes.append(f"{hidden} of {len(levels)} levels left out: their decay is not told from the noise")
     bent = np.flatnonzero(known["bend"] > LARGEST_BEND)
     if not len(bent):
