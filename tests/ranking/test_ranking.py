@@ -270,6 +270,36 @@ def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit):
     assert rank_laws(swept_misfit, hold_out=False).fit.verdict == "none fits"
 
 
+@pytest.mark.parametrize("stated", [0.0, 0.02])
+def test_no_law_fits_rows_of_no_resonance(stated):
+    """Amplitudes and phases drawn at random at every row: what scatters like that is not noise that excuses a law."""
+    rng, rows = np.random.default_rng(0), 36
+    amplitude = 1e-3 * np.hypot(*rng.standard_normal((2, rows)))
+    table = pd.DataFrame(
+        {
+            "sweep": np.repeat(["a", "b", "c"], 12),
+            "force": np.repeat([1.0, 2.0, 4.0], 12),
+            "frequency": np.tile(np.linspace(4.9, 5.1, 12), 3),
+            "amplitude": amplitude,
+            "phase": rng.uniform(0.0, np.pi, rows),
+            "amplitude_sd": stated * amplitude,
+        }
+    )
+    assert rank_laws(observe(Record(table)), hold_out=False).fit.verdict == "none fits"
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_noise_that_is_stated_too_small_is_said(swept, noise):
+    """Viscous sweeps that state 1 %: with five times that the law fits to what the rows show, and this is said."""
+    table = swept(make("viscous", coefficient=1.5), np.array([1.0, 2.0, 4.0]), noise=noise).table
+    stated = Record(table.assign(amplitude_sd=0.01 * table["amplitude"], phase_sd=0.01))
+    found = rank_laws(observe(stated), hold_out=False).fit
+    said = re.fullmatch(r"rows scatter along the sweeps by (\S+) times the stated noise: .*", found.sentence)
+    assert found.verdict == "fits"
+    assert bool(said) == (noise == 0.05)
+    assert not said or float(said[1]) == pytest.approx(5.0, rel=0.3)
+
+
 @pytest.mark.parametrize("gain", [0.88, *(pytest.param(gain, marks=pytest.mark.slow) for gain in (0.99, 1.0, 1.2))])
 def test_a_level_that_is_off_beside_quiet_rows_is_said(swept, gain):
     """Viscous sweeps with 0.5 % of noise: a level whose gain is 12 % low is named with that number, none of 1 %."""

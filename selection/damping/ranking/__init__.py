@@ -232,6 +232,7 @@ def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[s
     )
 
 
+@np.errstate(over="ignore")  # an amplitude beyond all numbers is infinitely far off
 def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[float, tuple[str, ...]]]:
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
