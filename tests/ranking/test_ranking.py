@@ -228,6 +228,17 @@ def test_t_ratio_is_the_posteriors_own(whole):
         np.testing.assert_allclose(c.t_ratio, np.median(draws[c.force]) / np.std(draws[c.force]), rtol=1e-9)
 
 
+def test_a_standard_error_that_few_draws_make_is_said(peaks):
+    """It is where it is twice that of a normal posterior with the same interval, and of no coefficient else."""
+    rng, A = np.random.default_rng(5), 1e-3 * np.geomspace(1.0, 2.0, 4)  # far from one unit a power's tail is long
+    data = peaks(A * np.exp(0.02 * rng.standard_normal(4)), 15.0 * A**1.4, OMEGA)
+    rows = rank_laws(data, hold_out=False).weighted()
+    said = {row.name for row in rows if any("go by its interval" in caution for caution in row.cautions)}
+    ratio = {row.name: max(3.29 * c.std_error / (c.high - c.low) for c in row.coefficients) for row in rows}
+    assert said
+    assert said == {name for name, most in ratio.items() if most > 2.0}
+
+
 @pytest.fixture
 def swept_misfit(swept):
     """Five sweeps of a mode whose viscous coefficient waves with amplitude by 15 % either way, at 1 % of noise."""

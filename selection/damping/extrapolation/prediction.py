@@ -208,7 +208,7 @@ def predict(
         ratio=ratio,
         cautions=tuple(
             list_cautions(f, A, data, [m.weight for m in members], plan, without)
-            for f, A, *without in zip(force, average.median, held, unreached, strict=True)
+            for f, A, without in zip(force, average.median, zip(held, unreached, strict=True), strict=True)
         ),
         limit=plan.limit if plan else np.inf,
     )
