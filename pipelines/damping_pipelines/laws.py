@@ -162,7 +162,7 @@ def print_loads(result: LoadsResult) -> None:
     _print_headlines(result.headlines)
     by_force, largest = loads.amplitude is None, loads.average.high if loads.amplitude is None else loads.amplitude
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
-    factor, length = choose_length(units.length, largest[0])
+    factor, length = choose_length(units.length, next(filter(math.isfinite, largest), math.nan))
     factors = {"force": 1.0, "amplitude": factor}
     named = {"force": _name_drive(units), "amplitude": f"amplitude {_bracket(length)}".strip()}
     of_answer = f"amplitude at resonance {_bracket(length)}" if by_force else f"{named['force']} at resonance"

@@ -129,3 +129,13 @@ def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, damping, sw
     assert prediction["low"] < true < prediction["high"]
     # tested forces are found to a per cent: the noise of 0.5 % and the offset both enter
     np.testing.assert_allclose(prediction["extrapolation_ratio"], 1.5, rtol=0.01)
+
+
+@pytest.mark.sampling
+def test_a_refused_first_force_leaves_the_unit_of_the_others(tmp_path, damping, few_laws):
+    """Two levels of 3 and 4 mm: twice the force is refused, and what is predicted beside it is in mm all the same."""
+    path, mode = tmp_path / "two.csv", tmp_path / "mode.toml"
+    path.write_text("sweep,force,frequency,amplitude\na,3.0,5.0,0.003\nb,4.0,5.0,0.004\n")
+    mode.write_text('[mode]\nname = "m"\nfrequency = 5.0\nmass = 100.0\n[units]\nforce = "N"\nlength = "m"\n')
+    run = damping("extrapolate", path, "--mode", mode, "--force", 8, "--force", 4.4)
+    assert "amplitude at resonance [mm]" in run.out

@@ -433,3 +433,13 @@ def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
     assert {own.law for own in judged.laws} >= {laws[0]}  # the truth
     assert "F2 is farthest off" in judged.fit.sentence
     assert " 20 % below" in judged.fit.sentence or " 21 % below" in judged.fit.sentence  # of 3 levels, 0.5 % of noise
+
+
+def test_resonances_are_judged_by_rows_that_scatter_more_than_is_stated(swept):
+    """Viscous sweeps at 5 % of noise that state .5 %: the law fits to what the rows show, near resonance too."""
+    table = swept(Viscous(0.1), np.geomspace(0.5, 2.0, 4), noise=0.05, rows=25).table
+    record = Record(table.assign(amplitude_sd=0.005 * table["amplitude"], phase_sd=0.005))
+    plan = plan_loads(near_resonance(record), [Law(("viscous",))], estimate=brief_evidence)
+    judged = judge_rows(plan, observe(record)).fit
+    assert (plan.fit.verdict, judged.verdict) == ("none fits", "fits")
+    assert "times the stated noise" in judged.sentence

@@ -106,7 +106,22 @@ def test_saturated_slip_has_no_prediction(peaks):
     assert np.isfinite(loads.average.median[0])
     assert np.isnan(loads.average.median[1])
     assert np.isnan(loads.linear[1])
-    assert any("no prediction" in caution for caution in loads.cautions[1])
+    assert "no prediction: the damping force does not reach this force at any amplitude" in loads.cautions[1]
+
+
+def test_a_refusal_says_how_probable_what_it_says_is(peaks):
+    """Of two laws one has no resonance at the force: saturated slip above 4 K1 A1/pi, friction of 1 below 4/pi."""
+    A = np.array([1.0, 1.6, 3.0])
+    slips = peaks(A, 4.0 * 10.0 * 0.5 * (A - 0.5) / (np.pi * A), 10.0)
+    rubs = peaks(A, 4.0 / np.pi + 0.2 * 10.0 * A, 10.0)
+    for data, law, force, why in (
+        (slips, ("slip",), 500.0, "the damping force does not reach this force at any amplitude"),
+        (rubs, ("viscous", "coulomb"), 0.5, "friction holds the mode at this force"),
+    ):
+        members = [member(law, data, weight=0.25), member(("viscous",), data, weight=0.75)]
+        loads = predict(members, np.array([force]), data, 0.9, seed=1)
+        assert np.isnan(loads.average.median[0])
+        assert loads.cautions[0][0] == f"no prediction: with probability 0.25 {why}"
 
 
 def test_parts_add_to_the_whole(saturn, monkeypatch):

@@ -228,6 +228,17 @@ def test_t_ratio_is_the_posteriors_own(whole):
         np.testing.assert_allclose(c.t_ratio, np.median(draws[c.force]) / np.std(draws[c.force]), rtol=1e-9)
 
 
+def test_a_standard_error_that_few_draws_make_is_said(peaks):
+    """It is where it is twice that of a normal posterior with the same interval, and of no coefficient else."""
+    rng, A = np.random.default_rng(5), 1e-3 * np.geomspace(1.0, 2.0, 4)  # far from one unit a power's tail is long
+    data = peaks(A * np.exp(0.02 * rng.standard_normal(4)), 15.0 * A**1.4, OMEGA)
+    rows = rank_laws(data, hold_out=False).weighted()
+    said = {row.name for row in rows if any("go by its interval" in caution for caution in row.cautions)}
+    ratio = {row.name: max(3.29 * c.std_error / (c.high - c.low) for c in row.coefficients) for row in rows}
+    assert said
+    assert said == {name for name, most in ratio.items() if most > 2.0}
+
+
 @pytest.fixture
 def swept_misfit(swept):
     """Five sweeps of a mode whose viscous coefficient waves with amplitude by 15 % either way, at 1 % of noise."""
@@ -268,6 +279,36 @@ def test_verdict_on_clean_records_and_on_noise(seed, peaks):
 def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit):
     """Whole sweeps whose damping departs from any law by 15 % with amplitude, at 1 % of noise: none fits."""
     assert rank_laws(swept_misfit, hold_out=False).fit.verdict == "none fits"
+
+
+@pytest.mark.parametrize("stated", [0.0, 0.02])
+def test_no_law_fits_rows_of_no_resonance(stated):
+    """Amplitudes and phases drawn at random at every row: what scatters like that is not noise that excuses a law."""
+    rng, rows = np.random.default_rng(0), 36
+    amplitude = 1e-3 * np.hypot(*rng.standard_normal((2, rows)))
+    table = pd.DataFrame(
+        {
+            "sweep": np.repeat(["a", "b", "c"], 12),
+            "force": np.repeat([1.0, 2.0, 4.0], 12),
+            "frequency": np.tile(np.linspace(4.9, 5.1, 12), 3),
+            "amplitude": amplitude,
+            "phase": rng.uniform(0.0, np.pi, rows),
+            "amplitude_sd": stated * amplitude,
+        }
+    )
+    assert rank_laws(observe(Record(table)), hold_out=False).fit.verdict == "none fits"
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_noise_that_is_stated_too_small_is_said(swept, noise):
+    """Viscous sweeps that state 1 %: with five times that the law fits to what the rows show, and this is said."""
+    table = swept(make("viscous", coefficient=1.5), np.array([1.0, 2.0, 4.0]), noise=noise).table
+    stated = Record(table.assign(amplitude_sd=0.01 * table["amplitude"], phase_sd=0.01))
+    found = rank_laws(observe(stated), hold_out=False).fit
+    said = re.fullmatch(r"rows scatter along the sweeps by (\S+) times the stated noise: .*", found.sentence)
+    assert found.verdict == "fits"
+    assert bool(said) == (noise == 0.05)
+    assert not said or float(said[1]) == pytest.approx(5.0, rel=0.3)
 
 
 @pytest.mark.parametrize("gain", [0.88, *(pytest.param(gain, marks=pytest.mark.slow) for gain in (0.99, 1.0, 1.2))])

@@ -218,6 +218,23 @@ def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
     assert f"at 0.8 g (a modal force of {force}) expect {number(result.design.average.median[1])} in" in page
 
 
+def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: StudyResult) -> None:
+    """Design forces were asked for and none has a prediction: that is said, with the reason, and no table of dashes."""
+    peaks, nothing = study.records[0], np.full(2, np.nan)
+    ends = dict.fromkeys(("median", "low", "high", "credible_low", "credible_high"), nothing)
+    refused = {name: nothing for name in ("linear", "overprediction", "overprediction_low", "overprediction_high")}
+    design = replace(peaks.design, average=replace(peaks.design.average, **ends), **refused)
+    design = replace(design, cautions=(("no prediction: friction holds it",),) * 2)
+    result = replace(peaks, posteriors=(), design=design, design_curve=None)
+    both = replace(study, records=(result, replace(result, name="another")), exhibits=())
+    page = " ".join(re.sub("<[^>]+>", " ", render(both).html).split())
+    assert "No amplitude is predicted: friction holds it." in page
+    assert "none predicted" in page
+    assert "none asked" not in page
+    assert "What the prediction is made of" not in page
+    assert not re.search("– (to|in|%)", page)
+
+
 @pytest.mark.parametrize(("decay", "said"), [(False, "3 force levels"), (True, "2 amplitude levels of free decay")])
 def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, said: str) -> None:
     """Amplitudes of 1.229, 1.439 and 1.567 in: the last two within a tenth, whose forces are 16 % apart."""

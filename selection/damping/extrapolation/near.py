@@ -209,9 +209,10 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     """The plan as ``all_rows`` allow: with the verdict that no law fits where none fits them, though one may its
     resonances, and without laws that miss them where others do not.
 
-    Rows tell how far a level scatters: one that lies apart beside them is named.
+    Rows tell how far a level scatters: one that lies apart beside them is named, and resonances that miss by what is
+    stated are judged by the rows where these scatter more.
     """
-    if len(all_rows.A) == len(plan.data.A) or plan.fit.verdict == "none fits":
+    if len(all_rows.A) == len(plan.data.A):
         return plan
     laws = [own.law for own in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
     fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
@@ -220,8 +221,10 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     kept = [own for own in plan.laws if own not in missing]
     leader = next((fits[own.law] for own in kept if own.law in fits), best)
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
-    if on_rows.verdict == "none fits":
-        return replace(plan, fit=on_rows)
+    if on_rows.verdict == "none fits" or on_rows.rough:
+        plan = replace(plan, fit=on_rows)
+    if plan.fit.verdict == "none fits":
+        return plan
     plan = replace(plan, fit=replace(plan.fit, level_caution=on_rows.level_caution or plan.fit.level_caution))
     if not kept:
         return plan

@@ -23,41 +23,65 @@ from damping.infer.observations import Observations
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
 
+#: How a caution begins that says why there is no prediction.
+REFUSAL = "no prediction"
+
+
 def list_cautions(
-    force: float, amplitude: float, data: Observations, weights: Sequence[float], plan: Plan | None
+    force: float,
+    amplitude: float,
+    data: Observations,
+    weights: Sequence[float],
+    plan: Plan | None,
+    without: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[str, ...]:
     """Cautions on the prediction at one force, the gravest first.
 
     Args:
-        amplitude: predicted there, NaN where none is. weights: of the laws that take part.
+        amplitude: predicted there, NaN where none is. weights: of the laws that take part. without: probabilities that
+            the mode has no resonance there, as friction holds it and as its damping force does not grow so far.
     """
-    said = _list_of_plan(force, plan) if plan else []
-    if np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force))):
-        said.append("no prediction: the damping force does not reach this force at any amplitude")
+    refused = np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force)))
+    said = [_describe_refusal(*without)] if refused else []
+    said += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
     apart = not weights or max(weights) >= 0.5 * sum(weights)
     of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
     return tuple(said + of_test + ([] if apart else ["no law has more than half of the weight"]))
 
 
-def _list_of_plan(force: float, plan: Plan) -> list[str]:
-    """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says."""
+def _describe_refusal(held: float, unreached: float) -> str:
+    """Why there is no prediction, by the larger of both probabilities."""
+    why = "the damping force does not reach this force at any amplitude"
+    if held > unreached:
+        why = "friction holds the mode at this force"
+    probability = f"{max(held, unreached):.2f}"
+    return f"{REFUSAL}: {why}" if probability == "1.00" else f"{REFUSAL}: with probability {probability} {why}"
+
+
+def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
+    """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says.
+
+    ``banded``: whether there is a band, of which it is said what it allows for.
+    """
+    allowed = ", and the band allows for it" if banded else ""
     p, said = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
     beyond = force > plan.data.tested_force.max()
     if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
-        said.append("the levels have one frequency, which would tell a joint from a damper: the band allows for either")
+        either = ": the band allows for either" if banded else ""
+        said.append(f"the levels have one frequency, which would tell a joint from a damper{either}")
     elif beyond and plan.joint.probability > LIKELY:
         said.append(
             f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
-            "growing beyond the test, and the band allows for it"
+            f"growing beyond the test{allowed}"
         )
     if not plan.allows(np.asarray(force)):
         few = f"fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
-        said.append(f"no prediction beyond the force {plan.limit:.4g}: {few}")
+        said.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
-        allowed = ": damping may stop growing, and the band allows for it" if p.falling else ""
+        ends = f": damping may stop growing{allowed}" if p.falling else ""
         exponents = f"{p.p[0]:.2f} between the lowest levels, {p.p[-1]:.2f} between the highest"
-        said.append(f"force grows as a {way} power of amplitude ({exponents}){allowed}")
+        said.append(f"force grows as a {way} power of amplitude ({exponents}){ends}")
     return [sentence for sentence in said if sentence]
 
 
@@ -167,6 +191,10 @@ def predict(
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
+    held, unreached = (
+        sum(w * np.mean(~s.resonates & (s.short == short), axis=0) for w, s in zip(weights, spreads, strict=True))
+        for short in (False, True)
+    )
     return Loads(
         force=force,
         level=level,
@@ -179,8 +207,8 @@ def predict(
         overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, A, data, [m.weight for m in members], plan)
-            for f, A in zip(force, average.median, strict=True)
+            list_cautions(f, A, data, [m.weight for m in members], plan, without)
+            for f, A, without in zip(force, average.median, zip(held, unreached, strict=True), strict=True)
         ),
         limit=plan.limit if plan else np.inf,
     )

@@ -176,7 +176,9 @@ def _tell_scatters(setting: Setting, fit: ModelFit, rank: int, told: str) -> lis
         if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
             first, *_, last = sorted((getattr(level, name), level.sweep) for level in levels)
             span = f"from {first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}"
-            scatters.append(f"the {what} of its levels scatter by {scatter:.2%}, {told.format(span)}")
+            side = "above" if first[0] > 0.0 else "below"
+            lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
+            scatters.append(f"the {what} of its levels {lie} {scatter:.2%}, {told.format(span)}")
     return scatters
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_laws
@@ -38,6 +39,9 @@ FURTHER = 0.5
 NEGLIGIBLE = 1e-3
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
+#: Standard deviations of a coefficient, over those of a normal posterior with its interval, from which on few draws far
+#: out make it (that of a power law was 20 or 140 by the seed).
+LONG_TAIL = 2.0
 #: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
 FEW_DRAWS = 200
 #: A fitted shape within this of an end of its range is said to be at the edge of it.
@@ -223,15 +227,17 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
 def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[str, ...]) -> Candidate:
     """The row with its coefficients, errors and cautions; ``said`` of the held-out error."""
     assert row.fit is not None  # a row with a score was fitted
+    coefficients = _tabulate_coefficients(row)
     return replace(
         row,
-        coefficients=_tabulate_coefficients(row),
+        coefficients=coefficients,
         held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
-        cautions=(*_list_cautions(row, data), *said),
+        cautions=(*_list_cautions(row, data), *_describe_tails(coefficients), *said),
     )
 
 
+@np.errstate(over="ignore")  # an amplitude beyond all numbers is infinitely far off
 def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[float, tuple[str, ...]]]:
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
@@ -255,6 +261,13 @@ def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
         rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
     # coefficients first, each force's shapes after it in the table of a reader
     return tuple(sorted(rows, key=lambda c: bool(c.shape)))
+
+
+def _describe_tails(coefficients: Sequence[Coefficient]) -> list[str]:
+    """What to say of coefficients whose standard deviation is far above that of their interval."""
+    width = 2.0 * float(ndtri(0.5 * (1.0 + INTERVAL)))
+    long = [f"{c.force} {c.shape}".strip() for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
+    return [f"a few draws far out make the standard error of {name}: go by its interval" for name in long]
 
 
 def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ whose smaller probability, doubled (Bonferroni), is the p-value:
 - size: T = n^T V^-1 n against chi-square, averaged over what is known of the scatter in V = diag(s^2) + s_l^2 h h^T
   (predictive check of Gelman, Meng and Stern 1996, with the scatter's own prior in place of a posterior that the misfit
   would inflate). s is the stated uncertainty, else drawn from the prior, and no less than what the second differences
-  along the sweeps show, which no smooth misfit moves; where any is stated the law is fitted under V for it;
+  along the sweeps show, which no smooth misfit moves, up to ``ROUGHEST``; where any is stated the law is fitted under V
+  for it;
 - runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), few where a misfit is smooth; asked
   where the misfit is larger than a few per cent, which is what laws of a few terms leave on real structures.
 """
@@ -41,6 +42,11 @@ FEWEST_ROWS = 6
 #: degrees of freedom.
 DIFFERENCE_VARIANCE = 6.0
 DIFFERENCE_FREEDOM = 2.0 / 3.0
+#: Noise of one row, relative amplitude, that is the most a law is excused by: rows that differ by more from their
+#: neighbours on a resonance are of no resonance. A uniform phase has .9.
+ROUGHEST = 0.2
+#: Times the stated noise, by which rows scatter from one to the next, from which on it is asked whether that is right.
+UNDERSTATED = 2.0
 #: Levels lie apart where they scatter by this times the noise of one row: of 325 sweeps of structures in and out of the
 #: library whose levels are exact, 1 does (with the next).
 BEYOND_ROWS = 5.0
@@ -60,12 +66,14 @@ class FitVerdict:
         p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
         level_caution: what is said of levels that scatter about the leading law far more than their rows do, or of rows
             that no law fits and that read far more than a resonance; empty if none do.
+        rough: times the stated noise by which the rows of a law that fits scatter, from ``UNDERSTATED`` on; else 0.
     """
 
     verdict: Verdict
     p_value: float
     misfit: float
     level_caution: str = ""
+    rough: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -76,7 +84,8 @@ class FitVerdict:
             "poor": f"the leading law fits poorly: it {by}; a law of less weight fits",
             "none fits": f"no law fits: the leading law {by}",
         }
-        return "; ".join(filter(None, [said[self.verdict], self.level_caution]))
+        rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: is the stated noise right?"
+        return "; ".join(filter(None, [said[self.verdict], self.level_caution, rough if self.rough else ""]))
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
@@ -89,7 +98,8 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
-    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)))
+    rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
+    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
@@ -111,7 +121,8 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
     variance = np.where(known > 0.0, known, row[:, None] ** 2)
     roughness, differences = _measure_roughness(n, data)
     if differences > 0.0:  # scaled inverse chi-square
-        variance = np.maximum(variance, (roughness**2 * differences / rng.chisquare(differences, DRAWS))[:, None])
+        rough = np.minimum(roughness**2 * differences / rng.chisquare(differences, DRAWS), ROUGHEST**2)
+        variance = np.maximum(variance, rough[:, None])
     fits = [fit, _fit_under(variance, fit, data)] if data.states_uncertainty else [fit]
     return max(
         float(np.mean(chdtrc(_count_freedom(own), _measure_discrepancy(own, data, variance, level)))) for own in fits
@@ -223,6 +234,13 @@ def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]
         return np.nan, 0.0
     every = np.concatenate(differences)
     return float(np.sqrt(np.mean(every**2) / DIFFERENCE_VARIANCE)), DIFFERENCE_FREEDOM * len(every)
+
+
+def _compare_with_stated(fit: BestFit, data: Observations) -> float:
+    """Noise of one row by the second differences over what every row states, from ``UNDERSTATED`` on; else 0."""
+    n, _, known = residuals(fit.force, data)
+    ratio, differences = _measure_roughness(n / np.sqrt(known), data) if np.all(known > 0.0) else (0.0, 0.0)
+    return ratio if differences and ratio > UNDERSTATED else 0.0
 
 
 def _runs_probability(n: FloatArray, data: Observations) -> float:

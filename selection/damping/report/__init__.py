@@ -88,8 +88,8 @@ def end_sentence(text: str) -> str:
 
 
 def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
-    """A number with its unit, where it has one: ``2.90 in``."""
-    return f"{number(value, digits)} {unit}".strip()
+    """A number with its unit, where it has one: ``2.90 in``; a dash where there is none."""
+    return f"{number(value, digits)} {unit}".strip() if isfinite(value) else NOTHING
 
 
 #: Smaller names of a metre, each with what it is multiplied by, for amplitudes up to the first number.
@@ -133,8 +133,9 @@ def format_force_text(force: SupportsFloat, unit: str) -> str:
 
 
 def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
-    """``2.59 to 3.26 in``."""
-    return f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
+    """``2.59 to 3.26 in``; a dash where there is neither."""
+    ends = f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
+    return ends if isfinite(low) or isfinite(high) else NOTHING
 
 
 def format_percent(value: SupportsFloat) -> str:

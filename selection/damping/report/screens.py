@@ -14,7 +14,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prediction import PARTS, REFUSAL, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables
@@ -74,7 +74,11 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         "measured": "sweeps" if result.data.has_repeats else "resonances",
         "verdict": ranking.fit.sentence or "The leading law fits to the noise",
         "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
-        "refusals": dict.fromkeys(c for own in design.cautions for c in own if c.startswith("no p")) if design else (),
+        "refusals": dict.fromkeys(
+            caution.removeprefix(REFUSAL) for own in design.cautions for caution in own if caution.startswith(REFUSAL)
+        )
+        if design
+        else (),
     }
 
 
@@ -126,6 +130,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
         load = describe_load(result.design, result.design_curve, units, result.design_levels)
         tested = words.format_quantity(data.tested_force.max(), units.force)
         frequency = words.number(data.tested_omega[data.top] / RAD_S_PER_HZ, 4)
+        none = "none asked" if result.design is None else "none predicted"
         law = f"{best.name} {words.format_share(best.weight)}" if _count_levels(result) > 1 else "open"
         rows.append(
             {
@@ -133,7 +138,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
                 "tested to": f"{tested}, {frequency} Hz",
                 "damping ratio there": f"{top['ratio']} ({top['band']})" if top else words.NOTHING,
                 "law and weight": law,
-                "at the design load": f"{load['median']} ({load['band']}) at {load['force']}" if load else "none asked",
+                "at the design load": f"{load['median']} ({load['band']}) at {load['force']}" if load else none,
             }
         )
     return Table(pd.DataFrame(rows), "")

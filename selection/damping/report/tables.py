@@ -231,6 +231,8 @@ def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.Data
             ],
             "linear": [
                 f"{words.format_length(value, units.length)} ({words.format_signed(over)})"
+                if np.isfinite(over)
+                else words.format_length(value, units.length)
                 for value, over in zip(design.linear, design.overprediction, strict=True)
             ],
         }
