@@ -557,8 +557,7 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 #: What stands for all candidates of a ranking, and of a prediction.
-RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
-PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+LAWS = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
 #: And for all effects of a diagnosis: of damping, frequency, a second plane, and of either quantity that is measured.
 EXPLAINING = (
     "viscous-coefficient",
@@ -572,13 +571,14 @@ EXPLAINING = (
 
 @pytest.fixture
 def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank, two to predict with, a tenth of the draws, six effects: where they are not what is tested."""
+    """Three laws to rank and to predict with, a tenth of the draws, six effects: where they are not what is tested."""
     monkeypatch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
     monkeypatch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
-    for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
-        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
-    for module in ("damping.extrapolation", "damping_pipelines.study"):
-        monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
+    for module in ("damping.api", "damping.campaign.answer", "damping_pipelines.fleet.analyse"):
+        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping.extrapolation.load_candidates", lambda *_: list(LAWS))
+    for choose in ("candidate_laws", "load_candidates"):
+        monkeypatch.setattr(f"damping_pipelines.study.{choose}", lambda *_: list(LAWS))
     monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", {name: effects.CATALOGUE[name] for name in EXPLAINING})
 
 
