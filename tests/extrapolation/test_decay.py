@@ -75,7 +75,7 @@ def test_trend_of_a_decay_is_of_force_over_amplitude(kind, p):
     np.testing.assert_allclose(found.z, 0.0, atol=1e-9)
 
 
-def test_a_level_that_gains_nothing_is_not_proposed():
+def test_a_level_that_gains_nothing_is_not_proposed(few_laws):
     """A long decay of viscous damping: its band is its noise, and one more level takes nothing off it."""
     amplitude = 8e-3 * np.exp(-0.2 * np.arange(15))
     found = dp.extrapolate(make_decay(amplitude, find_force(amplitude, friction=0.0)), MODE, [3.3])
