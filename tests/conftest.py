@@ -570,12 +570,18 @@ EXPLAINING = (
 
 
 @pytest.fixture
-def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank and to predict with, a tenth of the draws, six effects: where they are not what is tested."""
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of the draws that a prediction averages: where a few more digits of its bands are not what is tested."""
     monkeypatch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
     monkeypatch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
-    for module in ("damping.api", "damping.campaign.answer", "damping_pipelines.fleet.analyse"):
-        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(LAWS))
+
+
+@pytest.fixture
+def few_laws(few_draws: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws to rank and to predict with, few draws and six effects: where they are not what is tested."""
+    for module in ("api", "campaign.answer", "extrapolation.near"):
+        monkeypatch.setattr(f"damping.{module}.candidate_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping_pipelines.fleet.analyse.candidate_laws", lambda *_: list(LAWS))
     monkeypatch.setattr("damping.extrapolation.load_candidates", lambda *_: list(LAWS))
     for choose in ("candidate_laws", "load_candidates"):
         monkeypatch.setattr(f"damping_pipelines.study.{choose}", lambda *_: list(LAWS))
