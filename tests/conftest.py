@@ -76,10 +76,10 @@ TOGETHER = {
 }
 #: What takes longest starts first, so that no worker is left alone with it.
 FIRST = (
-    *("chapters", "forks", "gap", "docs/test_docs", "validation/test_cases", "campaign/test_campaign"),
-    *("ranking/test_ranking", "predict/test_integrate", "examples/test_examples", "records/test_audit"),
-    *("statistical/test_calibration", "gap/test_null", "statistical/test_samplers", "ranking/test_sharing"),
-    *("pipelines/test_memory", "validation/test_blind", "gap/test_further_effects", "validation/test_steady"),
+    *("chapters", "gap", "forks", "campaign/test_levels", "campaign/test_campaign", "campaign/test_base_shares"),
+    *("ranking/test_ranking", "validation/test_cases", "pipelines/test_cli", "pipelines/test_fleet_records"),
+    *("validation/test_blind", "gap/test_outside", "api/test_agreement", "gap/test_further_effects"),
+    *("validation/test_steady", "records/test_ceiling", "predict/test_sweep_stage", "gap/test_too_large"),
 )
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
