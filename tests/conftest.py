@@ -76,10 +76,10 @@ TOGETHER = {
 }
 #: What takes longest starts first, so that no worker is left alone with it.
 FIRST = (
-    *("chapters", "forks", "gap", "docs/test_docs", "validation/test_cases", "campaign/test_campaign"),
-    *("ranking/test_ranking", "predict/test_integrate", "examples/test_examples", "records/test_audit"),
-    *("statistical/test_calibration", "gap/test_null", "statistical/test_samplers", "ranking/test_sharing"),
-    *("pipelines/test_memory", "validation/test_blind", "gap/test_further_effects", "validation/test_steady"),
+    *("chapters", "gap", "forks", "campaign/test_levels", "campaign/test_campaign", "campaign/test_base_shares"),
+    *("ranking/test_ranking", "validation/test_cases", "pipelines/test_cli", "pipelines/test_fleet_records"),
+    *("validation/test_blind", "gap/test_outside", "api/test_agreement", "gap/test_further_effects"),
+    *("validation/test_steady", "records/test_ceiling", "predict/test_sweep_stage", "gap/test_too_large"),
 )
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
@@ -557,8 +557,7 @@ def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 #: What stands for all candidates of a ranking, and of a prediction.
-RANKED = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
-PREDICTING = (Law(("viscous", "velocity-squared")), Law(("viscous", "quadratic-displacement")))
+LAWS = (Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "displacement-velocity")))
 #: And for all effects of a diagnosis: of damping, frequency, a second plane, and of either quantity that is measured.
 EXPLAINING = (
     "viscous-coefficient",
@@ -571,14 +570,21 @@ EXPLAINING = (
 
 
 @pytest.fixture
-def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three laws to rank, two to predict with, a tenth of the draws, six effects: where they are not what is tested."""
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of the draws that a prediction averages: where a few more digits of its bands are not what is tested."""
     monkeypatch.setattr("damping.extrapolation.draws.AVERAGE_DRAWS", 4_000)
     monkeypatch.setattr("damping.extrapolation.FRESH_DRAWS", 154)
-    for module in ("damping.api", "damping_pipelines.fleet.analyse", "damping_pipelines.study"):
-        monkeypatch.setattr(f"{module}.candidate_laws", lambda *_: list(RANKED))
-    for module in ("damping.extrapolation", "damping_pipelines.study"):
-        monkeypatch.setattr(f"{module}.load_candidates", lambda *_: list(PREDICTING))
+
+
+@pytest.fixture
+def few_laws(few_draws: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws to rank and to predict with, few draws and six effects: where they are not what is tested."""
+    for module in ("api", "campaign.answer", "extrapolation.near"):
+        monkeypatch.setattr(f"damping.{module}.candidate_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping_pipelines.fleet.analyse.candidate_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping.extrapolation.load_candidates", lambda *_: list(LAWS))
+    for choose in ("candidate_laws", "load_candidates"):
+        monkeypatch.setattr(f"damping_pipelines.study.{choose}", lambda *_: list(LAWS))
     monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", {name: effects.CATALOGUE[name] for name in EXPLAINING})
 
 

@@ -119,7 +119,7 @@ def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first)
 
 def test_what_is_said_of_the_rows_alone_follows_the_loads(flagship, few_laws):
     """On the terminal it stands among the cautions, in the form it is the first of them."""
-    loads = dp.extrapolate(*flagship, [90.0])
+    loads = replace(dp.extrapolate(*flagship, [90.0]), against=())
     poor = replace(loads, against=("ranking and diagnosis disagree on whether the rows are explained",))
     assert poor.headlines == loads.headlines
     assert poor.cautions == (*poor.against, *loads.cautions)

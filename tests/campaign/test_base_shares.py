@@ -65,7 +65,7 @@ def test_sensors_that_are_all_in_another_unit_are_refused(tmp_path, factors, uni
         ((1 / G, 1.0, 1 / G, 1 / G), "m/s^2", 1, "g for m/s^2?"),
     ],
 )
-def test_the_sensors_that_are_right_are_answered(tmp_path, factors, unit, left, why):
+def test_the_sensors_that_are_right_are_answered(tmp_path, factors, unit, left, why, few_laws):
     """Viscous modes: the peak at the design level is the closed form times the level."""
     path, peak = shaken(tmp_path / "a.h5", factors, unit=unit)
     mode = analyse([path], [0.8]).modes[0]
@@ -89,9 +89,19 @@ def test_the_sensors_that_are_right_are_answered(tmp_path, factors, unit, left, 
 def test_rms_beside_peak_is_told(tmp_path, factors, told):
     """A caution names the sensors, what they read, and what that is."""
     path, _ = shaken(tmp_path / "a.h5", factors)
-    (note,) = [note for note in analyse([path], [0.8]).summary.notes if "caution" in note]
+    levels, misread = fit_right_levels(read_runs([path], SIZE)[0])
+    assert misread == {}
+    (note,) = describe_shares(levels)
     assert told in note
     assert "?)" in note
+
+
+def test_sensors_that_are_stated_are_not_doubted(tmp_path, few_laws):
+    """A campaign has the caution once, and none where the sensors are stated to be right."""
+    path, _ = shaken(tmp_path / "a.h5", (RMS,) * 4)
+    (note,) = [note for note in analyse([path], [0.8]).summary.notes if "caution" in note]
+    assert "rms of the drive for peak?" not in note
+    assert "read 0.70" in note
     stated = Corrections(channels={f"acc{s}": ChannelCorrection("sensor") for s in range(4)})
     assert not any("caution" in note for note in analyse([path], [0.8], corrections=stated).summary.notes)
 

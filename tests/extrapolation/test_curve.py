@@ -271,13 +271,13 @@ TRUE = Sum((Viscous(0.06), VelocitySquared(0.012)))
 
 
 @pytest.fixture
-def few_laws(monkeypatch):
+def few_laws(few_laws, monkeypatch):
     """Two laws in place of all, and draws of the normal approximation: the curve is tested here, not the laws."""
     monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS)
     monkeypatch.setattr(extrapolation, "evidence", brief_evidence)
 
 
-def test_force_for_an_amplitude_is_the_inverse(peaks):
+def test_force_for_an_amplitude_is_the_inverse(peaks, few_laws):
     force = np.geomspace(1.0, 4.0, 4)
     data = peaks(resonant_amplitude(TRUE, force, OMEGA_N), force, OMEGA_N)
     there = extrapolate_loads(data, [6.0], laws=LAWS, estimate=brief_evidence)
@@ -297,7 +297,7 @@ def test_force_for_an_amplitude_is_the_inverse(peaks):
     assert "no prediction" in beyond.cautions[0][0]
 
 
-def test_the_force_for_a_small_amplitude_goes_to_that_of_friction(peaks):
+def test_the_force_for_a_small_amplitude_goes_to_that_of_friction(peaks, few_laws):
     """F = 4 R/pi + c omega A (Table 2.I); below 4 R/pi nothing moves, and nothing was told of amplitudes just above."""
     held, per_amplitude = 0.7, 0.12 * OMEGA_N
     A = np.array([0.3, 0.8, 2.0])

@@ -12,6 +12,7 @@ from damping.extrapolation.near import trend
 from damping.infer.observations import observe
 from damping.records.record import Record
 
+pytestmark = pytest.mark.usefixtures("few_draws")
 MASS, FREQUENCY = 40.0, 11.7
 OMEGA = 2.0 * np.pi * FREQUENCY
 VISCOUS, FRICTION = 2.0 * 0.0008 * MASS * OMEGA, 14.0
@@ -75,7 +76,7 @@ def test_trend_of_a_decay_is_of_force_over_amplitude(kind, p):
     np.testing.assert_allclose(found.z, 0.0, atol=1e-9)
 
 
-def test_a_level_that_gains_nothing_is_not_proposed():
+def test_a_level_that_gains_nothing_is_not_proposed(few_laws):
     """A long decay of viscous damping: its band is its noise, and one more level takes nothing off it."""
     amplitude = 8e-3 * np.exp(-0.2 * np.arange(15))
     found = dp.extrapolate(make_decay(amplitude, find_force(amplitude, friction=0.0)), MODE, [3.3])
@@ -83,11 +84,11 @@ def test_a_level_that_gains_nothing_is_not_proposed():
     assert found.to_json()["next_level"] is None
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def slipping():
     """A joint of 6 % of the stiffness that slips from 1 mm on: the ratio leaps from 0.4 % to 1.4 % up to 2 mm."""
     amplitude = 8e-3 * np.exp(-0.36 * np.arange(12))
-    return dp.curve(make_decay(amplitude, find_slip_force(amplitude), scatter=0.002), MODE)
+    return make_decay(amplitude, find_slip_force(amplitude), scatter=0.002)
 
 
 def find_slip_force(amplitude, limit=1e-3):
@@ -97,12 +98,10 @@ def find_slip_force(amplitude, limit=1e-3):
 
 
 def test_a_curve_has_the_levels_and_its_drawing_the_peak_between(slipping):
-    tested = slipping.prepared.data.tested_amplitude
-    distance = np.abs(np.log(slipping.table["amplitude"].to_numpy() / tested[:, np.newaxis]))
+    found, tested = dp.curve(slipping, MODE), observe(slipping).tested_amplitude
+    distance = np.abs(np.log(found.table["amplitude"].to_numpy() / tested[:, np.newaxis]))
     assert distance.min(axis=1).max() < 0.021
-    (line,) = [
-        line for line in slipping.plot().axes[0].lines if line.get_linewidth() > 2 and line.get_linestyle() == "-"
-    ]
+    (line,) = [line for line in found.plot().axes[0].lines if line.get_linewidth() > 2 and line.get_linestyle() == "-"]
     drawn, ratio = line.get_data()
     asked = np.geomspace(1.2e-3, 4e-3, 25)
     truth = 100.0 * find_slip_force(asked) / (2.0 * MASS * OMEGA**2 * asked)
@@ -110,7 +109,7 @@ def test_a_curve_has_the_levels_and_its_drawing_the_peak_between(slipping):
 
 
 def test_a_drawing_holds_what_was_asked_and_tested(slipping):
-    data = slipping.prepared.data
+    data = observe(slipping)
     drawn = list_drawn_amplitudes(np.array([5e-4, np.nan, 2e-3]), data)
     inside = data.tested_amplitude[(data.tested_amplitude > 5e-4) & (data.tested_amplitude < 2e-3)]
     assert set(drawn) >= {5e-4, 2e-3, *inside}

@@ -34,6 +34,7 @@ from damping.records.mode import Mode, Tolerance
 from damping.records.record import Record
 from damping_validation.truths import draw_truth, peaks
 
+pytestmark = pytest.mark.usefixtures("few_draws")
 LEVELS = np.array([0.5, 1.0, 2.0])
 PAIR = next(s for s in structures() if s.name == "viscous + velocity-squared")
 

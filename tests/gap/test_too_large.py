@@ -49,7 +49,7 @@ def rub(lab, rows, friction):
         ("slip", "slip"),
     ],
 )
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_simulated_force_that_is_not_there(lab, simulated, force, effect, seed):
     """The record is linear and viscous: a second plane was blamed, at a probability of 1."""
     mode, rows = simulated(force), lab.bench().rows
@@ -93,7 +93,7 @@ def test_friction_that_is_not_there_beside_values_from_the_record_itself(lab, si
     assert set(found.corrected.damping) == {"viscous"}
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 @pytest.mark.parametrize("damped", [1.0, 1.6])
 def test_a_mass_that_is_off_is_named_beside_the_frequency_taken_from_it(lab, seed, damped):
     """M is 8 % larger, four tolerances, with the stiffness as simulated; 0.3 M is added in half of the rows."""

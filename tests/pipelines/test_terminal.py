@@ -8,22 +8,12 @@ import re
 import numpy as np
 import pytest
 
-from damping import api, extrapolation
-from damping.infer.law import Law
 from damping_pipelines.cli import app
 from damping_pipelines.laws import _state_frequency
 from damping_pipelines.terminal import Notes, PlainTable, number_whole, progress
 
-LAWS = (Law(("viscous", "velocity-squared")), Law(("velocity-power",)), Law(("displacement", "displacement-velocity")))
 #: A number that was cut: a digit beside what stands for the rest.
 CUT = re.compile(r"\d…|…\d")
-
-
-@pytest.fixture
-def few_laws(monkeypatch):
-    """Three laws in place of all: tables are tested here."""
-    monkeypatch.setattr(api, "candidate_laws", lambda *_: LAWS)
-    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS[:2])
 
 
 @pytest.mark.parametrize(("total", "lines"), [(3, 3), (10, 10), (65, 10), (2000, 10)])

@@ -73,6 +73,7 @@ def force_of(bench: Bench) -> Sum:
     return Sum((*from_damping(damping).forces, *springs))
 
 
+@cache
 def clean(bench: Bench) -> pd.DataFrame:
     """Steady states without noise, as a slow sweep passes them in at least 200 steps."""
     force, w = force_of(bench), 2.0 * pi * bench.f

@@ -10,17 +10,25 @@ from audit_cases import record_of
 import damping as dp
 from damping.arrays import FloatArray
 from damping.records import Finding, audit
+from damping.records.check_sweeps import check_outlier
+from damping.records.view import View
 from damping_validation.truths import OMEGA, TRUTHS, draw_truth
 
 MODE = dp.Mode(name="bracket", frequency=25.0, mass=40.0)
 STRUCTURES = 200
 
 
-def tell(force: object, frequency: object, amplitude: object, mode: dp.Mode | None = MODE) -> Finding | None:
-    """What the audit says of readings that are off, of peaks one a level."""
+def peaks_of(force: object, frequency: object, amplitude: object) -> dp.Record:
+    """A record of peaks, one a level."""
     table = pd.DataFrame({"force": force, "frequency": frequency, "amplitude": amplitude})
     table.insert(0, "sweep", [f"L{k + 1}" for k in range(len(table))])
-    return next((one for one in audit(record_of(table), mode).findings if one.check == "outlier"), None)
+    return record_of(table)
+
+
+def tell(force: object, frequency: object, amplitude: object) -> Finding | None:
+    """What the audit says of readings that are off."""
+    findings = audit(peaks_of(force, frequency, amplitude), MODE).findings
+    return next((one for one in findings if one.check == "outlier"), None)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +86,7 @@ def test_no_frequency_of_a_right_structure_is_accused():
         scatter = rng.choice([0.0, 3e-4, 1e-3]) * rng.standard_normal(len(a))
         frequency = 25.0 * (1.0 + rng.uniform(-0.33, 0.33) * course / max(course.max(), 1.0)) * np.exp(scatter)
         amplitude = 1e-3 * a * np.exp(0.02 * rng.standard_normal(len(a)))
-        assert tell(5.0 * force, frequency, amplitude) is None, (frequency, amplitude)
+        assert check_outlier(View(peaks_of(5.0 * force, frequency, amplitude), MODE)) is None, (frequency, amplitude)
 
 
 def test_no_frequency_of_a_drawn_truth_is_accused():
@@ -91,7 +99,7 @@ def test_no_frequency_of_a_drawn_truth_is_accused():
         force, amplitude = force[np.isfinite(amplitude)], amplitude[np.isfinite(amplitude)]
         frequency = truth.omega(amplitude) * np.exp(1e-3 * rng.standard_normal(len(force))) / (2.0 * np.pi)
         mode = dp.Mode(name="m", frequency=OMEGA / (2.0 * np.pi), mass=truth.mass)
-        found = tell(force, frequency, amplitude, mode)
+        found = check_outlier(View(peaks_of(force, frequency, amplitude), mode))
         assert found is None or "frequency jumps" not in found.what, (truth.name, frequency, amplitude)
 
 
