@@ -188,7 +188,7 @@ def print_loads(result: LoadsResult) -> None:
         exponents = ", ".join(f"{p:.2f} ± {sd:.2f}" for p, sd in zip(plan.trend.p, plan.trend.sd, strict=True))
         out.print(f"Local exponent p = d ln F/d ln A, from level to level: {exponents}.")
     if by_force:
-        _print_what_if(result)
+        _print_what_if(result, factor, length)
     _print_notes(notes, result)
 
 
@@ -225,11 +225,10 @@ def _name_drive(units: Units) -> str:
     return f"{units.drive} {_bracket(units.force)}".strip()
 
 
-def _print_what_if(result: LoadsResult) -> None:
-    """Bands with other priors, and what to test next."""
+def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
+    """Bands with other priors, ``factor`` times in the unit ``length``, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors().dropna(subset="median")
-    factor, length = choose_length(units.length, varied["median"].max())
     headings = (_name_drive(units), "prior times", "median", "low", "high")
     table = PlainTable(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):

@@ -72,6 +72,21 @@ def test_tables_of_a_record(words, damping, saturn_data):
     assert "\n---" in run.out
 
 
+@pytest.mark.usefixtures("few_laws")
+def test_tables_beside_each_other_have_one_unit_of_length(damping, tmp_path):
+    """A band about 20 mm, where metres begin: its median is below, its high end above."""
+    record, mode = tmp_path / "peaks.csv", tmp_path / "mode.toml"
+    rows = (f"{i},{F},10.0,{0.0192 * (F / 12.0) ** 0.6:.5g}" for i, F in enumerate((1.0, 2.0, 4.0, 8.0)))
+    record.write_text("\n".join(["sweep,force,frequency,amplitude", *rows]) + "\n")
+    units = '[units]\nforce = "N"\nlength = "m"\n'
+    mode.write_text(f'[mode]\nname = "panel"\nfrequency = 10.0\nmass = 2.0\n{units}')
+    said = damping("extrapolate", record, "--mode", mode, "--force", 12, "--json", tmp_path / "loads.json").out
+    (row,) = json.loads((tmp_path / "loads.json").read_text())["predictions"]
+    assert row["median"] < 0.02 < row["high"]
+    titles = [line for line in said.splitlines() if "amplitude at resonance [" in line or "with other priors [" in line]
+    assert [title.split("[")[1] for title in titles] == ["m]", "m]"]
+
+
 def test_long_names_go_on_below():
     """Two laws that begin alike are told apart in whatever width holds their words; a number stands once."""
     laws = [f"viscous + velocity-squared + {last}" for last in ("slip", "coulomb")]
