@@ -268,7 +268,7 @@ def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
 
 def _show(answer: Campaign, out: Path) -> None:
     to = console()
-    to.print("What was understood (--correct FILE.toml says otherwise):")
+    to.print("What was understood (--correct FILE.toml overrides it):")
     for what, text, _ in answer.summary.rows:
         to.print(f"  {what}: {text}")
     for note in answer.summary.notes:

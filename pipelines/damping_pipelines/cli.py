@@ -59,7 +59,7 @@ def _add_common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 app = typer.Typer(
     name="damping",
-    help="From a vibration test: the damping law, how sure we are of it, and the resonance at the design load.",
+    help="From a vibration test: the damping law, its certainty, and the resonance at the design load.",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -77,12 +77,12 @@ def begin() -> None:
 @delegate(".study", "run_study")
 def study(
     settings_file: Annotated[
-        Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; without it the Saturn V study.")
+        Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; default: the Saturn V study.")
     ] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help="Where results go.")] = None,
     seed: Annotated[int | None, Option(min=0, help="Seed; overrides the settings.")] = None,
-    png: Annotated[bool, Option("--png", help="Figures as PNG beside the SVG.")] = False,
-    pdf: Annotated[bool, Option("--pdf", help="The answer as a PDF of one page; needs Chromium.")] = False,
+    png: Annotated[bool, Option("--png", help="Also write figures as PNG.")] = False,
+    pdf: Annotated[bool, Option("--pdf", help="Also write the answer as a one-page PDF; needs Chromium.")] = False,
     despite: options.Despite = options.NONE,
 ) -> None:
     """Rank, sample, extrapolate and report: the whole study."""
@@ -92,11 +92,11 @@ def study(
 @delegate(".tables")
 def check(
     record: options.RecordArgument,
-    mode: Annotated[Path | None, Option(metavar="MODE.toml", help="The mode that the record is to be of.")] = None,
+    mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode to compare the record with.")] = None,
     json_out: options.Json = None,
     max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
-    """Ask whether a record is what it seems to be: units, phases, cuts, copies; ends 1 where no answer can be right."""
+    """Check a record for wrong units or phases, cut sweeps and copies; exit code 1 if no answer can be right."""
 
 
 @app.command()
@@ -131,7 +131,7 @@ def _predict(
 #: What they predict.
 _PREDICTIONS = {
     "extrapolate": "Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands.",
-    "curve": "Damping ratio, Q and frequency against amplitude, with bands: over the test and beyond, or where asked.",
+    "curve": "Damping ratio, Q and frequency against amplitude, with bands, in and beyond the test.",
 }
 for _name, _help in _PREDICTIONS.items():
     app.command(_name, help=_help)(delegate(".laws", _name)(_predict))
@@ -193,7 +193,7 @@ def main(arguments: list[str] | None = None) -> None:
             missing = f"this needs {package}, which is not installed; pip install {extra} brings it"
         code = _fail(missing, 1)
     except (typer.Abort, KeyboardInterrupt):
-        code = _fail("interrupted; nothing half-written is left behind", 130)
+        code = _fail("interrupted; no half-written file is left", 130)
     except OSError as error:
         if os.environ.get("DAMPING_TRACEBACK") or error.errno not in OUTPUT_ERRORS:
             raise

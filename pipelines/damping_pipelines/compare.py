@@ -108,8 +108,8 @@ def _read_observations(folder: Folder, name: str) -> Observations | None:
         numbers = table.drop(columns=["sweep", "point"], errors="ignore").to_numpy(dtype=float)
         data = read_rows(table)
     except (ValueError, KeyError) as error:
-        raise InputError(f"not what a study wrote: {error}", file=path) from None
+        raise InputError(f"not written by a study: {error}", file=path) from None
     sizes = (data.A, data.omega, data.tested_amplitude, data.tested_force, data.tested_omega)
     if not (np.isfinite(numbers).all() and all((values > 0.0).all() for values in sizes)):
-        raise InputError("not what a study wrote: numbers that are none", file=path)
+        raise InputError("not written by a study: not numbers", file=path)
     return data

@@ -212,10 +212,10 @@ class Coefficients:
 
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()
-        text = f"misses the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
+        text = f"differs from the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
         if abs(self.miss) <= MOST_MISFIT:
             return f"{text})"
-        why = "damping that falls as the amplitude grows" if self.falls else "this course of the damping"
+        why = "damping that falls as the amplitude grows" if self.falls else "this shape of the damping"
         return f"{text}, where AddBLin alone would be {self.equivalent:.3g}): this form cannot follow {why}"
 
 

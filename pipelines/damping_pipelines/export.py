@@ -92,7 +92,7 @@ def _convert(
     by = factors(names, units, source=source)
     if mode is None:
         record, notes = convert_record(record, by, "force")
-        notes.append("the column force is taken for a force: whether it is a base's acceleration --mode says")
+        notes.append("the column force is taken as a force: --mode tells whether it is a base acceleration")
         return record, None, notes
     # the mass that a base-driven mode has where none is stated is a number
     plain = mode.drive == "base" and mode.mass == 1.0 and not has_masses(record)

@@ -56,7 +56,7 @@ def gap(
     if not records:
         answers = _check_folder(model, json_out, {**files, "--simulator": simulator, "--posterior": posterior or None})
         if diagnose_folder(model, answers, jobs, max_size, despite):
-            raise AnalysisError("some cases could not be diagnosed; their answers say why")
+            raise AnalysisError("some cases could not be diagnosed; their answers give the reason")
         return
     if jobs is not None:
         raise InputError("--jobs is for a folder of cases", expected="one record without it")
@@ -101,8 +101,8 @@ def _describe_model(result: DiagnosisResult) -> str:
     lasting = list_lasting(corrected.effects)
     if passing := [name for name in corrected.effects if name not in lasting]:
         sentences.append(
-            f"Of the rig, or of this test, and not of the structure: {format_joined(passing)}. `damping gap` reads "
-            "that beside this record; for a load, `damping sweep --structure` leaves it out."
+            f"Part of the rig or of this test, not of the structure: {format_joined(passing)}. `damping gap` applies "
+            "it to this record; for a load, `damping sweep --structure` leaves it out."
         )
     lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH, break_on_hyphens=False)
     return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(corrected)

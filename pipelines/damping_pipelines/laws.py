@@ -109,7 +109,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
-    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%} or nothing: --json lists them.")
+    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%}: --json lists them.")
     _print_notes(notes, result)
 
 
@@ -151,7 +151,7 @@ def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float
         again = " ".join([*(f"--force {f:g}" for f in force), *(f"--amplitude {a:g}" for a in amplitude)])
         suggest(
             f"{asked.name('extrapolate')} {again} --json loads.json",
-            "damping export loads.json --to nastran --out damping.bdf   (a table a load level)",
+            "damping export loads.json --to nastran --out damping.bdf   (a table per load level)",
         )
 
 
@@ -170,7 +170,7 @@ def print_loads(result: LoadsResult) -> None:
     band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
     table = PlainTable(f"{mode.name}: {of_answer}".rstrip(), (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
-    ratios = PlainTable("Damping there; the low end is the one a load is sized with", (first, *damped))
+    ratios = PlainTable("Damping there; size a load with its low end", (first, *damped))
     shares = PlainTable(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
         at = f"{factors[asked] * row[asked]:g}"
@@ -193,7 +193,7 @@ def print_loads(result: LoadsResult) -> None:
 
 
 #: What the terminal has room for of a band that is wider to one side where the resonance falls or rises.
-FARTHER = "±: from the frequency to the farther end of its band."
+FARTHER = "±: to the farther end of the frequency band."
 
 
 _MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
@@ -230,7 +230,7 @@ def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors().dropna(subset="median")
     headings = (_name_drive(units), "prior times", "median", "low", "high")
-    table = PlainTable(f"The same with other priors {_bracket(length)}".rstrip(), headings, ("prior",))
+    table = PlainTable(f"With other priors {_bracket(length)}".rstrip(), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
         table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)

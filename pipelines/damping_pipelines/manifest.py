@@ -72,7 +72,9 @@ class Folder:
             raise InputError("is a link", file=path, expected="the file that the run wrote")
         content = read_bytes(path, _MOST_FILE)
         if digest(content) != self.manifest.outputs[name]:
-            raise InputError("is not of the run of the manifest", file=path, expected="files of one run; run it again")
+            raise InputError(
+                "is not from the run of the manifest", file=path, expected="files of one run; run it again"
+            )
         return content
 
 
@@ -146,7 +148,7 @@ def refuse_foreign(folder: Path, names: Collection[str], inputs: Iterable[Path] 
     lost = {os.path.realpath(folder / name) for name in (*ours, MANIFEST)} if ours else set()
     for path in inputs:
         if os.path.realpath(path) in lost:
-            message = "is an input, and --out would replace the results that it is one of"
+            message = "is an input, and --out would replace the results that contain it"
             raise InputError(message, file=path, expected="another --out")
     before, now = _find_command(ours), _find_command(names)
     if before and now and before != now:
@@ -157,7 +159,9 @@ def refuse_foreign(folder: Path, names: Collection[str], inputs: Iterable[Path] 
         if name not in ours and os.path.lexists(path):
             raise InputError("is no result of an earlier run", file=path, expected="another --out, or that file moved")
     if not ours and os.path.lexists(folder / MANIFEST):
-        raise InputError("is no manifest of ours", file=folder / MANIFEST, expected="another --out, or that file moved")
+        raise InputError(
+            "is no manifest of damping", file=folder / MANIFEST, expected="another --out, or that file moved"
+        )
 
 
 def _find_command(names: Collection[str]) -> str | None:

@@ -20,18 +20,18 @@ MOST_PROCESSES = 1024
 NONE: list[Any] = []
 
 Json = Annotated[str | None, Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
-Seed = Annotated[int, Option(min=0, help="Seed of everything that is sampled.")]
-MaxSize = Annotated[int, Option(min=1, help="Largest input file accepted, bytes.")]
-Despite = Annotated[list[str], Option(metavar="CHECK", help="Go on although this check of the audit refuses; repeat.")]
-RecordArgument = Annotated[Path, Argument(metavar="RECORD.csv", help="Record: one row a measured steady state.")]
+Seed = Annotated[int, Option(min=0, help="Seed of all random draws.")]
+MaxSize = Annotated[int, Option(min=1, help="Largest accepted input file, bytes.")]
+Despite = Annotated[list[str], Option(metavar="CHECK", help="Continue although this check refuses; repeatable.")]
+RecordArgument = Annotated[Path, Argument(metavar="RECORD.csv", help="Record: one row per measured steady state.")]
 ModeOption = Annotated[Path, Option(metavar="MODE.toml", help="Mode: frequency, mass, units.")]
-Plot = Annotated[Path | None, Option(metavar="FILE", help="Draw it: a name in .svg or .png.")]
-Forces = Annotated[list[float], Option(metavar="F", help="Force at resonance; repeat.")]
-Amplitudes = Annotated[list[float], Option(metavar="A", help="Amplitude at resonance; repeat.")]
-Level = Annotated[float, Option(help="Probability content of the bands.")]
-Folder = Annotated[Path, Option(metavar="DIR", help="Where results go.")]
-RecordOut = Annotated[Path, Option(metavar="RECORD.csv", help="The record written.")]
-Folders = Annotated[list[Path], Argument(metavar="DIR...", help="Folders that damping study wrote.")]
+Plot = Annotated[Path | None, Option(metavar="FILE", help="Write a figure (.svg or .png).")]
+Forces = Annotated[list[float], Option(metavar="F", help="Force at resonance; repeatable.")]
+Amplitudes = Annotated[list[float], Option(metavar="A", help="Amplitude at resonance; repeatable.")]
+Level = Annotated[float, Option(help="Probability of the bands.")]
+Folder = Annotated[Path, Option(metavar="DIR", help="Folder for the results.")]
+RecordOut = Annotated[Path, Option(metavar="RECORD.csv", help="Record to write.")]
+Folders = Annotated[list[Path], Argument(metavar="DIR...", help="Folders written by damping study.")]
 
 Command = Callable[..., None]
 
@@ -53,25 +53,26 @@ def delegate(module: str, function: str = "") -> Callable[[Command], Command]:
 def gap(
     model: Annotated[Path, Argument(metavar="MODEL.toml|CASES_DIR", help="Simulation, or a folder of cases.")],
     records: Annotated[
-        list[Path], Argument(metavar="[RECORD.csv]", help="The measured record; of each --with its own after it.")
+        list[Path], Argument(metavar="[RECORD.csv]", help="Measured record; each --with adds its own.")
     ] = NONE,
-    report: Annotated[Path | None, Option(metavar="FILE.html", help="Write the page here.")] = None,
-    model_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the corrected model here.")] = None,
+    report: Annotated[Path | None, Option(metavar="FILE.html", help="Write the report page.")] = None,
+    model_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the corrected model.")] = None,
     json_out: Json = None,
-    posterior: Annotated[bool | None, Option(help="Sample the leading explanation (default: one record).")] = None,
+    posterior: Annotated[bool | None, Option(help="Sample the leading explanation (default: for one record).")] = None,
     seed: Seed = DEFAULT_SEED,
     jobs: Annotated[int | None, Option(min=1, max=MOST_PROCESSES, help="Processes for a folder of cases.")] = None,
     states: Annotated[
-        list[Path], Option("--with", metavar="MODEL.toml RECORD.csv", help="A further state of the structure; repeat.")
+        list[Path],
+        Option("--with", metavar="MODEL.toml RECORD.csv", help="Another state of the structure; repeatable."),
     ] = NONE,
-    simulator: Annotated[str | None, Option(metavar="MODULE:FUNCTION", help="A simulation of your own.")] = None,
+    simulator: Annotated[str | None, Option(metavar="MODULE:FUNCTION", help="Your own simulation.")] = None,
     plot: Plot = None,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Diagnose the gap between a simulation and a test.
 
-    What each effect that it names means: docs/reference/effects.md.
+    docs/reference/effects.md explains every effect.
     """
 
 
@@ -83,22 +84,24 @@ def campaign(
         list[str],
         Option(
             metavar="LEVEL|FILE.csv",
-            help="Design level in the drive's unit, or a table of frequency and level; repeat. Default: twice the top.",
+            help="Design level in the drive's unit, or table of frequency, level; repeatable. Default: twice the top.",
         ),
     ] = NONE,
-    modes: Annotated[str | None, Option(metavar="F1,F2,...", help="Frequencies of modes, Hz; else looked for.")] = None,
+    modes: Annotated[str | None, Option(metavar="F1,F2,...", help="Frequencies of modes, Hz; default: found.")] = None,
     correct: Annotated[
-        Path | None, Option(metavar="FILE.toml", help="Levels of runs, roles and units of channels as stated.")
+        Path | None, Option(metavar="FILE.toml", help="Corrects levels of runs, roles and units of channels.")
     ] = None,
-    limit: Annotated[list[str], Option(metavar="SENSOR=VALUE", help="Most allowed: gives the notch; repeat.")] = NONE,
+    limit: Annotated[
+        list[str], Option(metavar="SENSOR=VALUE", help="Limit of a sensor: gives the notch; repeatable.")
+    ] = NONE,
     previous: Annotated[
-        Path | None, Option(metavar="campaign.json", help="The answer before these runs: held against them.")
+        Path | None, Option(metavar="campaign.json", help="Earlier answer, to compare with these runs.")
     ] = None,
     seed: Seed = DEFAULT_SEED,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """A laboratory's files, several levels, modes and sensors, to the answer."""
+    """From a laboratory's files of several levels, modes and sensors to the answer."""
 
 
 @delegate(".import_")
@@ -109,52 +112,52 @@ def import_(
         str, Option("--format", help="auto, uff, mat, hdf5, tdms, lvm, csv or lock-in; auto looks inside.")
     ] = "auto",
     columns: Annotated[
-        list[str], Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeat.")
+        list[str], Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeatable.")
     ] = NONE,
     response: Annotated[
         str | None, Option(help="receptance, mobility, accelerance, displacement, velocity or acceleration.")
     ] = None,
     scaling: Annotated[
-        list[str], Option(metavar="[force=]X", help="Amplitudes are peak, rms or peak-to-peak; of the force.")
+        list[str], Option(metavar="[force=]X", help="Amplitudes (force=: of the force): peak, rms or peak-to-peak.")
     ] = NONE,
     units: Annotated[
-        list[str], Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response or another (above); repeat.")
+        list[str], Option("--unit", metavar="WHAT=UNIT", help="Unit of force, response or another (above); repeatable.")
     ] = NONE,
     consistent: Annotated[
-        bool, Option("--consistent", help="All values are of one system of units: take them as they are.")
+        bool, Option("--consistent", help="All values are in one consistent system of units.")
     ] = False,
-    scale: Annotated[list[str], Option(metavar="WHAT=X", help="Factor of force or response; repeat.")] = NONE,
+    scale: Annotated[list[str], Option(metavar="WHAT=X", help="Factor of force or response; repeatable.")] = NONE,
     system: Annotated[str, Option("--to", metavar="si|us", help="Units of the record: N and m, or lbf and in.")] = "si",
     forces: Annotated[
-        list[float], Option("--force", metavar="F", help="Force amplitude: one, or one for each sweep.")
+        list[float], Option("--force", metavar="F", help="Force amplitude: one, or one per sweep.")
     ] = NONE,
     labels: Annotated[list[str], Option("--label", metavar="L", help="Label of each sweep.")] = NONE,
     datasets: Annotated[
-        list[int], Option("--dataset", metavar="N", help="Data set 58 to take, from 1; repeat.")
+        list[int], Option("--dataset", metavar="N", help="Data set 58 to read, from 1; repeatable.")
     ] = NONE,
-    band: Annotated[str | None, Option(metavar="LO:HI", help="Frequencies to take, Hz.")] = None,
+    band: Annotated[str | None, Option(metavar="LO:HI", help="Frequencies to read, Hz.")] = None,
     reverse: Annotated[bool, Option("--reverse", help="The sensor is mounted against the force.")] = False,
     delimiter: Annotated[str, Option(help="comma, semicolon, tab, space or auto.")] = "auto",
-    decimal: Annotated[str, Option(help="Mark in numbers: point, comma or auto.")] = "auto",
+    decimal: Annotated[str, Option(help="Decimal mark: point, comma or auto.")] = "auto",
     skip: Annotated[int, Option(min=0, help="Lines before the header of a CSV file.")] = 0,
-    ring_down: Annotated[bool, Option("--ring-down", help="Time histories: free decays of --mode.")] = False,
+    ring_down: Annotated[bool, Option("--ring-down", help="Time histories are free decays of --mode.")] = False,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode of the free decays: frequency, mass.")] = None,
     periods: Annotated[float | None, Option(help="Window of a decay, periods.")] = None,
-    levels: Annotated[int | None, Option(help="Most levels taken of a decay.")] = None,
-    start: Annotated[float | None, Option(help="Where the decay starts, s.")] = None,
-    end: Annotated[float | None, Option(help="Where it ends, s.")] = None,
+    levels: Annotated[int | None, Option(help="Maximum number of levels of a decay.")] = None,
+    start: Annotated[float | None, Option(help="Start of the decay, s.")] = None,
+    end: Annotated[float | None, Option(help="End of the decay, s.")] = None,
     despite: Despite = NONE,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """A laboratory's file to a record; shows what was understood, asks for what neither file nor option says.
+    """Convert a laboratory's file to a record; show what was understood, ask for what is missing.
 
     Roles of --column: sweep, frequency (Hz), omega (rad/s), time (s); response (complex, or a signal against time), x
-    and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its turn);
+    and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its direction);
     force, force_x and force_y, force_lead_deg; energy, mass, amplitude_sd, phase_sd, force_sd.
 
     Units of --unit: force, response, energy, mass, such as N, lbf, m, mm, um, in, m/s, g, m/s^2, m/s^2/N, rad, kg;
-    frequency Hz, kHz, rpm, rad/s; time s, ms, us, min. A header such as Accel [g rms] says its own.
+    frequency Hz, kHz, rpm, rad/s; time s, ms, us, min. A header such as Accel [g rms] states its own.
     """
 
 
@@ -163,41 +166,41 @@ def export(
     source: Annotated[
         Path, Argument(metavar="SOURCE", help="Record (CSV), or the JSON of rank, extrapolate, curve or campaign.")
     ],
-    out: Annotated[Path, Option(metavar="FILE", help="Its ending says the format: .uff, .unv, .csv or .parquet.")],
+    out: Annotated[Path, Option(metavar="FILE", help="Output; format by its ending: .uff, .unv, .csv or .parquet.")],
     units: Annotated[str | None, Option(metavar="si|us", help="Convert to N and m, or lbf and in.")] = None,
     given: Annotated[
-        str | None, Option("--from", metavar="si|us", help="Units the record is in, where no mode names them.")
+        str | None, Option("--from", metavar="si|us", help="Units of the record, if no mode names them.")
     ] = None,
-    mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode that names the units of the record.")] = None,
-    mode_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the converted mode here.")] = None,
-    text: Annotated[bool, Option("--text", help="Values of a universal file as text, not bytes.")] = False,
+    mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode with the units of the record.")] = None,
+    mode_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the converted mode.")] = None,
+    text: Annotated[bool, Option("--text", help="Write universal-file values as text, not binary.")] = False,
     to: Annotated[str | None, Option(metavar="CODE", help="Deck: nastran, abaqus, ansys, opensees, openfast.")] = None,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Records, rankings and loads to other formats and units; damping to a structural code."""
+    """Convert records, rankings and loads to other formats and units; damping to a structural code."""
 
 
 @delegate(".compare")
-def compare(folders: Folders, out: Annotated[Path, Option(metavar="FILE.html", help="The page written.")]) -> None:
-    """Set studies side by side: rankings, predictions, posteriors."""
+def compare(folders: Folders, out: Annotated[Path, Option(metavar="FILE.html", help="Page to write.")]) -> None:
+    """Compare studies: rankings, predictions, posteriors."""
 
 
 @delegate(".compare", "check")
 def verify(folders: Folders) -> None:
-    """Check that every file of a folder is of one finished run."""
+    """Check that all files of a folder come from one finished run."""
 
 
 @delegate(".tables")
 def regress(
-    data: Annotated[list[Path], Argument(metavar="DATA.csv", help="Any table; several: the same curve to each.")],
+    data: Annotated[list[Path], Argument(metavar="DATA.csv", help="Any table; of several, each gets the same curve.")],
     response: Annotated[str, Option(metavar="COL", help="The dependent column.")],
-    terms: Annotated[list[str], Option(metavar='"T1, T2"', help="Terms; repeat for several curves.")],
+    terms: Annotated[list[str], Option(metavar='"T1, T2"', help="Terms; repeatable, one per curve.")],
     select: Annotated[str, Option(help="none, backward, forward, stepwise or best.")] = "none",
     criterion: Annotated[str, Option(help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
     nonnegative: Annotated[bool, Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
-    t_stop: Annotated[float | None, Option(help="Drop while the least |T| is below.")] = None,
-    plots: Annotated[Path | None, Option(metavar="DIR", help="Draw the deviations here.")] = None,
+    t_stop: Annotated[float | None, Option(help="Drop terms while the smallest |T| is below this.")] = None,
+    plots: Annotated[Path | None, Option(metavar="DIR", help="Folder for plots of the deviations.")] = None,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -206,14 +209,14 @@ def regress(
 
 @delegate(".tables")
 def sweep(
-    model: Annotated[Path, Argument(metavar="MODEL.toml", help="Mode with its damping force.")],
-    force: Annotated[list[float], Option(metavar="F", help="Force level; repeat for several.")],
+    model: Annotated[Path, Argument(metavar="MODEL.toml", help="Mode file with a damping force.")],
+    force: Annotated[list[float], Option(metavar="F", help="Force level; repeatable.")],
     frequency: Annotated[str, Option(metavar="LO:HI:N", help="Frequencies, Hz.")],
     out: RecordOut,
     direction: Annotated[str, Option(help="up or down.")] = "up",
     method: Annotated[str, Option(help="ritz (averaged) or time (integrated).")] = "ritz",
     structure: Annotated[
-        bool, Option("--structure", help="Motion of the structure: no gain or lag of the rig, as a load needs it.")
+        bool, Option("--structure", help="Motion of the structure, for loads: without gain or lag of the rig.")
     ] = False,
 ) -> None:
     """Steady-state sweeps of a model, as a record."""
@@ -224,10 +227,10 @@ def condition(
     raw: Annotated[Path, Argument(metavar="RAW.csv", help="Accelerometer table.")],
     config: Annotated[Path, Option(metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")],
     out: RecordOut,
-    steps: Annotated[Path | None, Option(metavar="DIR", help="One table a step, with what it took.")] = None,
+    steps: Annotated[Path | None, Option(metavar="DIR", help="Write a table per step, with its inputs.")] = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Accelerometer table to modal record (report, chapter III)."""
+    """Convert an accelerometer table to a modal record (report, chapter III)."""
 
 
 @delegate(".fleet")
@@ -235,20 +238,22 @@ def fleet(
     records: Annotated[
         Path, Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
     ],
-    out: Annotated[Path, Option(metavar="DIR", help="Where results go; what is there is not redone.")],
-    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="A running Dask scheduler; else local.")] = None,
-    fast: Annotated[bool, Option("--fast", help="few importance draws.")] = False,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the results; existing ones are kept.")],
+    scheduler: Annotated[
+        str | None, Option(metavar="ADDRESS", help="A running Dask scheduler; default: local.")
+    ] = None,
+    fast: Annotated[bool, Option("--fast", help="Use fewer importance draws.")] = False,
     workers: Annotated[
-        int | None, Option(min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: none, one by one.")
+        int | None, Option(min=0, max=MOST_PROCESSES, help="Processes of the local cluster; 0: this process.")
     ] = None,
     force: Annotated[
-        list[float], Option(metavar="F", help="Design force; without it 1.5 and 2 times the largest tested.")
+        list[float], Option(metavar="F", help="Design force; default: 1.5 and 2 times the largest tested.")
     ] = NONE,
     level: Level = 0.9,
     seed: Seed = DEFAULT_SEED,
-    dashboard: Annotated[str, Option(metavar="HOST:PORT", help="Dask's dashboard; or: off.")] = "127.0.0.1:8787",
-    replace: Annotated[bool, Option("--replace", help="Drop what DIR has of other records, versions.")] = False,
-    time_limit: Annotated[float, Option(metavar="SECONDS", help="Give a record up that takes longer.")] = 3600.0,
+    dashboard: Annotated[str, Option(metavar="HOST:PORT", help="Dask's dashboard, or off.")] = "127.0.0.1:8787",
+    replace: Annotated[bool, Option("--replace", help="Drop results of other records or versions in DIR.")] = False,
+    time_limit: Annotated[float, Option(metavar="SECONDS", help="Longest time for a record.")] = 3600.0,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
@@ -262,9 +267,9 @@ Jobs = Annotated[int | None, Option(min=1, max=MOST_PROCESSES, help="Processes."
 def blind(
     out: Folder = Path("results/blind"),
     cases: Annotated[int, Option(max=100_000, help="Number of cases.")] = 2000,
-    seed: Annotated[int | None, Option(min=0, help="Seed; without it the one kept for blind cases.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed; default: the one reserved for blind cases.")] = None,
     jobs: Jobs = None,
-    follow: Annotated[bool, Option("--next", help="Make every test that is proposed, diagnose again.")] = False,
+    follow: Annotated[bool, Option("--next", help="Run every proposed test and diagnose again.")] = False,
 ) -> None:
     """Check the diagnosis on generated data whose effect is withheld."""
 
@@ -276,14 +281,14 @@ def bands(
     seed: Seed = DEFAULT_SEED,
     despite: Despite = NONE,
 ) -> None:
-    """Page of design-load bands on the records of a folder, with higher levels left out as a check."""
+    """Report design-load bands on a folder of records, with higher levels held out as a check."""
 
 
 @delegate("damping_validation.calibrate")
 def calibrate(
     out: Folder,
-    quick: Annotated[bool, Option("--quick", help="A tenth of the trials, to try it.")] = False,
+    quick: Annotated[bool, Option("--quick", help="Run a tenth of the trials.")] = False,
     seed: Seed = DEFAULT_SEED,
     jobs: Jobs = None,
 ) -> None:
-    """Check on known structures that bands and posteriors hold what they say."""
+    """Check the coverage of bands and posteriors on known structures."""

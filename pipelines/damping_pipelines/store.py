@@ -83,7 +83,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
         return
     if os.path.realpath(target) in map(os.path.realpath, inputs):  # Path.resolve fails on a link to itself
         expected = "another file"
-        raise InputError(f"{option} is one of the inputs, which are never written over", file=target, expected=expected)
+        raise InputError(f"{option} is one of the inputs, which are never overwritten", file=target, expected=expected)
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:

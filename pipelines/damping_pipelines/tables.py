@@ -227,7 +227,7 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
     named = ((units.drive, units.force), ("amplitude", units.length))
     measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
-    table = PlainTable("What each sweep implies at its resonance", headings, ("sweep",))
+    table = PlainTable("Values implied by each sweep at its resonance", headings, ("sweep",))
     for row in findings.implied.to_dict(orient="records"):
         numbers = ("force", "amplitude", "mass", "damping_ratio", "phase_offset")
         implied = (number(float(row[name])) for name in numbers)
@@ -257,7 +257,7 @@ def sweep(
     for remark in swept.remarks:
         print(f"damping: {model}: {remark}", file=sys.stderr)
     if swept.of_rig:
-        print("damping: --structure writes the motion of the structure, which a load is", file=sys.stderr)
+        print("damping: --structure writes the motion of the structure, which loads need", file=sys.stderr)
 
 
 def _read_frequencies(text: str) -> FloatArray:

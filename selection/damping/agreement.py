@@ -103,7 +103,7 @@ def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | Non
         does = f"more than noise is left{beside}" if effects else "no effect does"
         return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and {does}",)
     if fit.verdict == "none fits" and not effects and not explained.mode.effects:
-        said = f"no law fits them {p}, while the diagnosis adds no effect and takes what is left for noise"
+        said = f"no law fits them {p}, while the diagnosis adds no effect and treats the rest as noise"
     elif fit.verdict == "fits" and explained.unexplained:
         weak = ", so few that they have little power" if resonances is not None and resonances < FEWEST_ROWS else ""
         what, rows = (
@@ -125,12 +125,12 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
     asked = joint.informative and not explained.setting.problem.rows.at_resonance
     if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
-    surer = "the diagnosis is the one to go by, as it leaves no more than noise in all rows"
-    unsure = "go by neither, as the diagnosis leaves more than noise in the rows"
+    surer = "rely on the diagnosis, which leaves only noise in all rows"
+    unsure = "rely on neither, because the diagnosis leaves more than noise in the rows"
     return (
-        "ranking and diagnosis disagree on why the resonance falls from level to level: as where a joint slips"
+        "ranking and diagnosis disagree on why the resonance falls from level to level: a slipping joint"
         f" (probability {joint.probability:.2f}), while the diagnosis finds {' and '.join(effects)} ({p:.2f}), and a"
-        f" joint in {of_joint:.2f}: {unsure if explained.unexplained else surer}",
+        f" joint with {of_joint:.2f}: {unsure if explained.unexplained else surer}",
     )
 
 
@@ -156,7 +156,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             return (
                 f"{OF_LOADS} {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
                 + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
-                f" corrected by {cause}, which the diagnosis holds alive (probability {explanation.probability:.2f}),"
+                f" corrected by {cause}, which the diagnosis keeps (probability {explanation.probability:.2f}),"
                 f" {amplitude[at]:.4g} {units.length}".rstrip()
                 + ("" if explanation is first else stays),
             )

@@ -245,8 +245,8 @@ class SweepResult(Result):
     def remarks(self) -> tuple[str, ...]:
         """What the sweeps lack of the model, and what is in them that is not of the structure."""
         told = {
-            "left out, as of the rig or of one test and not of the structure": self.left_out,
-            "as a rig reads them, not the motion of the structure": self.of_rig,
+            "left out, because it belongs to the rig or to one test, not to the structure": self.left_out,
+            "as the rig reads them, not the motion of the structure": self.of_rig,
         }
         return tuple(f"{what}: {words.format_joined(names)}" for what, names in told.items() if names)
 

@@ -222,9 +222,9 @@ def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_
     late = dp.rank(read)
     assert late.ranking.fit.verdict == "fits"
     for answer in (late, dp.extrapolate(read, mode, [2.5]), dp.curve(read, mode, forces=[2.5])):
-        assert any("0.25 rad" in caution and "taken off" in caution for caution in answer.to_json()["cautions"])
+        assert any("0.25 rad" in caution and "was removed" in caution for caution in answer.to_json()["cautions"])
     as_it_is = dp.rank(dp.Record(frame))
-    assert not any("taken off" in caution for caution in as_it_is.cautions)
+    assert not any("was removed" in caution for caution in as_it_is.cautions)
     assert late["viscous"].candidate.coefficients[0].value == pytest.approx(c, rel=0.01)  # some standard errors
 
 
@@ -245,7 +245,7 @@ def test_what_neither_explains_is_said_by_both():
 @pytest.mark.parametrize(
     ("verdict", "effects", "unexplained", "said"),
     [
-        ("none fits", (), False, "adds no effect and takes what is left for noise"),
+        ("none fits", (), False, "adds no effect and treats the rest as noise"),
         ("none fits", ("slip",), False, None),
         ("fits", ("slip",), True, "finds more than noise left beside slip"),
         ("fits", (), False, None),
@@ -288,9 +288,9 @@ def test_another_cause_of_a_resonance_that_falls_is_said(joint, effects, at_reso
     sentences = describe_fall(joint, explained)
     assert bool(sentences) == said
     assert not said or "probability 0.84), while the diagnosis finds stiffness-softening (0.90)" in sentences[0]
-    assert not said or "the diagnosis is the one to go by, as it leaves no more than noise" in sentences[0]
+    assert not said or "rely on the diagnosis, which leaves only noise" in sentences[0]
     explained.unexplained = True
-    assert not said or "go by neither" in describe_fall(joint, explained)[0]
+    assert not said or "rely on neither" in describe_fall(joint, explained)[0]
 
 
 @pytest.mark.usefixtures("unlikely_alive")

@@ -373,5 +373,5 @@ def test_weights_of_loads_that_are_not_those_of_the_ranking_are_explained(record
     one = dp.Record(swept.table[swept.table["sweep"] == "0"].reset_index(drop=True))
     said = "; ".join(dp.extrapolate(one, linear, [12.0]).to_json()["cautions"])
     assert "on the rows between the half-power points" in said
-    assert "one level does not tell how damping changes with amplitude" in said
+    assert "one level does not show how damping changes with amplitude" in said
     assert "resonances of the sweeps" not in said

@@ -117,9 +117,9 @@ def test_a_level_that_is_read_wrongly_is_named(tmp_path):
             if at.tested:
                 factor = wrong if at.level == 0.4 else 1.0
                 assert at.response[0].band[0] == pytest.approx(factor * at.level * np.max(np.abs(steady)), rel=0.01)
-            said = any("0.4 g is farthest off" in caution for caution in at.cautions)
+            said = any("0.4 g deviates most" in caution for caution in at.cautions)
             assert said == (name == "wrong")
-        assert any("0.4 g is farthest off" in note for note in answer.to_json()["notes"]) == (name == "wrong")
+        assert any("0.4 g deviates most" in note for note in answer.to_json()["notes"]) == (name == "wrong")
 
 
 def test_a_level_that_is_run_twice_is_two_sweeps(tmp_path, few_laws):
@@ -325,7 +325,7 @@ def test_a_clipped_sensor_is_left_out(tmp_path, stated, few_laws):
     answer = analyse(files, [40.0], corrections=corrections)
     places = answer.modes[0].places
     said = answer.to_json()
-    assert any("'tip' is clipped: it stands at" in note and "'s2'" in note for note in said["notes"]) != stated
+    assert any("'tip' is clipped: it stays at" in note and "'s2'" in note for note in said["notes"]) != stated
     assert all(("tip" in mode["sensors_left_out"]) != stated for mode in said["modes"])
     assert {peak.sensor for peak in places[0].response} == ({"root", "tip"} if stated else {"root"})
     if not stated:  # what correcting 4 % by the rate leaves

@@ -215,9 +215,9 @@ def test_the_resonance_says_how_far_damping_may_let_go():
         loads, unknown, untold = (extrapolate_loads(data, design, plan=own).loads for own in plans)
         assert untold.average.high > 1.02 * unknown.average.high
         np.testing.assert_allclose(untold.parts["parameters"], unknown.parts["parameters"], rtol=1e-12)
-        assert any("would tell a joint from a damper" in caution for caution in untold.cautions[0])
+        assert any("a joint cannot be told from a damper" in caution for caution in untold.cautions[0])
         higher, lower = loads.average.high / unknown.average.high, loads.average.low / unknown.average.low
-        said = any("as where a joint slips" in caution for caution in loads.cautions[0])
+        said = any("as with a slipping joint" in caution for caution in loads.cautions[0])
         if name == "Bouc-Wen":
             assert plan.joint.probability > 0.5
             assert higher > 1.02
@@ -432,7 +432,7 @@ def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
     plan = plan_loads(near_resonance(Record(table)), laws, estimate=brief_evidence)
     judged = judge_rows(plan, observe(Record(table)))
     assert {own.law for own in judged.laws} >= {laws[0]}  # the truth
-    assert "F2 is farthest off" in judged.fit.sentence
+    assert "F2 deviates most" in judged.fit.sentence
     assert " 20 % below" in judged.fit.sentence or " 21 % below" in judged.fit.sentence  # of 3 levels, 0.5 % of noise
 
 

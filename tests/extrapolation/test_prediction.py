@@ -116,7 +116,7 @@ def test_a_refusal_says_how_probable_what_it_says_is(peaks):
     rubs = peaks(A, 4.0 / np.pi + 0.2 * 10.0 * A, 10.0)
     for data, law, force, why in (
         (slips, ("slip",), 500.0, "the damping force does not reach this force at any amplitude"),
-        (rubs, ("viscous", "coulomb"), 0.5, "friction holds the mode at this force"),
+        (rubs, ("viscous", "coulomb"), 0.5, "friction locks the mode at this force"),
     ):
         members = [member(law, data, weight=0.25), member(("viscous",), data, weight=0.75)]
         loads = predict(members, np.array([force]), data, 0.9, seed=1)

@@ -352,7 +352,7 @@ def test_a_line_at_0_hz(tmp_path: Path, imported):
 def test_a_sensor_mounted_against_the_force(truth, by_pyuff, imported):
     w = 2 * np.pi * truth.f
     path = by_pyuff({"x": truth.f.copy(), "data": w**2 * truth.H, "rsp_dir": -3, "binary": 1, "abscissa_spacing": 0})
-    with pytest.raises(InputError, match=r"gives energy back.*--reverse"):
+    with pytest.raises(InputError, match=r"returns energy.*--reverse"):
         imported(path, forces=(truth.F,))
     turned = imported(path, forces=(truth.F,), reverse=True)
     np.testing.assert_allclose(turned.record.column("phase"), truth.lag, rtol=0, atol=1e-12)  # a few roundings

@@ -60,7 +60,7 @@ def test_the_head_of_a_corrected_model_says_what_is_not_of_the_structure(lab):
     """The sweep of a model corrected by a gain is the motion that the gain misread."""
     result = DiagnosisResult(lab.diagnosed("amplitude-scale"))
     head = " ".join(line.removeprefix("# ") for line in _describe_model(result).splitlines() if line.startswith("#"))
-    assert "Of the rig, or of this test, and not of the structure: amplitude-scale. `damping gap` reads that" in head
+    assert "Part of the rig or of this test, not of the structure: amplitude-scale. `damping gap` applies it" in head
     mode = result.diagnosis.corrected
     hertz = np.array([mode.frequency * 0.999, mode.frequency])
     swept = sweep(mode, force=[5.0], frequency=hertz, structure=True)

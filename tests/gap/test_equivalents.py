@@ -135,7 +135,7 @@ def test_a_test_that_settles_nothing_is_told_and_is_no_next_test(lab):
         assert only.probability < COVER
         assert pair.next_test is None
         words = describe_diagnosis(pair)["following"][0]
-    assert words.startswith("No test that a record can hold is expected to settle this; most would be told by a sweep")
+    assert words.startswith("No possible test is expected to settle this; the most informative is a sweep")
 
 
 def test_the_rows_of_a_next_test_are_read_beside_the_record(lab, tmp_path):
@@ -258,7 +258,7 @@ def test_places_and_doubts_are_told_as_they_are(lab):
     group = weighing.Group((("phase-lag",), ("amplitude-scale", "planar-coupling")), 1.0, 1)
     told = describe_diagnosis(replace(found, where=(cell, *found.where[1:]), groups=(group,)))
     assert " at 2.9876 Hz" in told["place"][0]
-    assert "cannot tell phase-lag and amplitude-scale + planar-coupling apart" in told["doubts"][0]
+    assert "cannot separate phase-lag and amplitude-scale + planar-coupling" in told["doubts"][0]
 
 
 def test_what_another_choice_fails_at_is_not_told_of_the_explanation():

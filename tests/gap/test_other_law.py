@@ -59,7 +59,7 @@ def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
     assert found.leading.effects == ("displacement",)
     assert found.hypotheses[0].probability > 0.95
     (said,) = describe_diagnosis(found)["verdict"]
-    assert "in the place of the simulated viscous damping" in said
+    assert "replaces the simulated viscous damping" in said
 
 
 @pytest.mark.parametrize("share", [0.4, 2.5])

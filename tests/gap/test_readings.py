@@ -83,7 +83,7 @@ def test_readings_that_no_chance_puts_there_are_unexplained(lab, honest, places,
     assert (found.leading.effects, found.unexplained) == ((), True)
     assert found.gap.after > 2.0  # they are in the numbers
     (verdict,) = describe_diagnosis(found)["verdict"]
-    assert verdict.startswith(f"The simulation fits the test but for {words}")
+    assert verdict.startswith(f"The simulation fits the test except for {words}")
     assert "fits the test to its noise" not in verdict
     assert any(caution.startswith(words) for caution in found.cautions)
     assert not any(reading["set_aside"] for reading in DiagnosisResult(found).to_json()["far_off"])

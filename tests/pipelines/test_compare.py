@@ -134,7 +134,7 @@ def test_files_of_a_study_are_not_written_over(tmp_path, damping, name):
     before = (two / name).read_bytes()
     run = damping("compare", one, two, "--out", two / ".." / "b" / name)
     assert run.code == 2
-    assert "--out is one of the inputs, which are never written over; expected another file\n" in run.err
+    assert "--out is one of the inputs, which are never overwritten; expected another file\n" in run.err
     assert (two / name).read_bytes() == before
     assert damping("compare", one, two, "--out", two / "compared.html").code == 0
 
@@ -178,7 +178,7 @@ def test_files_of_two_runs_are_refused(tmp_path, damping, name):
     (two / name).write_bytes((one / name).read_bytes())
     run = damping("compare", one, two, "--out", tmp_path / "page.html")
     assert run.code == 2
-    assert f"{name}: is not of the run of the manifest; expected files of one run; run it again" in run.err
+    assert f"{name}: is not from the run of the manifest; expected files of one run; run it again" in run.err
     assert not (tmp_path / "page.html").exists()
     run = damping("verify", one, two)
     assert run.code == 2

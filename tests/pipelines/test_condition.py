@@ -261,7 +261,7 @@ def test_what_the_record_implies_is_said(config: Path, raw: Path, tmp_path: Path
     run = damping("condition", raw, "--config", config, "--out", tmp_path / "record.csv")
     checked = damping("check", tmp_path / "record.csv")
     assert run.code == 0
-    assert run.out.count("What each sweep implies at its resonance") == 1
+    assert run.out.count("Values implied by each sweep at its resonance") == 1
     assert next(line for line in checked.out.splitlines() if line.startswith("audit: ")) in run.out
 
 

@@ -176,9 +176,9 @@ def test_the_live_level_is_the_safer_one(deck, beyond, live):
         for level, tested, z in ((0.6, True, 0.006), (1.2, False, 0.006 * beyond))
     ]
     text = deck({"format": "campaign/1", "modes": [{"name": "first", "at": at}]}, "abaqus")
-    assert f"live: the low end at level {live}; the one with less damping of two: the largest" in text
+    assert f"live: the low end at level {live}; of the largest tested and the largest requested level" in text
     assert read_live(text, "abaqus") == [pytest.approx(0.0054 * min(beyond, 1.0))]
-    assert "** mode numbers: 1, 2, ... are the tested modes by frequency; put the numbers" in text
+    assert "** mode numbers: 1, 2, ... are the tested modes by frequency; use their numbers" in text
 
 
 def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):

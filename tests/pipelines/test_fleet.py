@@ -439,7 +439,7 @@ def test_a_broken_part_is_set_aside_and_its_records_computed_again(tmp_path, one
     fleet(source, out, **run)
     before, part = rows_of(out), next((out / "records").glob("part-*.parquet"))
     part.write_bytes(b"no parquet")
-    with pytest.raises(InputError, match="is not of the run of the manifest"):
+    with pytest.raises(InputError, match="is not from the run of the manifest"):
         verify(out)
     fleet(source, out, **run)
     assert f"kept as {part.name}.broken" in capsys.readouterr().err
@@ -550,7 +550,7 @@ def test_an_interrupt_is_one_line_and_130(records, tmp_path, monkeypatch, dampin
     monkeypatch.setattr(runners, "analyse", interrupted)
     run = damping("fleet", records, "--out", tmp_path, "--workers", 0)
     assert (run.code, run.out) == (130, "")
-    assert run.err == "damping: interrupted; nothing half-written is left behind\n"
+    assert run.err == "damping: interrupted; no half-written file is left\n"
 
 
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
@@ -574,7 +574,7 @@ def test_a_job_scheduler_ends_it_in_order(records, alone, few, tmp_path, forking
     first, *_, last = process.err.read_text().splitlines()
     assert first.startswith("fleet: 1/")
     assert code == 130
-    assert last == "damping: interrupted; nothing half-written is left behind"
+    assert last == "damping: interrupted; no half-written file is left"
     done = rows_of(tmp_path)
     assert done
     assert done == rows_of(alone)[: len(done)]
@@ -587,11 +587,11 @@ def test_copies_are_told_and_laws_that_lead_alike_are_all_named(few, tmp_path, c
     for name, seed in (("first", 0), ("second", 0), ("third", 1)):
         write_record(folder, name, seed)
     fleet(folder, out, fast=True, workers=0, seed=5, max_size=SIZE)
-    said = "first and second are one record, byte for byte, that counts 2 times in every share"
+    said = "first and second are byte-for-byte copies of one record, which counts 2 times in every share"
     assert f"Caution: {said}." in " ".join(capsys.readouterr().out.split())
     assert said in " ".join(html.unescape((out / "fleet.html").read_text()).split())
     many = pd.DataFrame({"name": [f"n{k}" for k in range(9)], "status": "done", "record_sha256": "same"})
-    assert list_copies(many)[0].startswith("n0, n1, n2, n3, n4 and 4 more are one record")
+    assert list_copies(many)[0].startswith("n0, n1, n2, n3, n4 and 4 more are byte-for-byte copies")
     assert not list_copies(many.assign(status="failed"))
 
 

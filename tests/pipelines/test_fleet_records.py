@@ -110,7 +110,7 @@ def test_forms_of_a_fleet_are_whole(tmp_path, few_laws):
         if name != "loads_form":
             assert form["cautions"] == alone["cautions"]
     for name in ("rank_form", "loads_form"):
-        assert any("taken off" in caution for caution in json.loads(row[name])["cautions"])
+        assert any("was removed" in caution for caution in json.loads(row[name])["cautions"])
 
 
 def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch):

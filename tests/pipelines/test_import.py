@@ -299,7 +299,7 @@ def test_an_added_mass_on_a_base_is_a_mass(tmp_path: Path) -> None:
 def test_without_a_mode_the_drive_is_not_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "r.csv").write_text(DRIVEN)
     export(tmp_path / "r.csv", tmp_path / "si.csv", units="si", given="us")
-    assert "taken for a force" in " ".join(capsys.readouterr().out.split())
+    assert "taken as a force" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("named", [True, False])

@@ -92,7 +92,7 @@ def test_stopped_at_every_move(tmp_path, monkeypatch, moment):
             assert verify(tmp_path).manifest.seed == 1
             assert now == OLD
         else:
-            with pytest.raises(InputError, match=r"is not of the run of the manifest|no such file"):
+            with pytest.raises(InputError, match=r"is not from the run of the manifest|no such file"):
                 verify(tmp_path)
         with sole_writer(tmp_path):
             put(tmp_path, NEW, seed=2)

@@ -83,7 +83,7 @@ def test_a_file_that_no_manifest_names_is_refused(tmp_path, name):
 
 def test_a_manifest_of_somebody_else_is_refused(tmp_path):
     write_text(tmp_path / MANIFEST, "mine")
-    with pytest.raises(InputError, match="is no manifest of ours"):
+    with pytest.raises(InputError, match="is no manifest of damping"):
         publish(tmp_path, {"a.csv": b"new"}, **PUBLISHED)
     assert (tmp_path / MANIFEST).read_text() == "mine"
 
@@ -141,7 +141,7 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     (out / "one.csv").write_text("changed")
     run = damping("verify", out)
     assert run.code != 0
-    assert "one.csv: is not of the run of the manifest" in run.out + run.err
+    assert "one.csv: is not from the run of the manifest" in run.out + run.err
 
 
 def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch):
@@ -212,7 +212,7 @@ def test_no_command_removes_what_another_left(tmp_path, damping):
     run = damping("study", folder / "study.toml", "--out", folder)
     assert run.code == 2
     assert run.err.count("\n") == 1
-    assert "study.toml: is an input, and --out would replace the results that it is one of" in run.err
+    assert "study.toml: is an input, and --out would replace the results that contain it" in run.err
     run = damping("campaign", folder / "modes" / "record.csv", "--out", folder)
     assert (run.code, "is an input" in run.err) == (2, True)
     assert {name: (folder / name).read_bytes() for name in files} == files
@@ -224,7 +224,7 @@ def test_a_folder_of_records_gets_no_results(tmp_path, damping, command):
     write_text(tmp_path / "a.csv", "x")
     run = damping(command, tmp_path, "--out", tmp_path)
     assert (run.code, run.err.count("\n")) == (2, 1)
-    assert "--out is one of the inputs, which are never written over" in run.err
+    assert "--out is one of the inputs, which are never overwritten" in run.err
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 

@@ -233,7 +233,7 @@ def test_a_standard_error_that_few_draws_make_is_said(peaks):
     rng, A = np.random.default_rng(5), 1e-3 * np.geomspace(1.0, 2.0, 4)  # far from one unit a power's tail is long
     data = peaks(A * np.exp(0.02 * rng.standard_normal(4)), 15.0 * A**1.4, OMEGA)
     rows = rank_laws(data, hold_out=False).weighted()
-    said = {row.name for row in rows if any("go by its interval" in caution for caution in row.cautions)}
+    said = {row.name for row in rows if any("use its interval" in caution for caution in row.cautions)}
     ratio = {row.name: max(3.29 * c.std_error / (c.high - c.low) for c in row.coefficients) for row in rows}
     assert said
     assert said == {name for name, most in ratio.items() if most > 2.0}
@@ -321,7 +321,7 @@ def test_a_level_that_is_off_beside_quiet_rows_is_said(swept, gain):
         assert found.sentence == ""
     else:
         told = re.search(
-            r"levels scatter .*: (\S+) is farthest off, its amplitudes (\S+) % (below|above)", found.sentence
+            r"levels scatter .*: (\S+) deviates most, its amplitudes (\S+) % (below|above)", found.sentence
         )
         assert told, found.sentence
         within = 0.5 + 50.0 * np.log(gain) ** 2  # per cent: printed to two digits, and a level's factor to first order
@@ -348,7 +348,7 @@ def test_a_law_that_is_never_met_does_not_spoil_the_others(peaks):
     data = levels_of([make("viscous", coefficient=1.5)], peaks)
     below = replace(data, A=0.01 * data.A, D=0.01 * data.D)
     stuck, fitted = fit_laws([Law(("slip",)), Law(("velocity-power",))], below)
-    with pytest.raises(AnalysisError, match="slip: a part of it is never met"):
+    with pytest.raises(AnalysisError, match="slip: a part of it does not act"):
         raise stuck
     alone = fit_law(Law(("velocity-power",)), below)
     np.testing.assert_array_equal(fitted.coefficients, alone.coefficients)

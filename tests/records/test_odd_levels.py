@@ -120,4 +120,4 @@ def test_where_levels_do_not_tell_which_is_wrong_all_are_named():
     found = tell([4.0, 4.0, 8.0, 8.0], 25.0, [0.00025, 0.00025, 0.05, 0.0005])
     assert found is not None
     assert found.sweeps == ("L3", "L4")
-    assert "do not tell which of them is wrong" in found.what
+    assert "do not show which of them is wrong" in found.what

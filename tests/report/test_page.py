@@ -207,7 +207,7 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
         result.ranking.candidates[0].name,
     ):
         assert said in text, said
-    assert text.index("Before this is used") < text.index("One damping ratio holds at one amplitude")
+    assert text.index("Before use") < text.index("One damping ratio holds at one amplitude")
 
 
 def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
@@ -231,7 +231,7 @@ def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: S
     assert "No amplitude is predicted: friction holds it." in page
     assert "none predicted" in page
     assert "none asked" not in page
-    assert "What the prediction is made of" not in page
+    assert "Parts of the prediction" not in page
     assert not re.search("– (to|in|%)", page)
 
 

@@ -157,10 +157,11 @@ def list_copies(table: pd.DataFrame) -> list[str]:
     read = table[table["status"] != "failed"]
     alike = [list(names) for _, names in read.groupby("record_sha256", sort=False)["name"] if len(names) > 1]
     said = [
-        f"{format_joined(_shorten(names))} are one record, byte for byte, that counts {len(names)} times in every share"
+        f"{format_joined(_shorten(names))} are byte-for-byte copies of one record, which counts "
+        f"{len(names)} times in every share"
         for names in alike
     ]
-    return _shorten(said, "records of which there are copies")
+    return _shorten(said, "records with copies")
 
 
 def _shorten(items: list[str], of: str = "") -> list[str]:

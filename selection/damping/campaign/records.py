@@ -134,7 +134,7 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
     if not modes:
         near = ", ".join(f"{at:.4g}" for at in levels[0].fit.frequency)
         seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
-        raise AnalysisError(f"{seen} at every level: name the modes that there are (--modes F1,F2,... in Hz)")
+        raise AnalysisError(f"{seen} at every level: name the modes (--modes F1,F2,... in Hz)")
     return modes
 
 
@@ -151,7 +151,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     if not (usable & seen).any():
         return None
     unseen = (name for name, missing in zip(names, usable & ~seen, strict=True) if missing)
-    left_out |= dict.fromkeys(unseen, "it does not peak at this resonance")
+    left_out |= dict.fromkeys(unseen, "it has no peak at this resonance")
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
     cautions: tuple[str, ...] = ()

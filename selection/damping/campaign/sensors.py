@@ -52,7 +52,7 @@ def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict
     if len(bad) == len(levels[0].run.names):
         expected = "--correct FILE.toml with their unit or that of the drive, or role = 'sensor' of one that is right"
         raise InputError(f"every sensor is misread: {_join_shares(bad)}", expected=expected)
-    why = "of the base below resonance: another unit than the file says, or another gain (--correct: unit or scale)"
+    why = "of the base below resonance: wrong unit in the file, or wrong gain (--correct: unit or scale)"
     return {name: f"misread: it reads {share:.3g}{cause} {why}" for name, (share, cause) in bad.items()}
 
 
@@ -60,8 +60,8 @@ def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> l
     """A caution of the sensors that read another share of the base than 1 or 0, of those that are not left out."""
     bad = find_bad_sensors(levels)
     odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
-    right = "below resonance a sensor reads 1 of the base, 0 across it or relative to it"
-    other = "another unit, scaling or gain (--correct: unit or scale), an axis aslant, or a sweep from above a mode"
+    right = "below resonance a sensor reads 1 times the base, or 0 across or relative to it"
+    other = "wrong unit, scaling or gain (--correct: unit or scale), a tilted axis, or a sweep from above a mode"
     return [f"caution: {right}; {_join_shares(odd)}: {other}"] if odd else []
 
 
@@ -127,7 +127,7 @@ def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
     absolute = run.is_base_driven and np.median(base) > 0.5
     for s, name in enumerate(run.names):
         if size[s] < DEAD * np.median(size):
-            bad[name] = "dead: it reads next to nothing"
+            bad[name] = "dead: it reads almost nothing"
         elif absolute and abs(base[s]) < LEAST_SHARE and not (moves[s] and abs(base[s]) < across[s]):
             bad[name] = f"dead: it follows {base[s]:.2f} of the base, others {np.median(base):.2f}"
         elif absolute and base[s] < -across[s]:
@@ -145,7 +145,7 @@ def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray)
     out: dict[str, str] = {}
     for name, motion, part in zip(names, size, follows, strict=True):
         if motion < DEAD * np.median(size):
-            out[name] = "dead: it reads next to nothing"
+            out[name] = "dead: it reads almost nothing"
         elif part < FOLLOWS:
             out[name] = f"only {100.0 * part:.0f} % of its motion there follows this mode"
     return out
@@ -199,7 +199,9 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
         return {}
     at = int(np.argmax(np.abs(gain[worst])))  # of two levels neither is the odd one
     times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
-    told = f"{times:.3g} times what it reads beside the others in {'the other' if len(levels) == 2 else 'other runs'}"
+    told = (
+        f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
+    )
     return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {told}"}
 
 

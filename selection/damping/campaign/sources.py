@@ -214,7 +214,7 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
         values = contents.arrays[path][0]
         rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
-            what = f"{path} is passed over: no complex spectra at {len(f)} frequencies"
+            what = f"{path} is skipped: no complex spectra at {len(f)} frequencies"
             source.summary.note(f"{source.file.name}: {what}")
             source.channels.add(leaf)
             continue

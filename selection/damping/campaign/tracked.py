@@ -67,8 +67,8 @@ class Source:
     def note_scaling(self, texts: Iterable[str]) -> None:
         """A caution of each scaling that names or ID lines of spectra say: amplitudes are taken as they are."""
         for word, text in {match[1].lower(): text for text in texts if (match := SCALED.search(text))}.items():
-            taken = "amplitudes are taken as they are, as those of the sine (peak)"
-            both = f"where drive and sensors are both {word}, so are levels and peaks"
+            taken = "amplitudes are taken as peak values of the sine"
+            both = f"if drive and sensors are both {word}, so are levels and peaks"
             self.summary.note(f"caution: {self.file.name} says {describe_shortened(text)!r}: {taken}; {both}")
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
@@ -89,7 +89,9 @@ class Source:
             return replace(run, level=level)
         g = STANDARD_GRAVITY_M_S2
         if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
-            self.summary.note(f"{self.file.name}: values labelled g are in m/s^2 ({control} says so): taken as such")
+            self.summary.note(
+                f"{self.file.name}: values labelled g are in m/s^2 (according to {control}) and read as such"
+            )
             channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
             return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
         self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
@@ -146,7 +148,7 @@ class Source:
         InputError: none is left.
         """
         clipped = [name for name in run.names if limits.get(name) is not None and self.stated.of(name).role != "sensor"]
-        why = {name: f"clipped: it stands at {limits[name]:.4g} in {run.label!r}" for name in clipped}
+        why = {name: f"clipped: it stays at {limits[name]:.4g} in {run.label!r}" for name in clipped}
         for name, text in why.items():
             self.summary.note(f"{name!r} is {text} (--correct leaves that run out instead, or states role = 'sensor')")
         if clipped and len(clipped) == len(run.names):

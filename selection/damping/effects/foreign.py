@@ -260,7 +260,7 @@ def simulate_memory(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 MEMORY = Effect(
     name="memory",
     kind="structure",
-    sentence="a force that follows the motion late, as of rubber or a fluid, stiffening and damping at once",
+    sentence="a force that lags the motion, as in rubber or a fluid, and adds stiffness and damping",
     forms=lag_forms,
     simulate=simulate_memory,
     need="sweep",  # at resonance alone it is a damper

@@ -139,7 +139,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
     refusal = "no prediction: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
-        refusal = f"no prediction: few levels do not say how damping goes on beyond the force {plan.limit:.4g}"
+        refusal = f"no prediction: too few levels to predict damping beyond the force {plan.limit:.4g}"
     return Loads(
         force=average.median,
         level=loads.level,

@@ -59,16 +59,16 @@ def near_resonance(record: Record) -> Observations:
 
 #: What is said of a record of one level: of structures outside the library the 90 % band of one sweep misses a quarter.
 ONE_LEVEL = (
-    "one level does not tell how damping changes with amplitude, as frequency changes with it along a sweep: do not "
-    "believe the band beyond the tested force, and test a second level"
+    "one level does not show how damping changes with amplitude, because frequency changes too along a sweep: do not "
+    "trust the band beyond the tested force, and test a second level"
 )
 
 
 def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
     """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
-    on = "resonances of the sweeps, as rows of one share their error"
+    on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
-    fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row, with others"
+    fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
     one_level = data.levels.max() == 0
     return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
 
@@ -89,7 +89,7 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
     if freed is record:
         return observe(record), ()
     offset = float(np.median(record.column("phase") - freed.column("phase")))
-    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was taken off before laws were fitted"
+    said = f"each sweep's constant phase offset (median {offset:.3g} rad) was removed before laws were fitted"
     return observe(freed), (said,)
 
 
@@ -230,7 +230,7 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
         return plan
     whole = sum(own.weight for own in kept)
     names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
-    said = f"left out, as the rows beside resonance exclude it (weight without them): {names}" if names else ""
+    said = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
     return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
 
 

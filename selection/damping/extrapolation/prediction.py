@@ -53,7 +53,7 @@ def _describe_refusal(held: float, unreached: float) -> str:
     """Why there is no prediction, by the larger of both probabilities."""
     why = "the damping force does not reach this force at any amplitude"
     if held > unreached:
-        why = "friction holds the mode at this force"
+        why = "friction locks the mode at this force"
     probability = f"{max(held, unreached):.2f}"
     return f"{REFUSAL}: {why}" if probability == "1.00" else f"{REFUSAL}: with probability {probability} {why}"
 
@@ -68,14 +68,14 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
     beyond = force > plan.data.tested_force.max()
     if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
         either = ": the band allows for either" if banded else ""
-        said.append(f"the levels have one frequency, which would tell a joint from a damper{either}")
+        said.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
     elif beyond and plan.joint.probability > LIKELY:
         said.append(
-            f"the resonance falls as where a joint slips (probability {plan.joint.probability:.2f}): damping may stop "
-            f"growing beyond the test{allowed}"
+            f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
+            f"stop growing beyond the test{allowed}"
         )
     if not plan.allows(np.asarray(force)):
-        few = f"fewer than {ENOUGH_LEVELS} levels do not say how damping goes on"
+        few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
         said.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
@@ -92,12 +92,12 @@ def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[s
     if asked > largest:
         lines.append(f"beyond the test: {asked / largest:.2f} times the largest tested {of}")
     if levels == 1:
-        lines.append(f"one {of} level: how damping changes with amplitude rests on the candidates, not on data")
+        lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
     elif levels < 5:
         lines.append(f"{_WORDS[levels]} {of} levels say little about how damping grows with amplitude")
     span = largest / tested.min()
     if levels > 1 and asked / largest > span:
-        lines.append(f"farther beyond the test than the test is wide (largest over smallest tested {of} {span:.2f})")
+        lines.append(f"extrapolated by more than the tested range (largest over smallest tested {of} {span:.2f})")
     return lines
 
 

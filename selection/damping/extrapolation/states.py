@@ -13,7 +13,7 @@ BISTABLE = 1.0
 #: What is said then, with the shift in bandwidths: of measured resonances, and of a predicted one.
 OF_LEVELS = (
     "the resonance moved by {:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
-    "and what it reaches depends on how it is driven there"
+    "and its amplitude depends on how it is driven there"
 )
 OF_PREDICTED = (
     "the resonance is predicted to move by {:.1f} half-power bandwidths from that of the lowest level: the mode is "

@@ -99,7 +99,7 @@ def _list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) 
     if labels is None and not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
         if cuts:
-            summary.note(f"{len(cuts) + 1} sweeps one below the other are told apart by frequency and force")
+            summary.note(f"{len(cuts) + 1} sweeps one below the other are separated by frequency and force")
             labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
     if labels is None:
         return [whole]

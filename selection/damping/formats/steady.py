@@ -60,14 +60,14 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
         summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {count(len(tables), 'sweep')}", "follows")
     if "phase" not in table:
-        summary.note("no phases: only the row of largest amplitude of each sweep tells of damping")
+        summary.note("no phases: only the row of largest amplitude of each sweep gives the damping")
         return table
     wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
     if wrong > len(table) / 2:
         raise InputError(
-            f"at {wrong} of {len(table)} rows the response gives energy back (phase outside 0..pi): is the sensor "
+            f"at {wrong} of {len(table)} rows the response returns energy (phase outside 0..pi): is the sensor "
             "mounted against the force, or the phase of the other sign?",
-            expected="--reverse, or the phase as lead in place of lag (or the other way round)",
+            expected="--reverse, or the phase as lead instead of lag (or vice versa)",
         )
     return table
 
@@ -166,7 +166,7 @@ def _left_out(row: Series) -> dict[str, BoolArray]:
 def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, known: Statements) -> FloatArray:
     """Force amplitude of each row (complex where the file has its phase)."""
     if level is None and row.force is None:
-        message = "no force in the file: how hard the structure was driven decides what its damping is"
+        message = "no force in the file: the damping depends on how hard the structure was driven"
         raise InputError(message, expected="--force AMPLITUDE of each sweep")
     if to.force is None:
         raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
@@ -186,12 +186,12 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
     other = np.conj(response) * (X / response)  # X of the conjugate response
     passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
     if len(passive) != 1:
-        message = f"whether the phase of {label!r} leads or lags cannot be told from its turn"
+        message = f"whether the phase of {label!r} leads or lags cannot be determined from its direction"
         turned = any(_is_passive(-np.angle(-taken), np.abs(taken), frequency) for taken in (X, other))
         remedy = "--reverse (a sensor mounted against the force), or " if turned and not passive else ""
         raise InputError(message, expected=f"{remedy}--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
-    known.summary.add("phase", sense, "follows: a passive structure takes energy")
+    known.summary.add("phase", sense, "follows: a passive structure absorbs energy")
     return passive[0]
 
 

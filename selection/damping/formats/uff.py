@@ -99,7 +99,7 @@ def _summarise(sets: list[DataSet], others: list[int], summary: Summary) -> None
     if len(sets) > _MOST_LISTED:
         summary.note(f"{len(sets)} data sets 58; the first {_MOST_LISTED} are listed")
     if others:
-        summary.note(f"data sets {', '.join(map(str, others))} are passed over")
+        summary.note(f"data sets {', '.join(map(str, others))} are skipped")
 
 
 def _list_chosen(sets: list[DataSet], datasets: tuple[int, ...]) -> list[DataSet]:

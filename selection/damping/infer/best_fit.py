@@ -157,7 +157,7 @@ Searched = tuple[FloatArray, FloatArray, float]
 def _restore_units(pure: Coordinates, searched: Searched | None, data: Observations) -> BestFit | AnalysisError:
     """A fit that was sought without dimension."""
     if searched is None:
-        return AnalysisError(f"{pure.law.name}: a part of it is never met at the tested amplitudes")
+        return AnalysisError(f"{pure.law.name}: a part of it does not act at the tested amplitudes")
     point, solved, squares = searched
     coordinates = Coordinates.of(pure.law, data)
     x = coordinates.place(point)

@@ -74,7 +74,7 @@ def leave_one_out(groups: Any, data: Observations) -> LeaveOneOut:
     unit = "level" if len(data.sweeps) > 1 else "row"
     bad = int(np.sum(k > PARETO_LIMIT))
     caution = (
-        f"{bad} of {len(k)} {unit}s with Pareto k > {PARETO_LIMIT}: influential, the value is rough" if bad else ""
+        f"{bad} of {len(k)} {unit}s with Pareto k > {PARETO_LIMIT}: influential, so the value is rough" if bad else ""
     )
     if not caution and any("Pareto" in str(w.message) for w in caught):
         caution = "arviz warns of large Pareto k"

@@ -120,7 +120,7 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
         points[np.argmin(values)] for points, values in ((fitted, near), (anywhere, far)) if values.min() < BARRIER
     ]
     if not starts:
-        raise AnalysisError("no coefficient makes it carry the measured forces")
+        raise AnalysisError("no coefficient reproduces the measured forces")
     modes, covariances = descend(np.array(starts), negative)
     apart = modes[-1] - modes[0]
     if apart @ np.linalg.solve(covariances.sum(axis=0), apart) > APART**2:

@@ -41,7 +41,7 @@ def damping_curve(
     marks = [
         *_build_median_marks(),
         Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % predictive band"),
-        Line2D([], [], color=look.LINEAR, linewidth=1.2, label="its low end: size loads with it"),
+        Line2D([], [], color=look.LINEAR, linewidth=1.2, label="low end: size loads with it"),
         *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
     ]
     _explain(figure, axes, marks)

@@ -139,9 +139,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         if len(free):
             low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
             style: dict[str, Any] = {"color": look.ALERT, "alpha": 0.15, "linewidth": 0.0}
-            ax.fill_between(
-                free["amplitude"], low, high, **style, label="with a curve of free form, 90 % credible band"
-            )
+            ax.fill_between(free["amplitude"], low, high, **style, label="free-form curve, 90 % credible band")
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],

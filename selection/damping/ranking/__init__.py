@@ -188,7 +188,7 @@ def _fit_laws(
         elif not isinstance(fit, BestFit):
             failed.append(Candidate(law, cautions=(str(fit),)))
         elif not np.isfinite(fit.squares):
-            failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient makes it carry the measured forces",)))
+            failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient reproduces the measured forces",)))
         else:
             fits.append(fit)
         done(law.name)
@@ -242,7 +242,7 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
         return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
-    failed = np.nan, ("with a level left out it cannot carry the other forces",)
+    failed = np.nan, ("with a level left out it cannot reach the other forces",)
     errors = held_out_errors(laws, data)
     return [failed if own is None else (float(np.sqrt(np.mean(own**2))), ()) for own in errors]
 
@@ -267,7 +267,7 @@ def _describe_tails(coefficients: Sequence[Coefficient]) -> list[str]:
     """What to say of coefficients whose standard deviation is far above that of their interval."""
     width = 2.0 * float(ndtri(0.5 * (1.0 + INTERVAL)))
     long = [f"{c.force} {c.shape}".strip() for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
-    return [f"a few draws far out make the standard error of {name}: go by its interval" for name in long]
+    return [f"a few extreme draws dominate the standard error of {name}: use its interval" for name in long]
 
 
 def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
@@ -278,7 +278,7 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
         degrees = f"{count(freedom, 'degree')} of freedom" if freedom >= 0 else "more parameters than points"
-        cautions.append(f"{count(len(data.A), 'point')}, {degrees}: the spread rests on the prior")
+        cautions.append(f"{count(len(data.A), 'point')}, {degrees}: the spread depends on the prior")
     fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
     for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
         edges = shape.prior.range if shape.prior else None
@@ -287,7 +287,7 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     if len(data.sweeps) < 3:
         cautions.append(f"{count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
     if row.weight < NEGLIGIBLE and row.evidence.effective_draws < FEW_DRAWS:
-        cautions.append("negligible beside the others and drawn for no further: its numbers are rough")
+        cautions.append("negligible weight, so few draws: its numbers are rough")
     elif row.evidence.effective_draws < FEW_DRAWS:
         doubt = 200 * row.evidence.standard_error
         cautions.append(f"marginal likelihood uncertain by {doubt:.0f} % (2 standard errors)")

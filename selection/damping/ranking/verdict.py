@@ -209,9 +209,9 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     by = 100.0 * np.expm1(from_others[farthest])
     return (
         f"levels scatter about {fit.law.name} by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
-        f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} is farthest off, its amplitudes {abs(by):.2g} %"
-        f" {'below' if by < 0.0 else 'above'} what the others imply. The command damping gap"
-        " names what is wrong, if it is not the law"
+        f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} deviates most, its amplitudes {abs(by):.2g} %"
+        f" {'below' if by < 0.0 else 'above'} those implied by the others. If the law is not the cause,"
+        " damping gap names it"
     )
 
 

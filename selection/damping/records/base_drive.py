@@ -35,7 +35,7 @@ class Participation:
 
     def __str__(self) -> str:
         if not self.known:
-            return "the rows do not show the participation; damping ratios are those of a participation of 1"
+            return "the rows do not determine the participation; damping ratios assume a participation of 1"
         return f"the rows imply a participation of {self.value:.4g} +- {100.0 * self.spread:.2g} %"
 
 

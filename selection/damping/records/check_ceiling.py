@@ -72,7 +72,7 @@ def _tell(clipped: list[Excess], highest: Excess, alone: bool) -> Finding:
         f"the largest readings of {name_sweeps(sweeps)}, from {TOP * highest.top:.3g} on, imply {highest.factor:.3g} "
     )
     what += f"times the mass that its smaller ones {'do' if alone else 'and lower levels do'}: they are too small"
-    advice = "does the sensor, its amplifier or its range clip them? or the force falls at resonance, unrecorded"
+    advice = "does the sensor, its amplifier or its range clip them? or does the force fall at resonance, unrecorded"
     advice += ", or a mode stands beside" if alone else ""
     return Finding("sensor-saturation", "caution", what, advice, sweeps)
 
@@ -177,7 +177,7 @@ def _count_digits(A: FloatArray) -> int:
 def _tell_flat(flat: list[Run]) -> Finding:
     sweeps = label_sweeps(flat)
     ceiling = max(float(run.A.max()) for run in flat)
-    what = f"the top of {name_sweeps(sweeps)} is flat: readings stand at {ceiling:.4g}, where the rows beside say more"
+    what = f"the top of {name_sweeps(sweeps)} is flat: readings stay at {ceiling:.4g}; adjacent rows imply more"
     advice = "does the sensor, its amplifier or its range clip them?"
     return Finding("sensor-saturation", "caution", what, advice, sweeps)
 

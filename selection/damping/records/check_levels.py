@@ -84,10 +84,10 @@ def _tell_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, st
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     if view.record.is_decay:
         what = f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g}"
-        advice = "two close modes beat in it, most likely: take a sensor that shows one of them alone"
+        advice = "two close modes probably beat: take a sensor that shows only one of them"
         return f"{what} to {F[j]:.4g} at {A[j]:.4g}", f"{advice}, or dwell or sweep"
     what = f"resonant amplitude falls from {A[i]:.4g} at force {F[i]:.4g} to {A[j]:.4g} at force {F[j]:.4g}"
-    advice = "check the labels and the force of each level, and whether the structure was altered between them"
+    advice = "check the labels and the force of each level, and whether the structure changed between them"
     return what, advice
 
 
@@ -245,7 +245,7 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     what = f"resonance at {nearest:.4g} Hz, {mode.frequency:.4g} Hz in the mode file, and a mass of "
     what += f"{ratio * mode.mass:.4g}, {mode.mass:.4g} there, where it states tolerances of "
     what += f"{100.0 * stated.frequency:.2g} % and {100.0 * stated.mass:.2g} %"
-    advice = "is the mode file of this structure in this state? correct it, or state tolerances that it keeps"
+    advice = "is the mode file of this structure in this state? correct it, or state tolerances that it meets"
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 
 
@@ -278,7 +278,7 @@ def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding |
     what += f"bandwidths away, where it states a tolerance of {100.0 * mode.tolerance.frequency:.2g} %"
     what += ", and no level comes nearer" if len(hertz) > 1 else ""
     advice = (
-        "is the mode file of this structure in this state? correct its frequency, or state a tolerance that it keeps"
+        "is the mode file of this structure in this state? correct its frequency, or state a tolerance that it meets"
     )
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 

@@ -19,7 +19,7 @@ def check_noise(view: View) -> Finding | None:
     smooth = [run for run in view.runs if run.phase is not None and np.mean(np.cos(np.diff(run.phase))) > SMOOTH]
     if len(smooth) == len(view.runs):
         return None
-    what = "amplitudes jump from row to row as much as over the whole sweep: there is no resonance in this record"
+    what = "amplitudes jump from row to row as much as over the whole sweep: this record has no resonance"
     advice = "check the channel and the tracking filter, or take a band with a resonance"
     return Finding("edge-of-sweep", "refuse", what, advice, view.record.sweeps)
 
@@ -45,16 +45,14 @@ def check_outlier(view: View) -> Finding | None:
     ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in beside)
-    what = [f"{'; '.join(told)}: far off what the rows beside it say"] if told else []
-    advice = (
-        "it is in the fit of every law (gap names what it sets aside): correct that reading (gain range, tracking), "
-    )
+    what = [f"{'; '.join(told)}: far from the neighbouring rows"] if told else []
+    advice = "every law is fitted to it (gap names what it sets aside): correct that reading (gain range, tracking), "
     advice += "or run again without the row"
     if view.odd:
         what.append(str(view.odd))
         by_frequency = view.odd.quantity == "frequency"
         taken |= abs(view.odd.off) > NO_RERUN if by_frequency else not view.record.has_phase
-        advice = "it is in every fit: correct that reading, or run again without the row"
+        advice = "every fit includes it: correct that reading, or run again without the row"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
 
@@ -74,9 +72,9 @@ def check_edge(view: View) -> Finding | None:
     where = "stops below its resonance" if below else "starts above its resonance" if above else "holds no resonance"
     sweeps = label_sweeps(leg.run for leg in beside)
     blind = any(leg.lag is None for leg in beside)
-    what = f"{name_sweeps(sweeps)}: the range {where}; the largest response stands at its edge"
+    what = f"{name_sweeps(sweeps)}: the range {where}; the largest response is at its edge"
     advice = "sweep on past the resonance"
-    advice += ", or record the phase: without it the edge would be taken for it" if blind else ""
+    advice += ", or record the phase: without it the edge would be taken for the resonance" if blind else ""
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
 
 
@@ -118,7 +116,7 @@ def check_several_modes(view: View) -> Finding | None:
     advice = "keep the rows of one mode only" if apart else "is it two close modes, or one in two planes? see gap"
     if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
         advice = (
-            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: where a part tuned to it splits the mode "
+            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: if a part tuned to it splits the mode "
             "(an absorber, a fluid), cut nothing; damping gap with --despite several-modes tells"
         )
     sweeps = label_sweeps(run for run, _ in further)
@@ -262,7 +260,7 @@ def check_repeats(view: View) -> Finding | None:
         return None
     first, second, factor = copies[0]
     scaled = "" if abs(factor - 1.0) < 1e-9 else f" times {factor:.4g}"
-    what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, which no measurement does"
+    what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, as no measurement does"
     advice = "leave the copy out: its rows would count twice"
     return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
 

@@ -46,7 +46,7 @@ def check_exchange(view: View) -> Finding | None:
         apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
         levels = view.record.frame.groupby("sweep")["frequency"].nunique().max() == 1
         if levels and np.abs(apart).max() < log(NEAR_THE_MODE) and np.ptp(frequency) > 2.0 * log(NEAR_THE_MODE):
-            what = "every force is a number near the frequency of the mode file, and frequencies are as levels of force"
+            what = "every force is near the frequency of the mode file, and the frequencies look like force levels"
             advice = "are the columns force and frequency exchanged?"
             return Finding("units", "refuse", what, advice, view.record.sweeps)
     seen = []
@@ -87,11 +87,11 @@ def check_energy(view: View) -> Finding | None:
     row = int(np.nanargmax(np.abs(np.where(by_phase, apart, 0.0)) if by_phase.any() else share))
     what = f"energy {table['energy'][row]:g} at row {row + 1} is "
     if by_phase.any():
-        what += f"{np.exp(apart[row]):.3g} of pi F A sin(phase), that of the force, amplitude and phase there"
+        what += f"{np.exp(apart[row]):.3g} of pi F A sin(phase), the energy from force, amplitude and phase"
     else:
         what += f"{share[row]:.3g} of pi F A, the most that force and motion allow"
         what += "" if wrong.any() else "; at a resonance it is all of it"
-    advice = "check the unit of the energy and whether it is that of one cycle, or leave the column out"
+    advice = "check the unit of the energy and whether it is per cycle, or leave the column out"
     return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if wrong[run.rows].any()))
 
 
@@ -180,9 +180,9 @@ def check_phase_unit(view: View) -> Finding | None:
     """Phases that are no radians: they turn far more than a mode can, or have nothing to do with the amplitudes."""
     if not view.incoherent or not view.curve:
         return None
-    what = f"the phases of {name_sweeps(view.incoherent)} jump or turn as no lag in radians does"
+    what = f"the phases of {name_sweeps(view.incoherent)} jump or turn unlike any lag in radians"
     what += ", though the amplitudes do not"
-    advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be saved: import the file anew)"
+    advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be recovered: import the file again)"
     if all(is_in_turns(run) for run in view.runs if run.sweep in view.incoherent):
         what = f"the phases of {name_sweeps(view.incoherent)} pass the resonance within one radian"
         advice = "are they turns? multiply by 2 pi"
@@ -210,7 +210,7 @@ def check_phase_sign(view: View) -> Finding | None:
     every = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
     named = {kind: "" if every else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
     what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
-    what += ", so that the structure would give energy; wanted is the lag of displacement behind force, 0 to pi"
+    what += ", so the structure would supply energy; the phase must be the lag of displacement behind force, 0 to pi"
     advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
     advice += " (lead_deg where the file is imported)" if every else ", and leave the others as they are"
     return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))

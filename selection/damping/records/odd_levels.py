@@ -45,7 +45,7 @@ class OddLevel:
         course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
         if frequency:
             course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
-        which = "" if len(told) == 1 else "; the levels do not tell which of them is wrong"
+        which = "" if len(told) == 1 else "; the levels do not show which of them is wrong"
         return f"{' or '.join(told)}: the {self.quantity} {course}{which}"
 
 

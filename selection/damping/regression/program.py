@@ -106,7 +106,7 @@ def _collect_cautions(fit: Fit) -> tuple[str, ...]:
     """What a reader of the coefficients must know."""
     cautions = []
     if fit.n == fit.k:
-        cautions.append("as many terms as observations: the fit is exact and says nothing of errors")
+        cautions.append("as many terms as observations: the fit is exact and gives no errors")
     if fit.condition_number > 1e4:
         digits = int(np.log10(fit.condition_number))
         cautions.append(

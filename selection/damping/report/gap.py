@@ -76,12 +76,12 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
     """What an effect says of structure or test; of one that takes from a simulated force or its place, that."""
     effect, relative = CATALOGUE[name], values.get("relative", 0.0)
     if "instead" in values:
-        return effect.sentence.removesuffix(" is missing") + " acts in the place of the simulated viscous damping"
+        return effect.sentence.removesuffix(" is missing") + " replaces the simulated viscous damping"
     if effect.corrects and effect.damping and "relative" not in values:
         return f"{effect.damping} damping is missing"
     if effect.corrects or relative >= 0.0:
         return effect.sentence
-    there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is there"
+    there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is present"
     return f"the simulated {effect.damping} force is {there}"
 
 

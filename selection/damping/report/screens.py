@@ -185,7 +185,7 @@ def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     """Amplitude and damping at the design forces, and what their band is made of."""
     headings, key = {"band": f"{100 * design.level:g} % predictive band"}, result.stem("design_loads")
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
-    of_parts |= {"discrepancy": "the law changing beyond the test, %"}
+    of_parts |= {"discrepancy": "change of the law beyond the test, %"}
     formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
     predicted = tables.tabulate_design(design, result.design_curve, result.mode.units)
     spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PARTS}})

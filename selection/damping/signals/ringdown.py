@@ -109,7 +109,7 @@ def ring_down(
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
     if (limit := find_limit(x)) is not None:
-        why = f"the readings stand at {limit:.4g} again and again: clipped, their amplitude and its decay are lost"
+        why = f"the readings repeatedly stay at {limit:.4g}: they are clipped, so their amplitude and decay are lost"
         raise AnalysisError(f"{why}; choose a part without (--start), or another range")
     t, x, dt, jitter = even_times(t, x, frequency)
     t, x = thinned(t, x, dt, frequency)
@@ -255,7 +255,7 @@ def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     notes = []
     known = levels[(levels["delta"] > 0.0) & (levels["sd_delta"] <= WORST_SLOPE * levels["delta"])]
     if hidden := len(levels) - len(known):
-        notes.append(f"{hidden} of {len(levels)} levels left out: their decay is not told from the noise")
+        notes.append(f"{hidden} of {len(levels)} levels left out: their decay cannot be separated from the noise")
     bent = np.flatnonzero(known["bend"] > LARGEST_BEND)
     if not len(bent):
         return known, notes
