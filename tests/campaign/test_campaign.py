@@ -320,7 +320,7 @@ def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypat
         folder = out / "modes" / mode["name"]
         ranked = rank(read_record(folder / "record.csv"), read_mode(folder / "mode.toml"))
         assert mode["law"] == ranked.ranking.candidates[0].name
-        assert f"puts first: {mode['law']}." in page
+        assert f"First law in the ranking of its record: {mode['law']}." in page
         assert sum(law["weight"] for law in mode["laws"]) == pytest.approx(1.0)
         for at in mode["at"]:
             for peak in at["response"]:

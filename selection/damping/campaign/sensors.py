@@ -52,7 +52,7 @@ def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict
     if len(bad) == len(levels[0].run.names):
         expected = "--correct FILE.toml with their unit or that of the drive, or role = 'sensor' of one that is right"
         raise InputError(f"every sensor is misread: {_join_shares(bad)}", expected=expected)
-    why = "of the base below resonance: wrong unit in the file, or wrong gain (--correct: unit or scale)"
+    why = "of the base below resonance: another unit than stated, or another gain (--correct: unit or scale)"
     return {name: f"misread: it reads {share:.3g}{cause} {why}" for name, (share, cause) in bad.items()}
 
 
@@ -61,7 +61,7 @@ def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> l
     bad = find_bad_sensors(levels)
     odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
     right = "below resonance a sensor reads 1 times the base, or 0 across or relative to it"
-    other = "wrong unit, scaling or gain (--correct: unit or scale), a tilted axis, or a sweep from above a mode"
+    other = "another unit, scaling or gain (--correct: unit or scale), a tilted axis, or a sweep from above a mode"
     return [f"caution: {right}; {_join_shares(odd)}: {other}"] if odd else []
 
 
