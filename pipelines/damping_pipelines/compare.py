@@ -1,4 +1,4 @@
-"""``damping compare``: studies side by side on one page. Each is read by its manifest, so that none is of two runs."""
+"""``damping compare``: studies side by side on one page, read by their manifests so that no study mixes two runs."""
 
 import csv
 import io

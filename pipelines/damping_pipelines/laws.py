@@ -1,4 +1,4 @@
-"""What laws say of a record, on the terminal and as forms.
+"""Ranking, loads and curve of a record, on the terminal and as JSON forms.
 
 ``damping rank``: candidate laws, best first (``rank/1``). ``damping extrapolate``: resonances beyond the test
 (``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).

@@ -1,4 +1,4 @@
-"""Processes that end with their parent and are small, and work with an end."""
+"""Small processes that end with their parent, and work with a time limit."""
 
 import ctypes
 import multiprocessing

@@ -1,4 +1,4 @@
-"""What a study reads and what it leaves: settings, checked before anything runs; report, summary, tables, figures."""
+"""Input and output files of a study: settings, checked before anything runs; report, summary, tables, figures."""
 
 import re
 import tempfile

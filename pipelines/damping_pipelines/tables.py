@@ -1,4 +1,4 @@
-"""Commands on tables and records as they come.
+"""Commands on single tables and records.
 
 ``damping regress`` (form ``regress/1``), ``damping condition`` (report, chapter III), ``damping check`` (is a record
 what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).

@@ -1,4 +1,4 @@
-"""What people see of a command: progress on standard error, tables of text, findings of the audit."""
+"""Terminal output of commands: progress on standard error, tables of text, findings of the audit."""
 
 import math
 import os

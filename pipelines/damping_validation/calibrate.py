@@ -1,4 +1,4 @@
-"""``damping calibrate``: do bands and posteriors hold what they say? Trials on known structures, tables and figures."""
+"""``damping calibrate``: coverage of bands and posteriors in trials on known structures, with tables and figures."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import as_completed

@@ -1,4 +1,4 @@
-"""Are the bands and posteriors what they say? One trial each: coverage on known structures, ranks of true parameters.
+"""Trials of bands and posteriors: coverage on known structures, and ranks of true parameters.
 
 Coverage: a structure drawn at random (:mod:`damping_validation.truths`) is tested at a few levels with noise, resonant
 amplitudes beyond are predicted, and the next test is made. Simulation-based calibration (Talts et al. 2018): parameters

@@ -1,4 +1,4 @@
-"""What the scorer leaves: goals beside measured values, kind by kind, what was answered to what, drawings, the page.
+"""Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page.
 
 The figures of the last blind run of the gap diagnosis are shipped: what may be expected of its answers.
 """

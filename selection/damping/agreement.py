@@ -1,4 +1,4 @@
-"""Do ranking and diagnosis agree? Each is asked what the other holds alive, at the force that a load is wanted for.
+"""Whether ranking and diagnosis agree: on the load at the requested force, and on the rows.
 
 The ranked laws predict an amplitude with a band; every explanation that the diagnosis holds alive makes a corrected
 simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so

@@ -1,4 +1,4 @@
-"""What laws say of a record: the ranking of them, the loads they predict, and the curve of damping ratio."""
+"""Answers for a record: the ranking of laws, the loads they predict, and the curve of damping ratio."""
 
 from __future__ import annotations
 

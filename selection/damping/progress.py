@@ -1,4 +1,4 @@
-"""What long work calls as its parts are done, and one thread of linear algebra while it runs."""
+"""Progress reports of long computations, and one thread of linear algebra while they run."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager

@@ -1,4 +1,4 @@
-"""A law of a ranking as an object: what is known of it, and draws of its posterior."""
+"""A law of a ranking as an object: its results, and draws of its posterior."""
 
 from __future__ import annotations
 

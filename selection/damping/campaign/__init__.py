@@ -1,4 +1,4 @@
-"""Campaigns: files of several levels, modes and sensors to a record a mode and the response of every sensor.
+"""Campaigns: files of several levels, modes and sensors to one record per mode and the response of every sensor.
 
 Here from the files to the answer: every mode at every tested and design level, each sensor's peak there.
 

@@ -1,4 +1,4 @@
-"""Effects: what may part a simulation from a test. A contract, effects of one kind in one file, and the catalogue."""
+"""Effects that may explain a gap between simulation and test: a contract, one file per kind, and the catalogue."""
 
 import copyreg
 from collections.abc import Mapping
