@@ -103,6 +103,33 @@ def test_no_frequency_of_a_drawn_truth_is_accused():
         assert found is None or "frequency jumps" not in found.what, (truth.name, frequency, amplitude)
 
 
+def test_an_amplitude_between_others_that_is_misread_is_named():
+    """Every kind of damping, 5 to 8 peaks, noise of .3 to 4 %; 15 % too much or too little where it is below 2 %.
+
+    Of 7000 other such sets .5 % are accused, and 65 % of those misread, one of 300 at another level: of 400 and 200
+    fewer than 2 %, more than half and at most 2 with .99 probability.
+    """
+    rng = np.random.default_rng(24)
+    accused, named = [], []
+    for number in range(2 * STRUCTURES):
+        truth = draw_truth(sorted(TRUTHS)[number % len(TRUTHS)], rng)
+        levels = int(rng.integers(5, 9))
+        force = np.exp(np.linspace(-0.5, 0.5, levels) * np.log(rng.uniform(1.3, 8.0)))
+        noise = rng.uniform(0.003, 0.04)
+        amplitude = truth.amplitude(force) * np.exp(noise * rng.standard_normal(levels))
+        frequency, mode = np.full(levels, 1.6), dp.Mode(name="m", frequency=1.6, mass=truth.mass)
+        accused.append(check_outlier(View(peaks_of(force, frequency, amplitude), mode)) is not None)
+        if noise < 0.02 and not accused[-1]:
+            k = int(rng.integers(1, levels - 1))
+            amplitude[k] *= 1.15 if number % 2 else 1.0 / 1.15
+            found = check_outlier(View(peaks_of(force, frequency, amplitude), mode))
+            named.append(None if found is None else found.sweeps == (f"L{k + 1}",))
+            assert found is None or found.verdict == "caution"
+    assert np.mean(accused) < 0.02
+    assert np.mean([right is not None for right in named]) > 0.5
+    assert named.count(False) <= 2  # one of 300
+
+
 @pytest.mark.parametrize("wrong", range(4))
 @pytest.mark.parametrize("factor", [0.1, 10.0, 1000.0])
 def test_of_four_levels_the_wrong_amplitude_is_named_and_no_other(wrong, factor):

@@ -7,6 +7,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
+from damping.records.odd_levels import WILD
 from damping.records.resonance import find_jump, tabulate_resonances
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
@@ -50,8 +51,8 @@ def check_outlier(view: View) -> Finding | None:
     advice += "or run again without the row"
     if view.odd:
         what.append(str(view.odd))
-        by_frequency = view.odd.quantity == "frequency"
-        taken |= abs(view.odd.off) > NO_RERUN if by_frequency else not view.record.has_phase
+        by_frequency, off = view.odd.quantity == "frequency", abs(view.odd.off)
+        taken |= off > NO_RERUN if by_frequency else off > log(WILD) and not view.record.has_phase
         advice = "every fit includes it: correct that reading, or run again without the row"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
