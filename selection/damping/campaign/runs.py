@@ -222,9 +222,7 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
         name = next((name for name in run.names if run.names.count(name) > 1), None)
         if name is not None:
             message = f"run {run.label!r} has {run.names.count(name)} sensors {name!r}"
-            expected = (
-                "a file a level, or levels in an ID line (0.4 g); titles, nodes or directions that tell them apart"
-            )
+            expected = "one file per level, or levels in an ID line (0.4 g); distinct titles, nodes or directions"
             raise InputError(message, expected=expected)
     kept = [name for name in runs[0].names if all(name in run.names for run in runs)]
     if not kept:

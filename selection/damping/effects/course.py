@@ -106,14 +106,14 @@ def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 DRIFT = Effect(
     name="drift",
     kind="structure",
-    sentence="the structure changes in the course of the test",
+    sentence="the structure changes during the test",
     forms=drift_forms,
     simulate=simulate_drift,
     shapes=(
         Shape("frequency", default=0.0),
         Shape("damping", default=0.0),
         Shape("settling", least=0.0, default=0.0, label="settling (its time over that of the record)"),
-        Shape("cycles", least=0.0, default=0.0, label="cycles (in the course of the record)"),
+        Shape("cycles", least=0.0, default=0.0, label="cycles (during the record)"),
         Shape("phase", default=0.0, label="phase (of the cycles at the middle of the record)"),
         # before the record where the fit has it change at once
         Shape("moment", default=0.0, label="moment (of the change, over the time of the record)"),
@@ -229,7 +229,7 @@ _ANGLE = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
 READING_DRIFT: Effect = Effect(
     name="reading-drift",
     kind="instrument",
-    sentence="a reading whose gain or phase drifts in the course of the test",
+    sentence="a reading whose gain or phase drifts during the test",
     # strength: |ln| of what the reading changes by in all
     forms=lambda scales: (
         READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(_ANGLE,), largest=1.0),

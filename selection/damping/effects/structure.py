@@ -196,7 +196,7 @@ def second_forms(scales: Scales) -> tuple[Form, ...]:
 SECOND_MODE = Effect(
     name="second-mode",
     kind="structure",
-    sentence="a close mode with its own mass and damping takes part",
+    sentence="a close mode with its own mass and damping contributes",
     forms=second_forms,
     simulate=simulate_path,
     shapes=PATH,

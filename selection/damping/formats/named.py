@@ -220,7 +220,7 @@ def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
         return np.broadcast_to(values.reshape(1, k), (n, k))
     matrix = _matrix(values, n, role)
     if matrix.shape[1] not in (1, k):
-        raise InputError(f"{matrix.shape[1]} columns of {role}", expected=f"1 or {k} as of the response")
+        raise InputError(f"{matrix.shape[1]} columns of {role}", expected=f"1 or {k} like the response")
     return matrix
 
 
@@ -235,7 +235,7 @@ def _matrix(values: Samples, n: int, role: str) -> Samples:
         matrix = squeezed if squeezed.shape[0] == n else squeezed.T
         if matrix.shape[1] <= MOST_SWEEPS:
             return matrix
-    expected = f"{n} values as of the abscissa, or {n} for each of at most {MOST_SWEEPS} sweeps"
+    expected = f"{n} values like the abscissa, or {n} for each of at most {MOST_SWEEPS} sweeps"
     raise InputError(f"array of {role} has the shape {tuple(values.shape)}", expected=expected)
 
 
