@@ -228,7 +228,8 @@ def test_a_range_in_a_further_id_line_is_no_level(tmp_path):
     (run,), _ = read_runs([tmp_path / "a.uff"], 10 * SIZE)
     assert (run.level, run.names) == (pytest.approx(0.2), ["acc 0", "acc 1"])
     (tmp_path / "a.uff").write_text(2 * text)
-    with pytest.raises(InputError, match=r"2 sensors 'node 2 \+Z'; expected one file per level, or levels in an ID line"):
+    expected = r"2 sensors 'node 2 \+Z'; expected one file per level, or levels in an ID line"
+    with pytest.raises(InputError, match=expected):
         read_runs([tmp_path / "a.uff"], 10 * SIZE)
 
 
