@@ -175,7 +175,7 @@ def export(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Records, rankings and loads to other formats and units; damping to a structural code."""
+    """Records, rankings, loads and curves to other formats and units; damping to a structural code."""
 
 
 @delegate(".compare")

@@ -377,6 +377,23 @@ def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     assert "'@far" in text
 
 
+def test_a_curve_is_the_table_that_python_gives(tmp_path: Path) -> None:
+    """Columns and numbers of ``CurveResult.table``; in other units forces and amplitudes move and ratios stay."""
+    data = data_folder() / "saturn-v"
+    record, mode = (data / folder / f"config-2-mode-1.{end}" for folder, end in (("records", "csv"), ("modes", "toml")))
+    curve = dp.curve(dp.read_record(record), dp.read_mode(mode), amplitudes=[1.0, 2.0])
+    (tmp_path / "curve.json").write_text(json.dumps(curve.to_json()))
+    for units in (None, "si"):
+        export(tmp_path / "curve.json", tmp_path / "curve.csv", units=units)
+        found, own = pd.read_csv(tmp_path / "curve.csv"), curve.table
+        assert list(found.columns) == [*own.columns, "level"]
+        moved = {"amplitude": INCH, "force": LBF} if units else {}
+        for name in own.columns.drop(["tested", "cautions"]):
+            np.testing.assert_allclose(found[name], own[name] * moved.get(name.split("_")[0], 1.0), rtol=1e-13)
+        assert list(found["tested"]) == list(own["tested"])
+        assert list(found["cautions"]) == list(own["cautions"])
+
+
 def test_loads_in_other_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     member = {"name": "viscous", "weight": 1.0, "median": 2.0, "low": 1.0, "high": 3.0}
     one = {"force": 10.0, "median": 2.0, "low": 1.0, "high": None, "linear": 2.5, "linear_overprediction_percent": 25.0}
@@ -421,7 +438,7 @@ def test_loads_know_their_units_and_what_was_asked(tmp_path: Path) -> None:
 
 
 def test_a_ranking_is_not_converted(ranking: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"--units is for records and loads.*expected a ranking of"):
+    with pytest.raises(InputError, match=r"--units is for all but a ranking.*expected a ranking of"):
         export(ranking, tmp_path / "x.csv", units="us", given="si")
 
 
@@ -444,7 +461,7 @@ def test_units_said_twice_agree(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ('{"format": "gap/1"}', "expected a form rank/1 or loads/1"),
+        ('{"format": "gap/1"}', "expected a form rank/1, loads/1 or curve/1"),
         ('{"format": "rank/1", "criterion": "bic", "models": []}', "models"),
         ('{"format": "loads/1", "level": 0.9, "predictions": [{"force": "x"}]}', "predictions.0.force"),
         ("{" * 100000, "expected a form"),
