@@ -23,6 +23,7 @@ from math import pi
 from pathlib import Path
 from textwrap import wrap
 from typing import NamedTuple
+from unicodedata import combining, normalize
 
 import numpy as np
 
@@ -80,6 +81,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     content = read_bytes(source, MAX_FORM_SIZE)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
+    if code == "openfast" and form.drive != "force":
+        raise AnalysisError(f"{source}: coefficients are of a force, and this form is of {form.drive}")
     levels, missing = _list_levels(form, drive, unit)
     if not levels:
         why = "; ".join(missing) or "write it with damping curve or extrapolate"
@@ -110,7 +113,7 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "number": number,
         "split_runs": partial(split_runs, number),
     }
-    write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
+    write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
     show = console()
     show.print(f"{out} written: damping for {code}")
     for said in missing:
@@ -118,6 +121,12 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     for mode, which, _, found in fitted:
         if found.alone or abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")
+
+
+def to_ascii(text: str) -> str:
+    """The text in the characters that every code reads: accents are left out, what has no such character is "?"."""
+    plain = normalize("NFKD", text.translate({ord("²"): "^2", ord("³"): "^3", ord("·"): "*"}))
+    return "".join(c for c in plain if not combining(c)).encode("ascii", "replace").decode()
 
 
 def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:

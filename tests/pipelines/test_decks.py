@@ -187,6 +187,14 @@ def test_one_level_is_said_not_to_part_linear_from_quadratic(deck):
     assert "misses the damping" in deck({**FORM, "predictions": FORM["predictions"][:2]}, "openfast")
 
 
+def test_a_deck_is_ascii(deck):
+    """Units and names of modes as codes read them: Abaqus takes nothing but ASCII."""
+    form = {**CAMPAIGN, "modes": [{**CAMPAIGN["modes"][0], "name": "Brücke λ"}]}
+    text = deck({**form, "level_name": "base acceleration", "level_unit": "mm/s²"}, "nastran")
+    assert text.isascii()
+    assert "base acceleration 0.6 mm/s^2, median\n$   Brucke ?: 58 Hz" in text
+
+
 @pytest.mark.parametrize("code", COMMENTS)
 def test_no_line_is_longer_than_a_code_takes(deck, code):
     """Of many laws those are named whose weight shows, on lines that Abaqus takes (256 characters)."""
@@ -307,6 +315,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
         ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
         ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
+        ({**FORM, "drive": "base acceleration"}, "openfast", "of a force, and this form is of base acceleration", 1),
     ],
 )
 def test_what_cannot_be_written_is_said_in_one_line(form, code, said, status, damping, tmp_path: Path):
