@@ -72,7 +72,7 @@ def export(
             raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
     of_base = described is not None and described.drive == "base"
-    _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text)
+    _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text, of_base=of_base)
 
 
 def _check_out(out: Path, *, text: bool) -> None:
@@ -143,9 +143,9 @@ def _export_form(
         show.print("- numbers within cautions are text and kept as they are")
 
 
-def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
+def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool, of_base: bool) -> None:
     if out.suffix.lower() in _UFF:
-        content, lost = write_uff(record, names.length, names.force, binary=not text)
+        content, lost = write_uff(record, names.length, names.force, binary=not text, of_base=of_base)
         write_bytes(out, content)
         notes = [*notes, *lost]
     else:

@@ -287,6 +287,18 @@ def test_a_base_is_driven_by_an_acceleration_in_any_units(
     pd.testing.assert_frame_equal(read_record(tmp_path / "us.csv").table, read_record(record).table, rtol=1e-14)
 
 
+def test_a_universal_file_says_that_a_base_is_driven(tmp_path: Path) -> None:
+    """The reference is of data type 12 (acceleration), in ASCII, and is not read back as a force."""
+    record, mode, out = tmp_path / "r.csv", tmp_path / "m.toml", tmp_path / "a.uff"
+    record.write_text(DRIVEN)
+    mode.write_text(BASE.format(mass="", viscous=2.0).replace("length =", 'time = "s"\nlength ='))
+    export(record, out, mode=mode, text=True)
+    axes = [line.split() for line in out.read_text("ascii").splitlines() if "in/s^2" in line]
+    assert [axis[0] for axis in axes] == ["12", "12"]
+    with pytest.raises(InputError, match="neither in the file nor stated: unit of the force"):
+        import_file(out, tmp_path / "back.csv", Stated())
+
+
 def test_an_added_mass_on_a_base_is_a_mass(tmp_path: Path) -> None:
     record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
     record.write_text("sweep,force,frequency,amplitude,added_mass\na,386,10,0.5,0.2\n")
