@@ -16,7 +16,16 @@ from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import export_deck
-from damping_pipelines.forms import MAX_FORM_SIZE, AnswerForm, CurveForm, LoadsForm, ParameterForm, RankForm, read_form
+from damping_pipelines.forms import (
+    MAX_FORM_SIZE,
+    AnswerForm,
+    CurveForm,
+    IntervalForm,
+    LoadsForm,
+    ParameterForm,
+    RankForm,
+    read_form,
+)
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console, report_findings
 
@@ -195,7 +204,8 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     other = "force" if form.asked == "amplitude" else "amplitude"
     for prediction in form.predictions:
-        average = prediction.model_dump(exclude={"by_model", "cautions", other})
+        average = prediction.model_dump(exclude={"by_model", "cautions", "damping_ratio", other})
+        average |= _flatten("damping_ratio", prediction.damping_ratio or IntervalForm())
         rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
         rows += [
             {"model": law.name, form.asked: getattr(prediction, form.asked), **law.model_dump(exclude={"name"})}
@@ -211,9 +221,14 @@ def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
         bands = {"damping_ratio": row.damping_ratio, "q": row.q}
         told = row.model_dump(exclude={*bands, "tested", "cautions"})
         for name, of in bands.items():
-            told |= {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
+            told |= _flatten(name, of)
         rows.append({**told, "tested": row.tested, "cautions": "; ".join(row.cautions)})
     return _tabulate_typed(pd.DataFrame(rows), ("cautions",)).assign(level=form.level)
+
+
+def _flatten(name: str, of: IntervalForm) -> dict[str, float | None]:
+    """An interval as columns of a table."""
+    return {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
 
 
 def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:

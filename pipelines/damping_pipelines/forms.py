@@ -112,6 +112,8 @@ class PredictionForm(FormPart):
     linear: float | None = None
     linear_overprediction_percent: float | None = None
     extrapolation_ratio: float | None = None
+    frequency: float | None = None
+    damping_ratio: IntervalForm | None = None
     cautions: list[str] = []
     by_model: list[MemberForm] = []
 

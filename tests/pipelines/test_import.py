@@ -375,6 +375,7 @@ def test_a_ranking_as_csv_and_parquet(ranking: Path, tmp_path: Path) -> None:
 def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     member = {"name": "=viscous", "weight": 1.0, "median": 2.0, "low": 1.0, "high": 3.0}
     one = {"force": 10.0, "median": 2.0, "low": 1.0, "high": None, "cautions": ["@far", "b"], "by_model": [member]}
+    one |= {"frequency": 12.5, "damping_ratio": {"median": 0.02, "low": 0.015, "high": 0.03}}
     source = tmp_path / "loads.json"
     source.write_text(json.dumps({"format": "loads/1", "level": 0.9, "predictions": [one], "more": 1}))
     export(source, tmp_path / "loads.parquet")
@@ -383,6 +384,9 @@ def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     assert list(parquet["model"]) == ["", "=viscous"]
     assert list(parquet["median"]) == [2.0, 2.0]
     assert np.isnan(parquet["high"].iloc[0])
+    there = parquet[["frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]]
+    assert there.iloc[0].tolist() == [12.5, 0.02, 0.015, 0.03]
+    assert there.iloc[1].isna().all()
     assert parquet["cautions"].iloc[0] == "@far; b"
     text = (tmp_path / "loads.csv").read_text()
     assert "'=viscous" in text  # what a spreadsheet would execute
