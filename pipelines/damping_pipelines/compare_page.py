@@ -143,13 +143,17 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
 
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:
-    """Records that rest on data of their own: of two studies of the same files the first."""
-    different: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[str, RecordSummary]] = {}
+    """Records that rest on data of their own: of two with the same observations the first.
+
+    Where a study keeps none, of two studies of the same files.
+    """
+    different: dict[object, tuple[str, RecordSummary]] = {}
     for study in studies:
         prefix = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
-            key = (name, tuple(sorted(study.manifest.inputs.items())))
-            different.setdefault(key, (prefix + record.title, record))
+            files = (name, tuple(sorted(study.manifest.inputs.items())))
+            observed = study.manifest.outputs.get(f"{name}-observations.csv", files)
+            different.setdefault(observed, (prefix + record.title, record))
     return list(different.values())
 
 

@@ -21,10 +21,14 @@ from functools import partial
 from itertools import product
 from math import pi
 from pathlib import Path
+from textwrap import wrap
+from typing import NamedTuple
+from unicodedata import combining, normalize
 
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation.near import ROUNDING
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
 from damping.records.text import read_bytes
@@ -43,6 +47,10 @@ FLANK = 2.0
 #: Coefficients that miss the damping of a level by a larger share are said to be of a form that cannot follow it: bands
 #: of damping at tested levels are as wide.
 MOST_MISFIT = 0.05
+#: Characters of a comment from which on it goes on in another line: Abaqus takes lines of 256.
+COMMENT_WIDTH = 120
+#: Why a block is live where two could be.
+SAFER = "of the largest tested and the largest requested level, the one with less damping"
 #: Ratios on one line of an ANSYS ``MDAMP`` command.
 RATIOS_PER_LINE = 6
 
@@ -73,6 +81,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     content = read_bytes(source, MAX_FORM_SIZE)
     form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
+    if code == "openfast" and form.drive != "force":
+        raise AnalysisError(f"{source}: coefficients are of a force, and this form is of {form.drive}")
     levels, missing = _list_levels(form, drive, unit)
     if not levels:
         why = "; ".join(missing) or "write it with damping curve or extrapolate"
@@ -99,17 +109,24 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "si": si,
         "missing": missing,
         "flank": FLANK,
+        "wrap": partial(wrap, width=COMMENT_WIDTH, subsequent_indent="  "),
         "number": number,
         "split_runs": partial(split_runs, number),
     }
-    write_text(out, fill_text(Path(__file__).with_suffix(".txt"), values))
+    write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
     show = console()
     show.print(f"{out} written: damping for {code}")
     for said in missing:
         show.print(f"- {said}")
     for mode, which, _, found in fitted:
-        if abs(found.miss) > MOST_MISFIT:
+        if found.alone or abs(found.miss) > MOST_MISFIT:
             show.print(f"- {mode}, {which}: {found}")
+
+
+def to_ascii(text: str) -> str:
+    """The text in the characters that every code reads: accents are left out, what has no such character is "?"."""
+    plain = normalize("NFKD", text.translate({ord("²"): "^2", ord("³"): "^3", ord("·"): "*"}))
+    return "".join(c for c in plain if not combining(c)).encode("ascii", "replace").decode()
 
 
 def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:
@@ -131,10 +148,16 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
     return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 
 
-def choose_live(
-    levels: Mapping[float, Sequence[Point]], number: Mapping[str, int], *, whole: bool
-) -> tuple[float, str] | None:
-    """The level and bound of the block that stands as no comment: a low end.
+class Live(NamedTuple):
+    """The level and bound of the block that stands as no comment, and why it is this one."""
+
+    level: float
+    bound: str
+    why: str
+
+
+def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, int], *, whole: bool) -> Live | None:
+    """The block that stands as no comment: a low end.
 
     Of the largest level within the test and the largest that was asked for it is the one with less damping, in the
     geometric mean of the modes that both have. ``whole``: only levels at which no mode lacks its damping can be
@@ -149,7 +172,10 @@ def choose_live(
     def weigh(level: float) -> float:
         return float(np.sum([np.log(point.low) for point in levels[level] if point.mode in both]))
 
-    return (min(ends, key=weigh), BOUNDS[1]) if ends else None
+    if not ends:
+        return None
+    alone = "the largest level tested" if tested else "the largest asked for, as no level is within the test"
+    return Live(min(ends, key=weigh), BOUNDS[1], SAFER if len(ends) > 1 else alone)
 
 
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
@@ -180,7 +206,8 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     ratio = row.damping_ratio
     if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
         return None
-    laws = ", ".join(f"{law['name']} ({float(law['weight']):.2f})" for law in row.by_model if law.get("weight"))
+    said = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
+    laws = ", ".join(f"{name} ({weight})" for name, weight in said.items() if float(weight) > 0.0)
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
     notched = next((said for said in row.cautions if said.startswith("notched")), "")
@@ -188,7 +215,8 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     resonant = _find_force(row)
     force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, row.tested is not False)
+    within = (row.extrapolation_ratio or 1.0) <= 1.0 + ROUNDING if row.tested is None else row.tested
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, within)
 
 
 @dataclass(frozen=True)
@@ -199,7 +227,7 @@ class Coefficients:
 
     ``miss``: their damping there over that of the form, less 1; ``force`` of that level; ``equivalent``: F/(omega A) of
     the form there, the c1 that alone would do; ``falls``: that it is less at the largest amplitude than at the least.
-    ``unit``: of forces.
+    ``unit``: of forces. ``alone``: of one level, where any share of the two carries its force.
     """
 
     linear: float
@@ -209,9 +237,14 @@ class Coefficients:
     equivalent: float
     falls: bool
     unit: str = ""
+    alone: bool = False
 
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()
+        if self.alone:
+            return (
+                f"one level (force {at}) does not separate linear from quadratic damping: right only at its amplitude"
+            )
         text = f"differs from the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
         if abs(self.miss) <= MOST_MISFIT:
             return f"{text})"
@@ -250,4 +283,5 @@ def fit_coefficients(
         equivalent=float(equivalent[worst]),
         falls=bool(equivalent[np.argmax(A)] < equivalent[np.argmin(A)]),
         unit=unit,
+        alone=len(points) == 1,
     )

@@ -1,4 +1,4 @@
-"""``damping export``: records to universal files and other units, rankings and loads to CSV and Parquet."""
+"""``damping export``: records to universal files and other units, rankings, loads and curves to CSV and Parquet."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError
-from damping.formats.quantity import SYSTEMS, convert_loads, convert_mode, convert_record, factors, unit
+from damping.formats.quantity import SYSTEMS, convert_curve, convert_loads, convert_mode, convert_record, factors, unit
 from damping.formats.uff_values import write_uff
 from damping.records.base_drive import has_masses
 from damping.records.mode import Mode, Units, describe_mode_to_toml, read_mode
@@ -16,7 +16,16 @@ from damping.records.reading import read_record
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import export_deck
-from damping_pipelines.forms import MAX_FORM_SIZE, AnswerForm, LoadsForm, ParameterForm, RankForm, read_form
+from damping_pipelines.forms import (
+    MAX_FORM_SIZE,
+    AnswerForm,
+    CurveForm,
+    IntervalForm,
+    LoadsForm,
+    ParameterForm,
+    RankForm,
+    read_form,
+)
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
 from damping_pipelines.terminal import console, report_findings
 
@@ -36,7 +45,7 @@ def export(
     despite: Collection[str] = (),
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> None:
-    """Write a record, or a form ``rank/1`` or ``loads/1``, in the format that the name of ``out`` ends with.
+    """Write a record, or a form ``rank/1``, ``loads/1`` or ``curve/1``, in the format that ``out`` ends with.
 
     Options as ``damping export --help`` says them; ``given`` is ``--from``. A form is known by its first character.
     InputError: bad options, a file that cannot be read, a record that the audit refuses, or units that are not known,
@@ -53,7 +62,7 @@ def export(
     check_outputs({"--out": out, "--mode-out": mode_out}, *inputs)
     if read_bytes(source, max_size).lstrip()[:1] == b"{":
         if out.suffix.lower() in _UFF:
-            raise InputError("a ranking or loads are no record", file=source, expected="--out name.csv or name.parquet")
+            raise InputError("an answer is no record", file=source, expected="--out name.csv or name.parquet")
         if mode_out:
             raise InputError("--mode-out is for records, and this is a form", file=source, expected="no --mode-out")
         _export_form(source, out, units, given, mode, max_size)
@@ -72,7 +81,7 @@ def export(
             raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
         write_text(mode_out, describe_mode_to_toml(described))
     of_base = described is not None and described.drive == "base"
-    _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text)
+    _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text, of_base=of_base)
 
 
 def _check_out(out: Path, *, text: bool) -> None:
@@ -120,21 +129,22 @@ def _names(own: Units, given: str | None, source: str) -> Units:
 def _export_form(
     source: Path, out: Path, units: str | None, given: str | None, mode: Path | None, max_size: int
 ) -> None:
-    """A form as a table; loads in other units where they are asked for."""
+    """A form as a table; loads and curves in other units where they are asked for."""
     form = read_answer(source, max_size)
     table = tabulate_form(form)
     if units is None:
         _write_table(table, out)
         return
     if isinstance(form, RankForm):
-        message = "--units is for records and loads, and this is a ranking, with coefficients of many dimensions"
+        message = "--units is for all but a ranking, with coefficients of many dimensions"
         raise InputError(message, file=source, expected="a ranking of the converted record")
     own = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
     described = read_mode(mode) if mode is not None and not (own.force or own.length) else None
     names = _names(described.units if described else own, given, str(mode or source))
     if described and described.drive == "base":
         names = replace(names, time="s").of_base_drive
-    _write_table(convert_loads(table, factors(names, units, source=str(mode or source)), form.asked), out)
+    by = factors(names, units, source=str(mode or source))
+    _write_table(convert_loads(table, by, form.asked) if isinstance(form, LoadsForm) else convert_curve(table, by), out)
     new = Units(*SYSTEMS[units], "s")
     show = console()
     show.print(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}")
@@ -142,9 +152,9 @@ def _export_form(
         show.print("- numbers within cautions are text and kept as they are")
 
 
-def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool) -> None:
+def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool, of_base: bool) -> None:
     if out.suffix.lower() in _UFF:
-        content, lost = write_uff(record, names.length, names.force, binary=not text)
+        content, lost = write_uff(record, names.length, names.force, binary=not text, of_base=of_base)
         write_bytes(out, content)
         notes = [*notes, *lost]
     else:
@@ -162,15 +172,17 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
         write_text(out, record_to_csv(table))
 
 
-def tabulate_form(form: RankForm | LoadsForm) -> pd.DataFrame:
+def tabulate_form(form: RankForm | LoadsForm | CurveForm) -> pd.DataFrame:
     """A form as a table."""
+    if isinstance(form, CurveForm):
+        return _tabulate_curve(form)
     return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
 
 
-def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> RankForm | LoadsForm:
-    """A form ``rank/1`` or ``loads/1``. InputError with the first thing that is wrong."""
+def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> RankForm | LoadsForm | CurveForm:
+    """A form ``rank/1``, ``loads/1`` or ``curve/1``. InputError with the first thing that is wrong."""
     content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
-    return read_form(AnswerForm, content, path, "a form rank/1 or loads/1, as --json writes it").root
+    return read_form(AnswerForm, content, path, "a form rank/1, loads/1 or curve/1, as --json writes it").root
 
 
 def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
@@ -192,7 +204,8 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     other = "force" if form.asked == "amplitude" else "amplitude"
     for prediction in form.predictions:
-        average = prediction.model_dump(exclude={"by_model", "cautions", other})
+        average = prediction.model_dump(exclude={"by_model", "cautions", "damping_ratio", other})
+        average |= _flatten("damping_ratio", prediction.damping_ratio or IntervalForm())
         rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
         rows += [
             {"model": law.name, form.asked: getattr(prediction, form.asked), **law.model_dump(exclude={"name"})}
@@ -201,8 +214,25 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
     return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
 
 
+def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
+    """A row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
+    rows: list[dict[str, Any]] = []
+    for row in form.rows:
+        bands = {"damping_ratio": row.damping_ratio, "q": row.q}
+        told = row.model_dump(exclude={*bands, "tested", "cautions"})
+        for name, of in bands.items():
+            told |= _flatten(name, of)
+        rows.append({**told, "tested": row.tested, "cautions": "; ".join(row.cautions)})
+    return _tabulate_typed(pd.DataFrame(rows), ("cautions",)).assign(level=form.level)
+
+
+def _flatten(name: str, of: IntervalForm) -> dict[str, float | None]:
+    """An interval as columns of a table."""
+    return {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
+
+
 def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
     """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
-    types = {"rank": "Int64", "physical": "boolean", **dict.fromkeys(text, "str")}
+    types = {"rank": "Int64", "physical": "boolean", "tested": "boolean", **dict.fromkeys(text, "str")}
     filled = table.fillna(dict.fromkeys(text, ""))
     return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})

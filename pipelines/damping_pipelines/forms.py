@@ -112,6 +112,8 @@ class PredictionForm(FormPart):
     linear: float | None = None
     linear_overprediction_percent: float | None = None
     extrapolation_ratio: float | None = None
+    frequency: float | None = None
+    damping_ratio: IntervalForm | None = None
     cautions: list[str] = []
     by_model: list[MemberForm] = []
 
@@ -142,8 +144,35 @@ class LoadsForm(FormPart):
         return self
 
 
-class AnswerForm(RootModel[Annotated[RankForm | LoadsForm, Field(discriminator="format")]]):
-    """A ranking or loads."""
+class CurveRowForm(FormPart):
+    """A resonance; the one of amplitude and force that was asked has no band."""
+
+    amplitude: float | None = None
+    amplitude_low: float | None = None
+    amplitude_high: float | None = None
+    force: float | None = None
+    force_low: float | None = None
+    force_high: float | None = None
+    frequency: float | None = None
+    frequency_low: float | None = None
+    frequency_high: float | None = None
+    damping_ratio: IntervalForm = IntervalForm()
+    q: IntervalForm = IntervalForm()
+    tested: bool | None = None
+    cautions: list[str] = []
+
+
+class CurveForm(FormPart):
+    """Resonances over the test and beyond it."""
+
+    format: Literal["curve/1"]
+    level: float
+    rows: Annotated[list[CurveRowForm], Field(min_length=1)]
+    units: dict[str, str] = {}
+
+
+class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(discriminator="format")]]):
+    """A ranking, loads or a curve."""
 
 
 class DampedRow(FormPart):

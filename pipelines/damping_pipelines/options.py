@@ -178,7 +178,7 @@ def export(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Convert records, rankings and loads to other formats and units; damping to a structural code."""
+    """Convert records, rankings, loads and curves to other formats and units; damping to a structural code."""
 
 
 @delegate(".compare")

@@ -77,6 +77,18 @@ def test_records_are_fitted_jointly(tmp_path, damping, peaks):
     assert "run them again" in (tmp_path / "page.html").read_text()
 
 
+def test_a_record_in_two_studies_counts_once(tmp_path, damping, peaks):
+    """The same rows in two studies of other settings are no second evidence for a law: two records, not three."""
+    F = np.geomspace(1.0, 8.0, 8)
+    made = [tabulate_rows(peaks(F ** (1.0 / p), F, 10.0)).to_csv(index=False) for p in (1.2, 2.2)]
+    folders = [power_study(tmp_path / name, rows) for name, rows in zip("abc", (*made, made[0]), strict=True)]
+    manifest = json.loads((folders[2] / MANIFEST).read_text())
+    manifest["inputs"]["STUDY.toml"] = "1" * 64  # as where a title was changed
+    (folders[2] / MANIFEST).write_text(json.dumps(manifest))
+    assert damping("compare", *folders, "--out", tmp_path / "page.html").code == 0
+    assert "each of 2 records (a: Panel" in Page((tmp_path / "page.html").read_text()).text
+
+
 class Page(HTMLParser):
     """Tags, addresses and text of a page."""
 

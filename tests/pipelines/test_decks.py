@@ -168,6 +168,46 @@ def test_the_live_block_is_the_low_end_at_the_level_that_is_sized(code, deck):
             assert read_live(text, code) == [ratio]
 
 
+@pytest.mark.parametrize(("ratio", "why"), [(1.0, "less damping of two"), (1.5, "no level is within the test")])
+def test_loads_within_the_test_are_tested_levels(deck, ratio, why):
+    """Loads at and beyond the tested force: as of a curve, the level with less damping is live, and why is said."""
+    rows = [
+        {**row, "extrapolation_ratio": ratio * k} for row, k in zip(FORM["predictions"][:2], (1.0, 1.5), strict=True)
+    ]
+    text = deck({**FORM, "predictions": rows}, "abaqus")
+    assert f"live: the low end at force {60 if ratio == 1.0 else 90}; the" in text
+    assert read_live(text, "abaqus") == [0.0189 if ratio == 1.0 else 0.0211]
+    assert why in text
+
+
+def test_one_level_is_said_not_to_part_linear_from_quadratic(deck):
+    text = deck({**FORM, "predictions": FORM["predictions"][:1]}, "openfast")
+    assert text.count("one level (force 60) does not separate linear from quadratic damping") == 2
+    assert "misses the damping" not in text
+    assert "misses the damping" in deck({**FORM, "predictions": FORM["predictions"][:2]}, "openfast")
+
+
+def test_a_deck_is_ascii(deck):
+    """Units and names of modes as codes read them: Abaqus takes nothing but ASCII."""
+    form = {**CAMPAIGN, "modes": [{**CAMPAIGN["modes"][0], "name": "Brücke λ"}]}
+    text = deck({**form, "level_name": "base acceleration", "level_unit": "mm/s²"}, "nastran")
+    assert text.isascii()
+    assert "base acceleration 0.6 mm/s^2, median\n$   Brucke ?: 58 Hz" in text
+
+
+@pytest.mark.parametrize("code", COMMENTS)
+def test_no_line_is_longer_than_a_code_takes(deck, code):
+    """Of many laws those are named whose weight shows, on lines that Abaqus takes (256 characters)."""
+    laws = [{"name": f"a law with a rather long name {i}", "weight": 0.1 if i < 9 else 1e-3} for i in range(40)]
+    rows = [{**row, "by_model": laws} for row in FORM["predictions"][:2]]
+    text = deck({**FORM, "predictions": rows}, code)
+    assert max(map(len, text.splitlines())) <= 256
+    assert all(line.startswith(COMMENTS[code]) for line in text.splitlines() if "law" in line)
+    if code != "openfast":
+        assert "name 8 (0.10)" in " ".join(text.replace(COMMENTS[code], " ").split())
+        assert "name 9" not in text
+
+
 @pytest.mark.parametrize(("beyond", "live"), [(1.2, "0.6"), (0.8, "1.2")])
 def test_the_live_level_is_the_safer_one(deck, beyond, live):
     """Damping 0.006 at the top tested level and 1.2 or 0.8 times as much at twice it: the block with less is live."""
@@ -275,6 +315,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
         ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
         ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
+        ({**FORM, "drive": "base acceleration"}, "openfast", "of a force, and this form is of base acceleration", 1),
     ],
 )
 def test_what_cannot_be_written_is_said_in_one_line(form, code, said, status, damping, tmp_path: Path):

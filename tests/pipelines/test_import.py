@@ -287,6 +287,18 @@ def test_a_base_is_driven_by_an_acceleration_in_any_units(
     pd.testing.assert_frame_equal(read_record(tmp_path / "us.csv").table, read_record(record).table, rtol=1e-14)
 
 
+def test_a_universal_file_says_that_a_base_is_driven(tmp_path: Path) -> None:
+    """The reference is of data type 12 (acceleration), in ASCII, and is not read back as a force."""
+    record, mode, out = tmp_path / "r.csv", tmp_path / "m.toml", tmp_path / "a.uff"
+    record.write_text(DRIVEN)
+    mode.write_text(BASE.format(mass="", viscous=2.0).replace("length =", 'time = "s"\nlength ='))
+    export(record, out, mode=mode, text=True)
+    axes = [line.split() for line in out.read_text("ascii").splitlines() if "in/s^2" in line]
+    assert [axis[0] for axis in axes] == ["12", "12"]
+    with pytest.raises(InputError, match="neither in the file nor stated: unit of the force"):
+        import_file(out, tmp_path / "back.csv", Stated())
+
+
 def test_an_added_mass_on_a_base_is_a_mass(tmp_path: Path) -> None:
     record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
     record.write_text("sweep,force,frequency,amplitude,added_mass\na,386,10,0.5,0.2\n")
@@ -363,6 +375,7 @@ def test_a_ranking_as_csv_and_parquet(ranking: Path, tmp_path: Path) -> None:
 def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     member = {"name": "=viscous", "weight": 1.0, "median": 2.0, "low": 1.0, "high": 3.0}
     one = {"force": 10.0, "median": 2.0, "low": 1.0, "high": None, "cautions": ["@far", "b"], "by_model": [member]}
+    one |= {"frequency": 12.5, "damping_ratio": {"median": 0.02, "low": 0.015, "high": 0.03}}
     source = tmp_path / "loads.json"
     source.write_text(json.dumps({"format": "loads/1", "level": 0.9, "predictions": [one], "more": 1}))
     export(source, tmp_path / "loads.parquet")
@@ -371,10 +384,30 @@ def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     assert list(parquet["model"]) == ["", "=viscous"]
     assert list(parquet["median"]) == [2.0, 2.0]
     assert np.isnan(parquet["high"].iloc[0])
+    there = parquet[["frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]]
+    assert there.iloc[0].tolist() == [12.5, 0.02, 0.015, 0.03]
+    assert there.iloc[1].isna().all()
     assert parquet["cautions"].iloc[0] == "@far; b"
     text = (tmp_path / "loads.csv").read_text()
     assert "'=viscous" in text  # what a spreadsheet would execute
     assert "'@far" in text
+
+
+def test_a_curve_is_the_table_that_python_gives(tmp_path: Path) -> None:
+    """Columns and numbers of ``CurveResult.table``; in other units forces and amplitudes move and ratios stay."""
+    data = data_folder() / "saturn-v"
+    record, mode = (data / folder / f"config-2-mode-1.{end}" for folder, end in (("records", "csv"), ("modes", "toml")))
+    curve = dp.curve(dp.read_record(record), dp.read_mode(mode), amplitudes=[1.0, 2.0])
+    (tmp_path / "curve.json").write_text(json.dumps(curve.to_json()))
+    for units in (None, "si"):
+        export(tmp_path / "curve.json", tmp_path / "curve.csv", units=units)
+        found, own = pd.read_csv(tmp_path / "curve.csv"), curve.table
+        assert list(found.columns) == [*own.columns, "level"]
+        moved = {"amplitude": INCH, "force": LBF} if units else {}
+        for name in own.columns.drop(["tested", "cautions"]):
+            np.testing.assert_allclose(found[name], own[name] * moved.get(name.split("_")[0], 1.0), rtol=1e-13)
+        assert list(found["tested"]) == list(own["tested"])
+        assert list(found["cautions"]) == list(own["cautions"])
 
 
 def test_loads_in_other_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -421,7 +454,7 @@ def test_loads_know_their_units_and_what_was_asked(tmp_path: Path) -> None:
 
 
 def test_a_ranking_is_not_converted(ranking: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"--units is for records and loads.*expected a ranking of"):
+    with pytest.raises(InputError, match=r"--units is for all but a ranking.*expected a ranking of"):
         export(ranking, tmp_path / "x.csv", units="us", given="si")
 
 
@@ -444,7 +477,7 @@ def test_units_said_twice_agree(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ('{"format": "gap/1"}', "expected a form rank/1 or loads/1"),
+        ('{"format": "gap/1"}', "expected a form rank/1, loads/1 or curve/1"),
         ('{"format": "rank/1", "criterion": "bic", "models": []}', "models"),
         ('{"format": "loads/1", "level": 0.9, "predictions": [{"force": "x"}]}', "predictions.0.force"),
         ("{" * 100000, "expected a form"),

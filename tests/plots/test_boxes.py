@@ -131,6 +131,16 @@ def test_corner(size):
     check(corner(values, values))
 
 
+@pytest.mark.parametrize("shapes", [[], ["slip (lbf/in)", "slip limit (in)"]])
+def test_corner_of_a_posterior(shapes):
+    """The names that a study has, five and seven of them."""
+    doubts = ["straying of the local exponent", "scatter of a row", "scatter of a level"]
+    labels = ["viscous (lbf·s/in)", "velocity-squared (lbf·s²/in²)", *shapes, *doubts]
+    draws = np.random.default_rng(0).normal(0.00478, 0.000125, (len(labels), 4000))
+    values = dict(zip(labels, draws, strict=True))
+    check(corner(values, values))
+
+
 def test_labels_keep_what_tells_them_apart():
     assert distinguish([NAME.format(i) for i in (1, 2, 3)]) == ["1", "2", "3"]
     assert distinguish(["sweep A up", "sweep B up"]) == ["A", "B"]

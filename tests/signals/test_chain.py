@@ -133,6 +133,9 @@ def test_a_mode_inside_the_sweep_cannot_be_removed() -> None:
     inside = [{"name": "x", "phi": 0.1, "mass": 1.0, "frequency": 1.8}]
     with pytest.raises(AnalysisError, match="'x' lies inside the swept frequencies"):
         condition(raw(), description(modes=inside))
+    rigid = {"frequency": 1.8, "r2_over_i": 1e-4}
+    with pytest.raises(AnalysisError, match="rigid-body rotation lies inside the swept frequencies"):
+        condition(raw(), description(modes=[], rigid_body=rigid))
 
 
 def test_a_negative_r2_over_i_is_refused_where_the_node_is_driven() -> None:

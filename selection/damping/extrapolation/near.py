@@ -225,13 +225,21 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
         plan = replace(plan, fit=on_rows)
     if plan.fit.verdict == "none fits":
         return plan
-    plan = replace(plan, fit=replace(plan.fit, level_caution=on_rows.level_caution or plan.fit.level_caution))
+    led_by_another = kept and kept[0] is not plan.laws[0] and not on_rows.rough
+    fit = _judge_kept(kept, plan.data) if led_by_another else plan.fit
+    plan = replace(plan, fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution))
     if not kept:
         return plan
     whole = sum(own.weight for own in kept)
     names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
     said = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
     return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
+
+
+def _judge_kept(kept: Sequence[Planned], data: Observations) -> FitVerdict:
+    """The verdict on the law that leads once others are left out, as theirs is none on it."""
+    leader, *others = [fit for fit in fit_laws([own.law for own in kept], data) if isinstance(fit, BestFit)]
+    return judge_fit(leader, others, data)
 
 
 def plan_loads(

@@ -209,6 +209,13 @@ def convert_loads(table: pd.DataFrame, by: Factors, asked: str = "force") -> pd.
     return table.assign(**{asked: table[asked] * given}, **changed)
 
 
+def convert_curve(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
+    """Resonances (a row each) in the new system: forces, amplitudes and their bands."""
+    scales = {"force": by.of(1, 0), "amplitude": by.of(0, 1)}
+    names = [f"{of}{end}" for of in scales for end in ("", "_low", "_high")]
+    return table.assign(**{name: table[name] * scales[name.split("_")[0]] for name in names})
+
+
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
     """The mode in the new system, the parameters of its damping forces and effects with it.
 

@@ -130,21 +130,26 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
 PEAK = "peak amplitudes"  #: fourth ID line of a set whose amplitudes are those of the sine
 _DISPLACEMENT = 8  #: data type of the numerator
 _FORCE = 13  #: data type of the denominator
+_ACCELERATION = 12  #: the same where a base is driven
 
 
-def write_uff(record: Record, length: str, force: str, *, binary: bool) -> tuple[bytes, list[str]]:
+def write_uff(
+    record: Record, length: str, force: str, *, binary: bool, of_base: bool = False
+) -> tuple[bytes, list[str]]:
     """The universal file of a record, and notes on what it does not hold.
 
     Args:
         record: with phases, or with sweeps of one row, which is at phase resonance.
         length, force: labels of the units, up to 18 characters; '' where none is named.
-        binary: values as bytes.
+        binary: values as bytes. of_base: the column ``force`` is the acceleration of a base.
 
     AnalysisError: a sweep of several rows without phases.
     """
     written = (*REQUIRED_COLUMNS, "phase")
     notes = [f"column {name} is not in the universal file" for name in record.frame.columns if name not in written]
-    displacement, drive = _describe_axis(_DISPLACEMENT, "Displacement", length), _describe_axis(_FORCE, "Force", force)
+    displacement = _describe_axis(_DISPLACEMENT, "Displacement", length)
+    force = force.replace("²", "^2")  # the format is of ASCII characters
+    drive = _describe_axis(_ACCELERATION, "Acceleration", force) if of_base else _describe_axis(_FORCE, "Force", force)
     sets = []
     for label in record.sweeps:
         sweep = record.of(label)

@@ -135,8 +135,11 @@ CONTENTS = (0.9, 0.5)
 _BINS = 24
 #: Parameters from which on three numbers below a panel run into one another.
 _CROWDED = 5
-#: Room for numbers and a name of two lines below the lowest panels, inches.
-_BELOW = 0.75
+#: Letters of a line of a name below all panels together: each name has its panel's width, and height beside it.
+_LETTERS_ALONG = 70
+#: Room for numbers and a name of two lines below the lowest panels, and for each further line there and beside, inches.
+_BELOW = 0.8
+_LINE = 0.13
 #: Room for a title of two lines above the highest, inches.
 _ABOVE = 0.38
 
@@ -152,9 +155,16 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     labels = list(draws)
     size = len(labels)
     height = look.WIDTH * min(1.1, 0.4 + 0.2 * size)
+    names = {label: _wrap_parameter(label, _LETTERS_ALONG // size) for label in labels}
+    further = _LINE * max(0, max(name.count("\n") for name in names.values()) - 1)
     figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
     figure.subplots_adjust(
-        left=0.16, right=0.96, bottom=_BELOW / height, top=1.0 - _ABOVE / height, wspace=0.12, hspace=0.2 + 0.06 * size
+        left=0.17 + further / look.WIDTH,
+        right=0.94,
+        bottom=(_BELOW + further) / height,
+        top=1.0 - _ABOVE / height,
+        wspace=0.12,
+        hspace=0.2 + 0.06 * size,
     )
     axes = figure.subplots(size, size, squeeze=False)
     turned = 90.0 if size >= _CROWDED else 0.0
@@ -168,7 +178,8 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
                 _draw_alone(axes[i, i], draws[row], prior[row], limits[row])
             else:
                 _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
-            _draw_edges(axes[i, j], column if i == size - 1 else "", row if j == 0 and i > 0 else "", turned)
+            beside = names[row] if j == 0 and i > 0 else ""
+            _draw_edges(axes[i, j], names[column] if i == size - 1 else "", beside, turned)
             axes[i, j].set_xlim(*limits[column])
     figure.align_labels()
     axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
@@ -213,8 +224,14 @@ def _draw_edges(axes: Axes, x_label: str, y_label: str, turned: float) -> None:
     below, beside = bool(x_label), bool(y_label)
     axes.tick_params(labelbottom=below, labelleft=beside, left=beside, labelsize=7, color=look.MUTED)
     axes.tick_params(axis="x", labelrotation=turned)
-    axes.set_xlabel(x_label.replace(" (", "\n("), fontsize=7.5)
-    axes.set_ylabel(y_label.replace(" (", "\n("), fontsize=7.5)
+    axes.set_xlabel(x_label, fontsize=7.5)
+    axes.set_ylabel(y_label, fontsize=7.5)
+
+
+def _wrap_parameter(label: str, letters: int) -> str:
+    """The name of a parameter in lines, its unit in the last."""
+    name, *unit = label.split(" (", 1)
+    return "\n".join([*wrap(name, letters), *(f"({own}" for own in unit)])
 
 
 #: Letters of a law's name beside a row of a panel.

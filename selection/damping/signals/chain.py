@@ -128,11 +128,14 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
     """Rigid-body rotation taken off (Eqs. 3.1.16-3.1.18, 3.1.22, 3.1.23).
 
     Where R^2/I is not given, it is the one that fits the known total corrections best: ``constants["r2_over_i"]``.
+
+    AnalysisError: its frequency lies inside the swept ones, where it resonates and is not in phase with the force.
     """
     rigid = description.rigid_body
     assert rigid is not None  # the chain comes here only with one
     mode, others, F = _node_modes(table, description)
     omega, omega_r = _column(table, "omega"), description.units.rad_s * rigid.frequency
+    _require_outside(omega, omega_r, "rigid-body rotation")
     r2_over_i = rigid.r2_over_i
     if r2_over_i is None:
         C_t = raw.loc[table.index, rigid.identify_from].to_numpy(float)
@@ -152,8 +155,7 @@ def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     mode, others, F = _node_modes(table, description)
     omega = _column(table, "omega")
     for named, other in zip(description.modes, others, strict=True):
-        if omega.min() <= other.omega <= omega.max():
-            raise AnalysisError(f"mode {named.name!r} lies inside the swept frequencies: it cannot be removed undamped")
+        _require_outside(omega, other.omega, f"mode {named.name!r}")
     correction = signals.node_correction(mode, others, F, omega)
     parts = {f"mode {m.name}": part for m, part in zip(description.modes, correction.adjacent, strict=True)}
     return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
@@ -223,6 +225,11 @@ def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode
         mass = m.mass * m.phi / m.drive if m.phi * m.drive != 0.0 else np.inf
         others.append(NodeMode(m.phi, mass, d.units.rad_s * m.frequency))
     return NodeMode(d.mode.phi, np.nan, np.nan), others, _column(table, "force")
+
+
+def _require_outside(omega: FloatArray, resonance: float, what: str) -> None:
+    if omega.min() <= resonance <= omega.max():
+        raise AnalysisError(f"{what} lies inside the swept frequencies: it cannot be removed undamped")
 
 
 def _in_phase(name: str, equation: str, table: pd.DataFrame, parts: Mapping[str, FloatArray]) -> ConditioningStep:
