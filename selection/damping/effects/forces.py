@@ -126,8 +126,8 @@ class ManyJoints(GrowingForce):
         parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
         lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in parts)
         size = self.stiffness * A * slipping
-        whole = spread(4.0 / np.pi * size, omega)
-        return whole * (lost - grown), whole * grown, size * S, size * (S + turned)
+        saturation = spread(4.0 / np.pi * size, omega)
+        return saturation * (lost - grown), saturation * grown, size * S, size * (S + turned)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A."""

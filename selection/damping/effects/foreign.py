@@ -25,16 +25,16 @@ _LAG = FormVariable.between(0.2, 5.0)
 CLEARANCE = Shape("clearance", LENGTH, above=0.0)
 
 
-def _act_beyond(whole: Floats, x: Floats) -> tuple[Floats, Floats]:
+def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
     """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), x = clearance/A, and its derivative by ln A.
 
-    This is the average of a linear force, w without a clearance and proportional to A, that acts beyond the clearance
-    only; a spring acts from there on (DenHartog 1931).
+    This is the average of a force that acts beyond the clearance only (DenHartog 1931; a spring starts there from 0),
+    where w = ``linear`` is its average without clearance, proportional to A.
     """
     x = np.minimum(x, 1.0)
     root = np.sqrt(1.0 - x * x)
-    average: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-    return average, average + (4.0 / np.pi) * whole * x * root
+    average: Floats = linear * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+    return average, average + (4.0 / np.pi) * linear * x * root
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,10 @@ class Rub(GrowingForce):
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
-        whole, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
-        return spread(whole * (1.0 - np.minimum(x, 1.0)), omega), spread(np.asarray(whole * x * (x < 1.0)), omega)
+        saturation, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
+        return spread(saturation * (1.0 - np.minimum(x, 1.0)), omega), spread(
+            np.asarray(saturation * x * (x < 1.0)), omega
+        )
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: 0 below it, that of friction far above."""
@@ -176,8 +178,8 @@ class FallingFriction(GrowingForce):
         x = A * omega / self.speed
         square = x * x
         h = np.arcsinh(x) / (x * np.sqrt(1.0 + square))
-        whole = (4.0 / np.pi) * self.coefficient
-        return whole * h, whole * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
+        friction = (4.0 / np.pi) * self.coefficient
+        return friction * h, friction * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'/(1 + (q'/v)^2)."""

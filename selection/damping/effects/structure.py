@@ -131,8 +131,8 @@ PLANAR_COUPLING = Effect(
 def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
     """Forms of a mode ``above`` or below the simulated one. Strength: its compliance at omega_n over ``size``."""
 
-    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
-        ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
+    def report(strength: Floats, separation: Floats, damping: Floats) -> dict[str, Floats]:
+        ratio = 1.0 + separation if above else 1.0 / (1.0 + separation)
         loss = 2.0 * damping
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
         return {"compliance": strength * size * nearest, "frequency_ratio": ratio, "loss": loss}
@@ -160,14 +160,14 @@ def residual_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode outside the rows, from 1.5 reaches to a factor of 4 in frequency, or rigid-body motion; either sign."""
     resonance = 1.0 / scales.loss
     beyond = 1.5 * max(scales.reach, scales.bandwidth)  # rows may all lie at the resonance
-    apart = FormVariable.between(beyond, 3.0, starts=(-1.0, 0.5))
+    separation = FormVariable.between(beyond, 3.0, starts=(-1.0, 0.5))
 
     def report(strength: Floats) -> dict[str, Floats]:
         return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2
 
     return (
-        *_paths(RESIDUAL_MODES, True, apart, _LOSS, resonance),
-        *_paths(RESIDUAL_MODES, False, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, True, separation, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, False, separation, _LOSS, resonance),
         *RESIDUAL_MODES.either_sign(report, "rigid body", largest=30.0),
     )
 
@@ -186,9 +186,9 @@ RESIDUAL_MODES = Effect(
 def second_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode within the rows, a fraction of the bandwidth to 1.5 reaches from the first, at any mass of either sign."""
     low = 0.3 * scales.bandwidth
-    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
+    separation = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
-    higher, lower = (_paths(SECOND_MODE, above, apart, loss, 1.0 / scales.loss) for above in (True, False))
+    higher, lower = (_paths(SECOND_MODE, above, separation, loss, 1.0 / scales.loss) for above in (True, False))
     return *higher, *lower
 
 
@@ -208,14 +208,14 @@ SECOND_MODE = Effect(
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: coupling over the bandwidth. Shapes: distance of the partner's frequency; its damping ratio."""
     low = 0.2 * scales.bandwidth
-    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.0, 0.0, 1.0))
+    separation = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.0, 0.0, 1.0))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-0.7, 0.5))
 
     def side(sign: float) -> Form:
         def report(strength: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
             return {"coupling": strength * scales.bandwidth, "ratio": 1.0 + sign * distance, "damping": damping}
 
-        return PARTNER.form(report, 0.5, shapes=(apart, loss), largest=100.0, sizes=(0.5, 2.0))
+        return PARTNER.form(report, 0.5, shapes=(separation, loss), largest=100.0, sizes=(0.5, 2.0))
 
     return side(1.0), side(-1.0)
 

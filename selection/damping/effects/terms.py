@@ -66,8 +66,8 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     by_u, by_frequency = receptance.by_u, receptance.by_frequency
     if drive.resonant is not False and np.any(drive.resonant):
         real, phase, by_u, by_frequency = (
-            np.where(drive.resonant, at, beside)
-            for at, beside in zip(_at_resonance(receptance, F, every), (real, phase, by_u, by_frequency), strict=True)
+            np.where(drive.resonant, at, off)
+            for at, off in zip(_at_resonance(receptance, F, every), (real, phase, by_u, by_frequency), strict=True)
         )
     real, slope = _pass([reading.read for reading in terms.readings], real)
     if terms.readings:

@@ -150,7 +150,7 @@ def energy_factor(kind: type[Force], **others: Floats) -> Floats:
 
 
 def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> Floats:
-    """The coefficient C = a/energy_factor of a force with energy a A^m omega^n (Table 5.I); errors of `energy_factor`."""
+    """The coefficient C = a/energy_factor of a force of energy a A^m omega^n (Table 5.I); errors as `energy_factor`."""
     return a / energy_factor(kind, **others)
 
 

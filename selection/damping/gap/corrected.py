@@ -85,7 +85,7 @@ def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]
 
 
 def is_gone(values: Mapping[str, float]) -> bool:
-    """Whether an effect with these parameters removes the simulated force that it corrects."""
+    """Whether an effect with these parameters all but removes the simulated force that it corrects."""
     return values.get("relative", 0.0) < _GONE - 1.0
 
 

@@ -66,7 +66,7 @@ class Explained:
         tests: directed tests of the leading hypothesis's residuals. doubts: see `weighing.describe_doubts`.
         in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
         unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
-            the rows where the stated noise is too small and nothing else is left; ``in_library`` then allows for it.
+            the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
         imitations: explanations by causes outside the library that the record does not tell from the leading one.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """

@@ -233,11 +233,11 @@ def free_form(fit: ModelFit, trace: Callable[[ModelFit, FloatArray], FloatArray]
     settled = fit.covariance @ (weighted.T @ white.r + fit.y)
     at = np.linspace(u.min(), u.max(), _DRAWN)
     A, B = np.exp(at), basis(u, SPLINES, at).T
-    own, parts = trace(fit, A), []
-    moved = [trace(replace(fit, y=fit.y + step), A) - own for step in _STEP * np.eye(len(fit.y))]
+    curves, parts = trace(fit, A), []
+    moved = [trace(replace(fit, y=fit.y + step), A) - curves for step in _STEP * np.eye(len(fit.y))]
     slopes = np.moveaxis(np.array(moved), 0, -1) / _STEP
-    of_splines = np.hstack([own[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
-    for curve, slope, added in zip(own, slopes, of_splines, strict=True):
+    of_splines = np.hstack([curves[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
+    for curve, slope, added in zip(curves, slopes, of_splines, strict=True):
         by = added - slope @ follow
         sd = np.sqrt(np.sum((by @ covariance) * by, axis=1) + np.sum((slope @ fit.covariance) * slope, axis=1))
         unseen = np.sum((by @ vectors[:, ~seen]) ** 2, axis=1) > _MOST_UNSEEN * np.sum(by**2, axis=1)

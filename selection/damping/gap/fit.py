@@ -134,7 +134,7 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
 
 
 def _regular(model: Model) -> FloatArray | None:
-    """Weights of 1 for peaks alone, of which two wild ones would leave too few to reject a simulation; else None."""
+    """Weights of 1 for peaks alone, since any simulation fits the three that two wild ones would leave; else None."""
     rows = model.problem.rows
     return np.ones(rows.seen.size) if rows.of_peaks else None
 

@@ -180,8 +180,8 @@ class Model:
     def at_motion(self, y: FloatArray) -> Model:
         """The model with predictions at the motion that it predicts at y (size + 2 sweeps,), at most ``NEAR`` away."""
         rows = self.problem.rows
-        motion = self.residuals(y[np.newaxis])
-        near = np.clip(motion.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
+        predicted = self.residuals(y[np.newaxis])
+        near = np.clip(predicted.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
         return replace(self, at=near)
 
     def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -109,12 +109,12 @@ class _Run:
 class _Missed:
     """Misfit of a rival to m values in units of their noise, at its k fitted parameters.
 
-    ``r``: misfit (m,). ``J``: its derivatives (k, m). ``own``: covariance (m, m) of noise and the run's repeatability.
+    ``r``: misfit (m,). ``J``: its derivatives (k, m). ``noise``: covariance (m, m), with the run's repeatability.
     """
 
     r: FloatArray
     J: FloatArray
-    own: FloatArray
+    noise: FloatArray
 
 
 def rank_tests(
@@ -270,7 +270,7 @@ def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
     """
     r, J = np.hstack([run.r for run in missed]), np.hstack([run.J for run in missed])
     k = rival.model.size
-    V = block_diag(*(run.own for run in missed)) + J.T @ rival.covariance[:k, :k] @ J
+    V = block_diag(*(run.noise for run in missed)) + J.T @ rival.covariance[:k, :k] @ J
     return 0.5 * float(r @ np.linalg.solve(V, r))
 
 

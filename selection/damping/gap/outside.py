@@ -83,13 +83,13 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
     parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
     fitted = {key: old for key, old in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
     named = {name: search.effects[name] for name in frozenset().union(*fitted)}
-    beside = Search(search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices)
-    beside.singles()
+    foreign = Search(search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices)
+    foreign.singles()
     for replaced in leading.effects if len(leading.effects) > 1 else ():
-        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+        foreign.extend_by_gain(foreign.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
     if parameters:
-        beside.extend(parameters[0], OTHER_MASS.name)
-    return [hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()]
+        foreign.extend(parameters[0], OTHER_MASS.name)
+    return [hypothesis for hypothesis in foreign.ranked() if hypothesis.key & FOREIGN.keys()]
 
 
 def weigh_library(

@@ -190,7 +190,7 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
     between = (hertz - peak) * (hertz - mode.frequency) <= 0.0
     broad = len(np.unique(hertz[between])) > _BROAD_ROWS and bool(response[between].min() > _BROAD * response.max())
     # one sweep near it is enough: joints and rubber move the resonance of other levels far
-    of_sweeps = np.array([hertz[own[np.argmax(response[own])]] for own in rows.runs])
+    of_sweeps = np.array([hertz[run[np.argmax(response[run])]] for run in rows.runs])
     if inside and (edge or broad or np.abs(of_sweeps / mode.frequency - 1.0).min() < _ANOTHER_MODE):
         return
     message = (
@@ -280,7 +280,7 @@ def _is_filled(record: Record, name: str) -> BoolArray:
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
     """Cautions about sweeps of constant amplitude, and those that do not reach resonance."""
-    constant, beside = [], []
+    constant, off_resonance = [], []
     for sweep, run in zip(rows.sweeps, rows.runs, strict=True):
         if len(run) < _FEW_ROWS:
             continue
@@ -289,11 +289,11 @@ def _list_resonance_cautions(rows: Rows) -> list[str]:
         peak = int(np.argmax((rows.u - np.log(rows.F))[run]))
         passed = rows.has_phase and rows.phase[run].min() < 0.5 * pi < rows.phase[run].max()
         if peak in (0, len(run) - 1) and not passed:
-            beside.append(sweep)
+            off_resonance.append(sweep)
     cautions = []
     if constant:
         why = "its peak is in the force, not the amplitude"
         cautions.append(f"constant amplitude in sweep {', '.join(constant)}: {why}")
-    if beside:
-        cautions.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
+    if off_resonance:
+        cautions.append(f"sweep {', '.join(off_resonance)} never reaches resonance: damping there is hardly seen")
     return cautions

@@ -140,8 +140,8 @@ def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None =
     """The caution where rows scatter more than stated, or where a fit leaves less than noise."""
     if scatter is not None:
         return [f"the {scatter}: is the stated noise right?"]
-    left = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
-    if setting.problem.rows.at_resonance or left * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
+    rms = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
+    if setting.problem.rows.at_resonance or rms * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
         return []
     how = "stated" if setting.noise_known else "estimated"
-    return [f"the noise is {how} too large: rows scatter {left:.2g} of it, and effects as small as the rest are hidden"]
+    return [f"the noise is {how} too large: rows scatter {rms:.2g} of it, and effects as small as the rest are hidden"]

@@ -151,8 +151,8 @@ def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
     """
 
     def part(drive: Drive) -> FloatArray:
-        whole = np.maximum(drive.shaken + drive.added, 1e-300)
-        share = np.where(np.isin(drive.state, states), drive.shaken / whole, 0.0)
+        total = np.maximum(drive.shaken + drive.added, 1e-300)
+        share = np.where(np.isin(drive.state, states), drive.shaken / total, 0.0)
         return np.asarray(np.log1p(share * np.expm1(deviation)))
 
     return part

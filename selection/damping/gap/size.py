@@ -257,10 +257,10 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
 
 def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> HeldOutFold:
     """Choose and fit a hypothesis without a level, and predict that level."""
-    whole = setting.problem
-    out = whole.rows.level[whole.rows.sweep] == level
-    train = replace(whole, rows=whole.rows.where(~out))
-    test = replace(whole, rows=whole.rows.where(out))
+    problem = setting.problem
+    out = problem.rows.level[problem.rows.sweep] == level
+    train = replace(problem, rows=problem.rows.where(~out))
+    test = replace(problem, rows=problem.rows.where(out))
     chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)

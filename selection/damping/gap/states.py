@@ -3,7 +3,7 @@
 States of one stiffness are the same structure with known masses added. Those that a base shakes share one participation
 p, a free parameter beside the generalized mass m; a state of another stiffness has its own. If a base shakes the first
 state, all masses and forces are divided by its p m: forces are then accelerations, and coefficients those of a ranking.
-Otherwise masses are in the unit of the files.
+Otherwise masses are in the unit of its force.
 """
 
 from __future__ import annotations

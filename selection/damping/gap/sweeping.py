@@ -59,13 +59,13 @@ def simulate_sweeps(
         for number, level in enumerate(forces):
             rows: list[tuple[float, float]] = []
             if method == "ritz":
-                states = _averaged(level * excited, frequencies, mode, direction)
+                readings = _averaged(level * excited, frequencies, mode, direction)
             else:
                 hertz, force = RAD_S_PER_HZ * frequencies, simulated_force(mode)
                 steady = sweep_in_time(force, level * excited, hertz, mode.mass, mode.omega_n, direction)
-                states = ((state.amplitude, state.phase) for state in steady)
+                readings = ((state.amplitude, state.phase) for state in steady)
             for part in np.array_split(order, 4):
-                rows += list(islice(states, part.size))
+                rows += list(islice(readings, part.size))
                 advance(f"force {level:g}", part.size)
             tables.append(_tabulate_table(_label(number), level, order, rows))
     return Record.trusted(pd.concat(tables, ignore_index=True), f"sweeps of {mode.name}")

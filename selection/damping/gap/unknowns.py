@@ -244,14 +244,14 @@ def _integrate(
         [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)]
     )
     eliminated = np.tensordot(outer, inverse, axes=(0, 0))  # (variables and residuals, the same, scatters, noises)
-    left = (products[np.ix_(kept, kept)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
-    left[range(k), range(k)] += 1.0
+    reduced = (products[np.ix_(kept, kept)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
+    reduced[range(k), range(k)] += 1.0
     log_det = np.sum(np.log(det), axis=0)
     for j in range(k):
-        column = left[j + 1 :, j]
-        log_det += np.log(left[j, j])
-        left[j + 1 :, j + 1 :] -= column[:, np.newaxis] * (column / left[j, j])
-    return np.asarray(-0.5 * (left[k, k] + log_det))
+        column = reduced[j + 1 :, j]
+        log_det += np.log(reduced[j, j])
+        reduced[j + 1 :, j + 1 :] -= column[:, np.newaxis] * (column / reduced[j, j])
+    return np.asarray(-0.5 * (reduced[k, k] + log_det))
 
 
 def _multiply_outer(u: FloatArray, v: FloatArray) -> FloatArray:

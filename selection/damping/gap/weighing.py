@@ -31,7 +31,7 @@ COVER = 0.95
 TEMPERATURES = (5.0, 6.0, 2.0)
 #: Largest share of the best explanation if the cause is outside the library and nothing is measured beyond first
 #: harmonics of one state, which effects that are not there imitate to within noise. Of 1936 cases of 66 kinds (600 of
-#: them foreign causes) .7 % were named wrongly beyond .95, 1.6 % without temperatures and this share.
+#: them foreign causes) .7 % were named wrongly beyond .95, 1.6 % without these.
 LARGEST_IMITATION = 0.65
 #: Log odds that the library holds the cause, where it holds three in five: for an effect that leaves only noise; added
 #: where nothing is blamed; subtracted for each of the `describe_doubts`.
@@ -85,7 +85,7 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     for hypothesis in ranked:
         same = (key for key, (first, *_) in visible.items() if _adds_nothing(hypothesis, first))
         visible.setdefault(next(same, hypothesis.key), []).append(hypothesis)
-    probabilities = softmax([logsumexp([same.log_posterior for same in group]) for group in visible.values()])
+    probabilities = softmax([logsumexp([member.log_posterior for member in group]) for group in visible.values()])
     weighed = [
         Explanation(first.effects, float(p), first)
         for (first, *_), p in zip(visible.values(), probabilities, strict=True)
@@ -273,10 +273,10 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
             swapped = other.key - rest
             alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
             if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
-                apart = distance(leading.best, other.best)
-                if apart < INDISTINCT and not any(swapped >= set(way) for way in ways):
+                difference = distance(leading.best, other.best)
+                if difference < INDISTINCT and not any(swapped >= set(way) for way in ways):
                     ways.append(tuple(name for name in other.effects if name in swapped))
-                    farthest = max(farthest, apart)
+                    farthest = max(farthest, difference)
         if len(ways) > 1:
             ways.sort(key=lambda way: not _is_of_rig(way, library))
             groups.append(Group(tuple(ways), farthest, sum(_is_of_rig(way, library) for way in ways)))

@@ -180,12 +180,12 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTren
         return None
     relative = amplitude / amplitude.max()
     constant = _chi_square(np.ones((len(value), 1)), value, sd)[0]
-    whole = constant or np.inf  # equal values: the share is 0
+    total = constant or np.inf  # equal values: the share is 0
     trends = []
     for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
-        trends.append(PowerTrend(float(power), constant - chi_square, float(change), (constant - chi_square) / whole))
+        trends.append(PowerTrend(float(power), constant - chi_square, float(change), (constant - chi_square) / total))
     return max(trends, key=lambda trend: trend.gain)
 
 

@@ -162,8 +162,8 @@ def stray(
     levels = ((directions * np.sqrt(np.maximum(variance, 0.0))) @ x).T
     drawn = levels @ follow.T
     drawn[:, len(within) :] += (root @ outward).T
-    apart = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
-    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * apart
+    sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
+    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
 
     drawn *= sigma[:, None]
     errors = (np.linalg.cholesky(noise) @ by_errors.standard_normal((number, len(at), 1)))[..., 0]
