@@ -28,8 +28,7 @@ CLEARANCE = Shape("clearance", LENGTH, above=0.0)
 def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
     """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), x = clearance/A, and its derivative by ln A.
 
-    This is the average of a force that acts beyond the clearance only (DenHartog 1931; a spring starts there from 0),
-    where w = ``linear`` is its average without clearance, proportional to A.
+    A linear force of average w ~ A has this one if it acts beyond a clearance only, a spring from 0 (DenHartog 1931).
     """
     x = np.minimum(x, 1.0)
     root = np.sqrt(1.0 - x * x)

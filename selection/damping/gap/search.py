@@ -168,7 +168,7 @@ class Search(Fits):
                 if name in base.effects or key in self.hypotheses or key & (self.effects[name].denies | passed):
                     continue
                 if any(part <= key and p > base.log_posterior for part, p in quiet.items()):
-                    continue  # the way from that part has the better linear gain
+                    continue  # the linear gain beside that part is the one to trust
                 starts = list_starts(base.plain, self.forms[name], self.units)
                 gain = max(start.gain for start in chain.from_iterable(starts))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price

@@ -126,21 +126,21 @@ _COPIED = 0.5
 
 def refuse_copies(states: Sequence[State]) -> None:
     """InputError for two states of which the shorter repeats rows of the other, identical in every column."""
-    for (j, (first, _)), (k, (second, _)) in combinations(enumerate(states, 1), 2):
+    for (j, (first, _)), (k, (other, _)) in combinations(enumerate(states, 1), 2):
         columns = first.frame.columns.tolist()
-        if columns == second.frame.columns.tolist() and _share_rows(first, second, columns) == min(
-            len(first), len(second)
+        if columns == other.frame.columns.tolist() and _share_rows(first, other, columns) == min(
+            len(first), len(other)
         ):
             message = f"the rows of states {j} and {k} are identical in every column"
-            raise InputError(message, file=second.source or None, expected="each measured state once")
+            raise InputError(message, file=other.source or None, expected="each measured state once")
 
 
 def list_repeated(states: Sequence[State]) -> list[str]:
     """Cautions about states that share rows to the last digit, which no two measurements do."""
     cautions = []
-    for (j, (first, _)), (k, (second, _)) in combinations(enumerate(states, 1), 2):
-        columns = [name for name in _MEASURED if name in first.frame and name in second.frame]
-        shared, fewer = _share_rows(first, second, columns), min(len(first), len(second))
+    for (j, (first, _)), (k, (other, _)) in combinations(enumerate(states, 1), 2):
+        columns = [name for name in _MEASURED if name in first.frame and name in other.frame]
+        shared, fewer = _share_rows(first, other, columns), min(len(first), len(other))
         if shared >= _COPIED * fewer:
             which = "the rows" if shared == fewer else f"{shared} rows"
             cautions.append(
