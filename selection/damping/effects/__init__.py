@@ -1,4 +1,4 @@
-"""Effects that may explain a gap between simulation and test: a contract, one file per kind, and the catalogue."""
+"""Effects: possible causes of a gap between simulation and test. A contract, modules by kind, and the catalogue."""
 
 import copyreg
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from damping.effects import course, forces, foreign, masses, rig, structure
 from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
-#: The library: what a gap may be called, in the order in which hypotheses are tried.
+#: The library: named causes of a gap, in the order in which hypotheses are tried.
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
     for effect in (
@@ -34,10 +34,10 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
-#: How many causes those of ``FOREIGN`` stand for: contact is a clearance, a stop or a slap, a partner an absorber, a
-#: tank or a circuit, another power a film or a stream, a reading drifts in gain or in phase. The others are one each.
+#: Prior of causes of ``FOREIGN`` that stand for several: contact is a clearance, a stop or a slap; a partner is an
+#: absorber, a tank or a circuit; another power a film or a stream; a reading drifts in gain or phase. Others are one.
 _STANDS_FOR = 3.0
-#: Causes that have no name in the library: where one explains more than the library can, the cause is not in it.
+#: Causes outside the library: if one of them explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
@@ -47,21 +47,21 @@ FOREIGN: dict[str, Effect] = {
 
 
 def find_effect(name: str) -> Effect:
-    """The effect called ``name``. InputError: no such effect; the nearest one is named."""
+    """The effect called ``name``. InputError: no such effect; the message names the nearest one."""
     if name not in CATALOGUE:
         raise InputError(f"unknown effect {name!r}", expected=list_nearest(name, CATALOGUE))
     return CATALOGUE[name]
 
 
 def list_lasting(effects: Mapping[str, Mapping[str, float]], *, of_rig: bool = False) -> dict[str, Mapping[str, float]]:
-    """The effects of a model file that a further test meets: those of the structure; ``of_rig``: of the rig too.
+    """The effects of a model file that persist in a further test: those of the structure; ``of_rig``: of the rig too.
 
-    Not those that are ``passing`` (`Effect`), or of one state.
+    Those that are ``passing`` (`Effect`), or of one state, are left out.
     """
-    found = {name: find_effect(name) for name, table in effects.items() if not table.get("state")}
+    known = {name: find_effect(name) for name, table in effects.items() if not table.get("state")}
     return {
         name: effects[name]
-        for name, effect in found.items()
+        for name, effect in known.items()
         if not effect.passing and (of_rig or effect.kind != "instrument")
     }
 
@@ -79,7 +79,7 @@ def with_effects(terms: Terms, effects: Mapping[str, Mapping[str, float]]) -> Te
 
 
 def list_forms(effect: Effect, scales: Scales) -> tuple[Form, ...]:
-    """The forms of an effect for a problem, and their twins, each with its origin: what makes it again elsewhere."""
+    """The forms of an effect for a problem, and their twins, each with its origin, by which it is unpickled."""
 
     def stamp(form: Form, *origin: object) -> Form:
         return replace(form, origin=(effect, scales, *origin))
@@ -97,6 +97,6 @@ def _find_any(name: str) -> Effect:
     return CATALOGUE.get(name) or FOREIGN[name]
 
 
-# their functions are of no module: an effect is pickled by its name, a form by its origin
+# closures cannot be pickled: an effect is pickled by its name, a form by its origin
 copyreg.pickle(Effect, lambda effect: (_find_any, (effect.name,)))
 copyreg.pickle(Form, lambda form: (_make_form, form.origin))

@@ -17,7 +17,7 @@ from damping.forces.shapes import Shape, completed
 class Plane(NamedTuple):
     """A second principal plane: ``weight`` t = tan^2(theta), ``ratio`` of its frequency and ``damping`` to the first's.
 
-    ``in_both``: all forces act in it too, on its own motion; else the simulation's viscous damping only (3.1.28).
+    ``in_both``: all forces act in this plane too, on its motion; else the simulation's viscous damping only (3.1.28).
     """
 
     weight: Floats
@@ -27,14 +27,14 @@ class Plane(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What the rig does at each row, (n,) each: force, frequency in rad/s, and the factor of each row on M.
+    """Excitation and state of the structure at each row, (n,) each.
 
-    ``resonant``: rows at phase resonance, wherever that is: the force balances the damping alone. ``time``: when the
-    row was taken, -1/2 to 1/2 over the record; ``sweep``: number of its sweep, from 1. ``up``: 1 where the frequency
-    rises from row to row in the order taken, else -1. ``rate``: known d omega/dt, rad/s^2. ``added``: known mass beside
-    M; the stiffness stays. ``state``: of the structure, from 0; ``ratio``, ``own``: its frequency, and its simulated
-    damping, over those of the first. ``shaken``: mass of the structure, without what is added, that a base's
-    acceleration acts on; 0 where a force drives.
+    ``F``: force. ``omega``: rad/s. ``mass``: factor on M. ``resonant``: row at phase resonance, where the force
+    balances the damping alone. ``time``: of the row, -1/2 to 1/2 over the record. ``sweep``: its number, from 1.
+    ``up``: 1 where the frequency rises from row to row in the order measured, else -1. ``rate``: known d omega/dt,
+    rad/s^2. ``added``: known mass added to M at the same stiffness. ``state``: number, from 0. ``ratio``, ``own``:
+    frequency and simulated damping of the state over those of the first. ``shaken``: mass of the structure, without
+    ``added``, on which a base acceleration acts; 0 where a force drives.
     """
 
     F: FloatArray
@@ -52,25 +52,25 @@ class Drive(NamedTuple):
     shaken: Floats = 0.0
 
 
-#: A change of a row's prediction that follows from what the rig does there.
+#: A change of a row's prediction as a function of its `Drive`.
 OfDrive = Callable[[Drive], Any]
 
 
 def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
-    """The sum of such changes; 0 of none."""
+    """The sum of the changes; 0 for none."""
     return sum((part(drive) for part in parts), start=0.0)
 
 
 #: The parameters of a model file from strength and shapes, numbers or arrays.
 Report = Callable[..., dict[str, Floats]]
-#: What something makes of amplitudes: ln in, ln and its slope out.
+#: Static characteristic of an instrument: ln amplitude in, ln amplitude and its slope out.
 Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class Reading(NamedTuple):
-    """What an instrument reads of amplitudes; ``unread`` is the inverse, kept finite.
+    """Readings of a nonlinear instrument; ``unread`` is the inverse of ``read``, kept finite.
 
-    ``third``: amplitude of sin 3 theta in what it makes of A sin theta, from ln A.
+    ``third``: amplitude of sin 3 theta in its reading of A sin theta, from ln A.
     """
 
     read: Instrument
@@ -85,12 +85,12 @@ class Terms(NamedTuple):
         M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
             ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
         compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
-            phase. received: ln of the part of the recorded force that arrives. detuned, weighed, damped, stated: ln of
-            the factor on omega_n, M, all damping, and the simulation's. offset: ln of the factor of the reading,
-            complex. readings: instruments that are not linear. beside: the parts added to Z. moving: d omega/dt beside
-            the known one, rad/s^2. law: power of omega/omega_n with which the known one goes. ringing: how what rings
-            is read, see `damping.effects.moving.hurried`. begun: how a moving frequency began, 0 long before the first
-            row of each sweep, 1 there, where it was held.
+            phase. received: ln of actual over recorded force. detuned, weighed, damped, stated: ln of the factors on
+            omega_n, M, all damping, and the simulated damping. offset: ln of the complex factor of the reading.
+            readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt in addition to the known
+            rate, rad/s^2. law: power of omega/omega_n to which the known rate is proportional. ringing: reading of
+            ringing motion, see `damping.effects.moving.hurried`. begun: start of a moving frequency, 0 long before the
+            first row of each sweep, 1 at it from a dwell.
     """
 
     M: Floats
@@ -115,12 +115,12 @@ class Terms(NamedTuple):
     begun: Floats = 0.0
 
     def plus(self, **parts: Any) -> Terms:
-        """The same with one more part of each field named: a force, what follows from the drive, or an instrument."""
-        longer: dict[str, Any] = {name: (*getattr(self, name), part) for name, part in parts.items()}
-        return self._replace(**longer)
+        """The terms with one more part in each field named: a force, a change by the drive, or an instrument."""
+        extended: dict[str, Any] = {name: (*getattr(self, name), part) for name, part in parts.items()}
+        return self._replace(**extended)
 
     def tuned(self, drive: Drive) -> Terms:
-        """The terms with omega_n and M as they are at each row: of its state, and drifting."""
+        """The terms with omega_n and M of each row: those of its state, with drift."""
         if not self.detuned and not self.weighed and not differs(drive.ratio, 1.0):
             return self
         omega_n = self.omega_n * drive.ratio * np.exp(add_parts(self.detuned, drive))
@@ -129,8 +129,8 @@ class Terms(NamedTuple):
     @property
     def viscous(self) -> tuple[Force, ...]:
         """The simulation's viscous damping; all its damping where none is viscous."""
-        own = self.forces[: self.simulated]
-        return tuple(force for force in own if force.viscous) or own
+        simulated = self.forces[: self.simulated]
+        return tuple(force for force in simulated if force.viscous) or simulated
 
     @property
     def linear(self) -> bool:
@@ -140,10 +140,10 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True)
 class Scales:
-    """What the problem itself says about sizes: the source of every prior.
+    """Characteristic sizes of the problem, from which every prior is set.
 
     Attributes:
-        A_low, A_high: 10 % point and largest of the measured amplitudes.
+        A_low, A_high: 10 % quantile and largest of the measured amplitudes.
         omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
         reach: largest |omega/omega_n - 1| measured. sweeps, states: of the record.
@@ -170,7 +170,7 @@ class Scales:
 
     @property
     def loss(self) -> float:
-        """C/A of the simulation at the largest amplitude: the stiffness that its damping is worth there."""
+        """C/A of the simulation at the largest amplitude: its damping as a loss stiffness."""
         return 2.0 * self.bandwidth * self.stiffness
 
 
@@ -193,24 +193,24 @@ class FormVariable:
 
     @staticmethod
     def between(low: float, high: float, starts: tuple[float, ...] = (-1.0, 0.0, 1.0)) -> FormVariable:
-        """A variable whose central 95 % lie between ``low`` and ``high``."""
+        """A variable with 95 % prior probability between ``low`` and ``high``."""
         return FormVariable(exp(0.5 * (log(low) + log(high))), max(0.25 * log(high / low), 0.05), starts)
 
 
 @dataclass(frozen=True)
 class Form:
-    """One way an effect may look; an effect has one or several, equally probable.
+    """One parametric form of an effect; an effect has one or several, equally probable.
 
     Attributes:
-        effect: its name. report: see `Report`. origin: what `damping.effects.list_forms` makes it of.
+        effect: its name. report: see `Report`. origin: arguments by which `damping.effects.list_forms` makes it again.
         change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
-        natural: a strength of the order of one, in the units of the problem: where difference quotients are taken.
+        natural: characteristic strength in the units of the problem, the scale of difference quotients.
         shapes: shape parameters. largest: strength beyond which the effect makes no sense.
-        replaces: variable of the simulation that the effect takes the place of, if any.
-        sizes: strengths from which fits are started too where the gap is large.
-        mirror: name that it shares with the form whose small strengths change the terms the other way, if any.
+        replaces: variable of the simulation that the effect replaces, if any.
+        sizes: further strengths from which fits start where the gap is large.
+        mirror: key shared with the form whose small strengths change the terms in the opposite sense, if any.
         twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
-        whole: whether it takes the place of something that is simulated: no small strength leaves the simulation.
+        whole: whether it replaces a simulated force, so that no small strength recovers the simulation.
     """
 
     effect: str
@@ -228,8 +228,8 @@ class Form:
 
 
 Kind = Literal["parameter", "force", "structure", "instrument"]
-#: What an effect cannot be told without: measured phases; rows beside resonance; measured third harmonics; two masses;
-#: either of the last two.
+#: Data without which an effect cannot be identified: measured phases; rows beside resonance; measured third harmonics;
+#: two masses; either of the last two.
 Need = Literal["", "phase", "sweep", "third", "masses", "beyond"]
 
 
@@ -238,15 +238,15 @@ class Effect:
     """One entry of the catalogue.
 
     Attributes:
-        name: as in files. kind: what it changes. sentence: what it says of structure or test, for the report.
+        name: as in files. kind: what it changes. sentence: its statement about structure or test, for the report.
         forms: its forms for a problem, or none.
-        simulate: the terms with the effect as a model file's table gives it, with the defaults of its shapes.
+        simulate: the terms with the effect given by a model file's table, completed by the defaults of its shapes.
         shapes: the parameters of its table in a model file.
-        force: the force that such a table adds, where it adds one: it can then be integrated in time too.
-        damping: name of the damping force that a corrected model has in its place; empty where it is none.
+        force: the force that the table adds, if any; such an effect can be integrated in time too.
+        damping: name of the damping force that stands for it in a corrected model; empty where it is no such force.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
-        need: what it cannot be told without. denies: effects that are not tried beside it. prior: how much more
-            often than others it is the cause. passing: whether it is of one test, and no further test has it.
+        need: data without which it cannot be identified. denies: effects that are not tried beside it. prior: odds of
+            being the cause relative to other effects. passing: whether it is of one test only.
     """
 
     name: str
@@ -264,29 +264,29 @@ class Effect:
     passing: bool = False
 
     def changed_by(self, report: Report) -> Callable[..., Terms]:
-        """The change of terms by strength and shapes of which ``report`` makes a table as in a model file."""
+        """The change of terms by strength and shapes, which ``report`` turns into a table of a model file."""
         defaults = {shape.name: shape.default for shape in self.shapes if shape.default is not None}
         return lambda terms, *values: self.simulate(terms, defaults | report(*values))
 
     def form(self, report: Report, natural: float, **rest: Any) -> Form:
-        """The form of such a change; ``rest``: of a `Form`."""
+        """The form of that change; ``rest``: further fields of `Form`."""
         return Form(self.name, self.changed_by(report), report, natural, **rest)
 
     def either_sign(
         self, report: Report, mirror: str | None = None, change: Callable[..., Terms] | None = None, **rest: Any
     ) -> tuple[Form, Form]:
-        """The two forms of a strength that has a sign: ``report`` takes it so, and ``change`` where it is not its own.
+        """The two forms of a strength with a sign, which ``report`` takes signed, as does ``change`` where given.
 
-        ``mirror``: key of the two among the effect's forms, by default its name; empty where neither mirrors the
-        other. ``rest``: of a `Form`.
+        ``mirror``: key of the two among the effect's forms, by default its name; empty where they do not mirror each
+        other. ``rest``: further fields of `Form`.
         """
         options: dict[str, Any] = {"natural": 0.1, "mirror": self.name if mirror is None else mirror} | rest
-        own = change or self.changed_by(report)
+        signed = change or self.changed_by(report)
 
         def side(sign: float) -> Form:
             return Form(
                 self.name,
-                lambda terms, strength, *shapes: own(terms, sign * strength, *shapes),
+                lambda terms, strength, *shapes: signed(terms, sign * strength, *shapes),
                 lambda strength, *shapes: report(sign * strength, *shapes),
                 **options,
             )
@@ -294,5 +294,5 @@ class Effect:
         return side(1.0), side(-1.0)
 
     def complete(self, table: Mapping[str, float]) -> dict[str, float]:
-        """The table of a model file with defaults where it names none; InputError: an unknown or missing key."""
+        """The table of a model file completed by defaults; InputError: an unknown or missing key."""
         return completed(self.shapes, table, f"[effects.{self.name}]")

@@ -1,4 +1,4 @@
-"""What changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
+"""Changes in the course of a test: the structure drifts, one level is off, the frequency moves too fast."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,32 +13,32 @@ from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, 
 from damping.effects.rig import list_states
 from damping.forces.shapes import TIME, Shape
 
-#: Time in which a structure that settles does so, over the length of the record: a twentieth to all of it.
+#: Settling time of the structure over the duration of the record: a twentieth to all of it.
 _SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
-#: Cycles of a structure that warms and cools in the course of a record, and where they begin, rad.
+#: Number of warming and cooling cycles over a record, and their phase at its middle, rad.
 _CYCLES = FormVariable.between(0.75, 6.0, starts=(-1.0, -0.35, 0.15, 0.6, 1.0))
 _PHASE = FormVariable(0.0, 1.8, starts=(-1.3, -0.45, 0.45, 1.3), linear=True)
-#: When a joint gives way, as a share of the record, and how long it takes: a hundredth of the record.
+#: Moment when a joint gives way, as a share of the record, and how long it takes: a hundredth of the record.
 _MOMENT = FormVariable(0.5, 0.25, starts=(-1.6, -1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2, 1.6), linear=True)
 _GIVING_WAY = 0.01
-#: Relative change of frequency beyond which a structure is another one; largest |ln| of a factor on damping.
+#: Largest relative change of frequency of one structure; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
-#: Drifts over their natural size from which fits are started: a resonance moved by a bandwidth is lost to a line.
+#: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
-#: Sweeps up to which the frequency of each may be its own.
+#: Most sweeps for which each may have its own frequency.
 _MOST_JUMPS = 8
-#: With more sweeps an error of the force is not tried beside one of the reading, which differs in second order only.
+#: With more sweeps only errors of the reading are tried, not of the force, which differ in second order only.
 _MANY_SWEEPS = 6
-#: Power of frequency with which a rate goes, how what rings is read, how a sweep begins: between none and one of each.
+#: Prior of ``law``, ``ringing`` and ``begun`` of `Terms`: each about 0 to 1.
 BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
-#: Rates over the squared bandwidth from which fits are started, and beyond which hardly a resonance is left to see.
+#: Rates over the squared bandwidth from which fits start; largest one, beyond which the resonance is hardly visible.
 _RATES = (0.1, 0.4, 1.5, 5.0, 15.0)
 _MOST_RATE = 30.0
 
 
 def drift_forms(scales: Scales) -> tuple[Form, ...]:
-    """The frequency moves with time, evenly or settling, or is another in one sweep or in each; so may the damping."""
+    """The frequency drifts linearly, settles, steps, cycles, or differs in one sweep or in each; damping drifts too."""
     sweeps = range(1, scales.sweeps + 1) if scales.sweeps > 2 else ()
     return (
         *((_jumping_form(scales),) if 2 < scales.sweeps <= _MOST_JUMPS else ()),
@@ -52,7 +52,7 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def _jumping_form(scales: Scales) -> Form:
-    """The frequency of each sweep is its own; strength: their root mean square deviation, shapes: each over it."""
+    """Each sweep has its own frequency. Strength: their root mean square deviation. Shapes: each deviation over it."""
     patterns = (-0.7, 0.7) if scales.sweeps <= 4 else (0.5,)
     shapes = tuple(FormVariable(0.0, 1.0, patterns, linear=True) for _ in range(scales.sweeps))
 
@@ -67,8 +67,8 @@ def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes
     quantity = "damping" if kind == "damping" else "frequency"
 
     def report(size: Floats, *values: Floats) -> dict[str, Floats]:
-        own = {quantity: size} | dict(zip(shapes, values, strict=True))
-        return own | ({"sweep": float(sweep)} if sweep else {})
+        table = {quantity: size} | dict(zip(shapes, values, strict=True))
+        return table | ({"sweep": float(sweep)} if sweep else {})
 
     mirror = f"{kind} of sweep {sweep}" if sweep else kind
     sizes = () if sweep else tuple(natural * share for share in _DRIFTS)
@@ -77,10 +77,10 @@ def _drift_side(kind: str, natural: float, most: float, sweep: int = 0, **shapes
 
 
 def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """The drift of a table: ``frequency`` and ``damping``, relative, change by as much from the first row to the last.
+    """The drift of a table: ln of omega_n and of damping change by ``frequency`` and ``damping`` over the record.
 
-    They may settle in a time, change at a moment, or in cycles, or in one ``sweep`` only; ``frequency_1``, ``_2``, ...:
-    of each sweep.
+    The course may be linear, settling, a step at a moment, cycles, or one ``sweep`` only. ``frequency_1``, ``_2``, ...:
+    the change of omega_n in each sweep.
     """
 
     def course(drive: Drive) -> Floats:
@@ -126,7 +126,7 @@ DRIFT = Effect(
 
 
 def offset_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln(factor)| of the readings, or of the force, of one sweep, or of one of several states."""
+    """Strength: |ln(factor)| of the readings or the force of one sweep, or of one of several states."""
     if scales.sweeps < 2:
         return ()
     channels = (False,) if scales.sweeps > _MANY_SWEEPS else (False, True)
@@ -148,11 +148,11 @@ def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
 
 
 def in_place(terms: Terms, of: str, number: float, size: Floats, force: bool) -> Terms:
-    """ln of the readings, or of the force, of one sweep or state (``of``) changed by ``size``."""
+    """The terms with ln of the readings, or of the force, of one sweep or state (``of``) changed by ``size``."""
 
     def part(drive: Drive) -> Floats:
-        own = drive.sweep if of == "sweep" else np.asarray(drive.state) + 1.0
-        return np.asarray(size * (own == number))
+        numbers = drive.sweep if of == "sweep" else np.asarray(drive.state) + 1.0
+        return np.asarray(size * (numbers == number))
 
     return terms.plus(**{"received" if force else "offset": part})
 
@@ -182,8 +182,8 @@ LEVEL_OFFSET = Effect(
 def rate_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |d omega/dt| at omega_n over the squared bandwidth, in the direction of the rows or against it.
 
-    Shapes: the power of frequency with which it goes, 0 for an even rate and 1 for octaves, how what rings is read, and
-    how each sweep began.
+    Shapes: ``law``, the power of frequency in the rate (0 for a constant rate, 1 for octaves), ``ringing`` and
+    ``begun`` (`Terms`).
     """
     unit = (scales.bandwidth * scales.omega_n) ** 2
 
@@ -198,7 +198,7 @@ def rate_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def moving(terms: Terms, rate: Floats, law: Floats, ringing: Floats, begun: Floats) -> Terms:
-    """The frequency moves at ``rate``, rad/s^2 at omega_n, along the rows, as omega to the power ``law``."""
+    """The terms with the frequency moving at ``rate`` (omega/omega_n)^``law``, rad/s^2, in the order of the rows."""
     centre = terms.omega_n
     moved = terms.plus(moving=lambda drive: rate * drive.up * (drive.omega / centre) ** law)
     return moved._replace(ringing=ringing, begun=begun)
@@ -222,7 +222,7 @@ SWEEP_RATE = Effect(
 )
 
 
-#: Angle of what the reading changes by: 0 for the gain and pi/2 for the lag.
+#: Angle of the complex change of the reading, rad: 0 for the gain and pi/2 for the lag.
 _ANGLE = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
 
 
@@ -230,7 +230,7 @@ READING_DRIFT: Effect = Effect(
     name="reading-drift",
     kind="instrument",
     sentence="a reading whose gain or phase drifts during the test",
-    # strength: |ln| of what the reading changes by in all
+    # strength: |ln| of the total change of the reading
     forms=lambda scales: (
         READING_DRIFT.form(lambda size, angle: {"size": size, "angle": angle}, 0.1, shapes=(_ANGLE,), largest=1.0),
     ),

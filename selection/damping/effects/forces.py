@@ -1,11 +1,11 @@
-"""Damping forces beside the simulated ones: II, III, IV, q^2 q' and Coulomb friction, each by its coefficient.
+"""Forces that the simulation lacks or has too large: damping forces, slipping joints, springs that bend the resonance.
 
-A simulated force that is too large: the same effect, whose force beside the simulated one takes a share of it away.
-In the place of the simulated viscous force each may act alone.
+Damping forces II, III, IV, q^2 q' and Coulomb friction each have one coefficient. A simulated force that is too large
+is the same effect with a negative share of that force. Each may also replace the simulated viscous force.
 
-An elastic joint that slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c).
+An elastic joint slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c).
 
-A restoring force with a cubic term or one like it, q |q|: the resonance bends to higher or to lower frequencies.
+A restoring force with a cubic term, or another power such as q |q|, bends the resonance to higher or lower frequencies.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from damping.forces.powers import (
 )
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: Shares of the joints that slip at an amplitude, and weights, at which their averages are summed: Gauss and Legendre's
-#: in the root of what is left, since there are most among those of large limits.
+#: Quadrature over the share of slipping joints: nodes and weights of Gauss and Legendre in the root of the remaining
+#: share, which puts most nodes at large limits.
 _GAUSS = np.polynomial.legendre.leggauss(8)
 _LEFT = 0.5 + 0.5 * _GAUSS[0]
 _SLIPPING = 1.0 - _LEFT**2
 _WEIGHTS = _LEFT * _GAUSS[1]
-#: Shares of all joints at which one each stands for those about it in time: more of those that slip first.
+#: Ends of the shares of all joints that one joint represents in time integration, finer for those that slip first.
 _ENDS = np.linspace(0.0, 1.0, 33) ** 2
-#: Exponent of a spring that is no cubic one: 1.5 to 8.
+#: Exponent of a spring other than cubic: 1.5 to 8.
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
 
 
 def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
-    """The terms with the force that a table gives."""
+    """The ``simulate`` of an effect that adds the ``force`` of its table to the terms."""
     return lambda terms, table: terms.plus(forces=force(table))
 
 
 def _coefficient_effect(name: str, kind: Callable[[Floats], Force], sentence: str) -> Effect:
-    """The effect that adds a force of one coefficient, takes from the simulated one, or stands for the viscous one."""
+    """The effect of a force of one coefficient: added, less than simulated, or in the place of the viscous one."""
     unit = kind(1.0)
 
     def forms(scales: Scales) -> tuple[Form, ...]:
@@ -84,7 +84,7 @@ OF_ONE_COEFFICIENT = (
 
 
 def _simulated_effect(kind: type[VelocityPower | DisplacementVelocityPower], sentence: str) -> Effect:
-    """The effect of a power law, which is asked for only where it is simulated: whether less of it is there."""
+    """The effect of a power law that is tried only where it is simulated: less of it."""
 
     def force(table: Mapping[str, Floats]) -> Force:
         return kind(table["coefficient"], table["exponent"])
@@ -96,7 +96,7 @@ def _simulated_effect(kind: type[VelocityPower | DisplacementVelocityPower], sen
     return effect
 
 
-#: Forces that are never looked for beside the simulated ones: a free exponent would imitate another.
+#: Forces that are never added to the simulated ones: with a free exponent they would imitate others.
 ONLY_SIMULATED = (
     _simulated_effect(VelocityPower, "damping with a power of velocity (4.3.3)"),
     _simulated_effect(DisplacementVelocityPower, "damping with powers of displacement and velocity (4.3.4)"),
@@ -105,10 +105,10 @@ ONLY_SIMULATED = (
 
 @dataclass(frozen=True)
 class ManyJoints(GrowingForce):
-    """Joints of ``stiffness`` in all that slip one after the other, those with limits up to a being a share P(a).
+    """Joints of total ``stiffness`` that slip one after the other; a share P(a) of them has limits up to a.
 
-    P = 1 - exp(-(a/limit)^kappa), after Weibull, or (a/limit)^kappa up to 1. The averages are integrals over P from 0
-    to P(A) of those of one joint. The motion in time is made of a joint in the middle of each range of ``_ENDS``.
+    P = 1 - exp(-(a/limit)^kappa), after Weibull, or, if ``bounded``, (a/limit)^kappa up to 1. The averages are
+    integrals of those of one joint over P from 0 to P(A). In time, one joint stands for each range of ``_ENDS``.
     """
 
     stiffness: Floats
@@ -120,14 +120,14 @@ class ManyJoints(GrowingForce):
     shapes: ClassVar[tuple[Shape, ...]] = Slip.shapes
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """C, dC/d ln A, S and dS/d ln A: joints that are about to slip have none, so that P(A) stands as it is."""
+        """C, dC/d ln A, S and dS/d ln A; dP/d ln A adds nothing, since a joint about to slip has C = 0 and S = 0."""
         slipping, limit = self._find_slipping(A, omega)
         held = np.minimum(limit / A, 1.0)
         parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
         lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in parts)
         size = self.stiffness * A * slipping
-        whole = spread(4.0 / np.pi * size, omega)
-        return whole * (lost - grown), whole * grown, size * S, size * (S + turned)
+        saturation = spread(4.0 / np.pi * size, omega)
+        return saturation * (lost - grown), saturation * grown, size * S, size * (S + turned)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A."""
@@ -142,7 +142,7 @@ class ManyJoints(GrowingForce):
         return np.asarray(np.sum(self._take_slipping(A, omega).third(A, omega), axis=0))
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """-k q: the joints are added with their memory, less what they are while stuck."""
+        """-k q: the integrator adds the joints with their memory; here their stuck stiffness is subtracted."""
         return -self.stiffness * q
 
     @cached_property
@@ -152,29 +152,29 @@ class ManyJoints(GrowingForce):
         return tuple(Joint(self.stiffness * share, self._find_limit(P)) for P, share in ranges)
 
     def _take_slipping(self, A: Floats, omega: Floats) -> Slip:
-        """Joints that stand for those that slip at amplitudes A, along an axis before those of A and omega."""
+        """Joints that represent those slipping at amplitudes A, along an axis before those of A and omega."""
         slipping, limit = self._find_slipping(A, omega)
         return Slip(self.stiffness * (_WEIGHTS.reshape(-1, *[1] * (limit.ndim - 1)) * slipping), limit)
 
     def _find_slipping(self, A: Floats, omega: Floats) -> tuple[Floats, FloatArray]:
-        """The share of all joints that slips at amplitudes A, and limits of some that stand for them, first axis."""
+        """The share of all joints that slips at amplitudes A, and limits of representative ones along a first axis."""
         reached = (A / self.limit) ** self.kappa
         slipping = np.minimum(reached, 1.0) if self.bounded else -np.expm1(-reached)
         share = _SLIPPING.reshape(-1, *[1] * max(np.ndim(slipping), np.ndim(omega)))
-        if self.bounded:  # the same share of any that slip has its limit at the same share of the largest of them
+        if self.bounded:  # limits of slipping joints scale with the largest of them
             return slipping, np.asarray(share ** (1.0 / self.kappa) * np.minimum(A, self.limit))
         return slipping, np.asarray(self._find_limit(share * slipping))
 
     def _find_limit(self, P: Floats) -> Floats:
-        """The limit below which a share P of the joints has its own."""
+        """The limit that a share P of the joints does not exceed."""
         return self.limit * (P if self.bounded else -np.log1p(-P)) ** (1.0 / self.kappa)
 
 
 def joint_force(table: Mapping[str, Floats]) -> Force:
-    """One joint, ``stiffness`` lost beyond ``limit``; with ``kappa`` many, whose limits are distributed.
+    """One joint, whose ``stiffness`` is lost beyond ``limit``; with ``kappa`` many joints with distributed limits.
 
-    Limits of any size make a smooth backbone (Iwan 1966), that of Bouc and Wen with kappa = 1, steeper above it; with
-    ``bounded`` there is none above ``limit`` (Segalman 2005). See `ManyJoints`.
+    Unbounded limits make a smooth backbone (Iwan 1966): that of Bouc and Wen for kappa = 1, steeper above. With
+    ``bounded`` no limit exceeds ``limit`` (Segalman 2005). See `ManyJoints`.
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if not np.any(kappa):
@@ -183,9 +183,9 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
 
 
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness lost in all. Shapes: the amplitude at which slip starts, about the measured ones; kappa.
+    """Strength: the total stiffness lost. Shapes: the amplitude at which slip starts, about the measured ones; kappa.
 
-    One joint, or many: with limits of any size, or none above a largest. Where a joint is simulated, less of it.
+    One joint, or many with unbounded or bounded limits. Where a joint is simulated, also less of it.
     """
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
     spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
@@ -222,8 +222,8 @@ SLIP = Effect(
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
     """The effect of a spring of ``sign`` times its (positive) coefficient.
 
-    Its strength is the force at the largest amplitude over that amplitude. With the one of the other sign, ``denied``,
-    it would stand for a stiffness of another shape.
+    Its strength is the force at the largest amplitude over that amplitude. The effect of the other sign is ``denied``:
+    together they would imitate a stiffness of another shape.
     """
 
     def forms(scales: Scales) -> tuple[Form, ...]:

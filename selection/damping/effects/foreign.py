@@ -1,4 +1,4 @@
-"""Causes without a name in the library that imitate those with one: contact, other powers, lag, a warming spring."""
+"""Causes outside the library that imitate those in it: contact, other powers, lag, a warming spring."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from damping.forces.joints import CubicStiffness, Spring
 from damping.forces.powers import VelocityPower
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 
-#: Power of velocity of a damping force that is none of the library's.
+#: Power of velocity of a damping force outside the library.
 _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
-#: Lag of what follows the motion late, rad at resonance, as its tangent: from almost a dashpot to almost a spring.
+#: Tangent of the lag of a relaxing force at resonance: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)
 
-#: Where what acts beyond a gap begins to act.
+#: Displacement at which a force beyond a gap begins to act.
 CLEARANCE = Shape("clearance", LENGTH, above=0.0)
 
 
-def _act_beyond(whole: Floats, x: Floats) -> tuple[Floats, Floats]:
-    """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), of a linear force of average w, and its change by ln A.
+def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
+    """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), x = clearance/A, and its derivative by ln A.
 
-    It acts beyond x = clearance/A only, a spring from there on (DenHartog 1931); w is in proportion to A.
+    A linear force of average w ~ A has this one if it acts beyond a clearance only, a spring from 0 (DenHartog 1931).
     """
     x = np.minimum(x, 1.0)
     root = np.sqrt(1.0 - x * x)
-    average: Floats = whole * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-    return average, average + (4.0 / np.pi) * whole * x * root
+    average: Floats = linear * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
+    return average, average + (4.0 / np.pi) * linear * x * root
 
 
 @dataclass(frozen=True)
 class Contact(Spring):
-    """A spring that acts beyond a ``clearance`` on both sides; on one side it has half the first harmonic."""
+    """A spring that acts beyond a ``clearance`` on both sides; acting on one side, it has half the first harmonic."""
 
     coefficient: Floats
     clearance: Floats
@@ -67,11 +67,13 @@ class Rub(GrowingForce):
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
-        whole, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
-        return spread(whole * (1.0 - np.minimum(x, 1.0)), omega), spread(np.asarray(whole * x * (x < 1.0)), omega)
+        saturation, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
+        return spread(saturation * (1.0 - np.minimum(x, 1.0)), omega), spread(
+            np.asarray(saturation * x * (x < 1.0)), omega
+        )
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: zero below it, friction's own far above."""
+        """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: 0 below it, that of friction far above."""
         x = np.minimum(self.clearance / A, 1.0)
         size = spread(self.coefficient * (1.0 + 3.0 * x - 4.0 * x**3), omega)
         return np.asarray(-4j / (3.0 * np.pi) * size)
@@ -83,7 +85,7 @@ class Rub(GrowingForce):
 
 @dataclass(frozen=True)
 class LooseDashpot(GrowingForce):
-    """A dashpot that acts beyond a ``clearance`` only, as one with backlash does."""
+    """A dashpot that acts beyond a ``clearance`` only, as with backlash."""
 
     coefficient: Floats
     clearance: Floats
@@ -96,7 +98,7 @@ class LooseDashpot(GrowingForce):
         return _act_beyond(self.coefficient * A * omega, self.clearance / A)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """i times that of cos 3 theta, -(4/pi) c A omega x (1 - x^2)^(3/2): none far above the clearance, nor below."""
+        """i times that of cos 3 theta, -(4/pi) c A omega x (1 - x^2)^(3/2): 0 far above the clearance, and below it."""
         x = np.minimum(self.clearance / A, 1.0)
         return np.asarray(-4j / np.pi * self.coefficient * A * omega * x * (1.0 - x * x) ** 1.5)
 
@@ -110,7 +112,7 @@ def _build_beyond(
 ) -> Effect:
     """The effect of a force that acts beyond a clearance within the measured amplitudes.
 
-    Strength: the coefficient, ``natural`` of it. Shape: the clearance. ``rest``: of a `Form`, from the scales.
+    Strength: the coefficient, of scale ``natural``. Shape: the clearance. ``rest``: fields of `Form` by the scales.
     """
 
     def report(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
@@ -175,8 +177,8 @@ class FallingFriction(GrowingForce):
         x = A * omega / self.speed
         square = x * x
         h = np.arcsinh(x) / (x * np.sqrt(1.0 + square))
-        whole = (4.0 / np.pi) * self.coefficient
-        return whole * h, whole * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
+        friction = (4.0 / np.pi) * self.coefficient
+        return friction * h, friction * (1.0 - h * (1.0 + 2.0 * square)) / (1.0 + square)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """R sgn q'/(1 + (q'/v)^2)."""
@@ -184,7 +186,7 @@ class FallingFriction(GrowingForce):
 
 
 def falling_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the friction. Shape: the speed at which half is left."""
+    """Strength: the friction. Shape: the speed at which half of it remains."""
     fastest = scales.A_high * scales.omega_n
     shapes = (FormVariable.between(0.1 * fastest, fastest),)
 
@@ -205,10 +207,10 @@ FALLING_FRICTION = Effect(
 
 @dataclass(frozen=True)
 class SlowSpring(CubicStiffness):
-    """A spring whose stiffness follows the mean square of the motion, K + (3/4) k A^2, as one that warms up.
+    """A spring whose stiffness follows the mean square of the motion, K + (3/4) k A^2, as of a spring that warms up.
 
-    Its first harmonic is that of a cubic spring; it has no third, since the stiffness is the same all through a cycle.
-    That holds of averages over cycles: ``g`` is the cubic spring's, and no model with this one is integrated in time.
+    Its first harmonic is that of a cubic spring. It has no third, since the stiffness is constant over a cycle. ``g``
+    is that of the cubic spring: no model with this force is integrated in time.
     """
 
     name: ClassVar[str] = "slow-spring"
@@ -247,7 +249,7 @@ def lag_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def simulate_memory(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """Z and k i omega tau/(1 + i omega tau): a spring k behind a dashpot k tau (Maxwell), as rubber or a fluid."""
+    """Z plus k i omega tau/(1 + i omega tau): a spring k in series with a dashpot k tau (Maxwell), as of rubber."""
     stiffness, time = table["stiffness"], table["time"]
 
     def part(drive: Drive) -> Floats:
@@ -267,5 +269,5 @@ MEMORY = Effect(
 )
 
 
-#: Causes that stand for themselves alone.
+#: Foreign causes that count once (`damping.effects.FOREIGN`).
 SINGLE = (SLOW_SPRING, RUB, LOOSE_DASHPOT, FALLING_FRICTION, MEMORY)

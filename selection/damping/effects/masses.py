@@ -1,4 +1,4 @@
-"""Masses without a name in the library: of the mode, of what was added, and one that varies with the motion."""
+"""Wrong masses outside the library: of the mode, of added masses, and one that varies with the motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 
 
 def _list_ratios(effect: Effect) -> tuple[Form, ...]:
-    """Strength: ln of a mass over what is stated, of either sign: 5 % is usual, 4.5 times beyond all sense."""
+    """Strength: ln of actual over stated mass, of either sign: 5 % is usual, a factor of 4.5 beyond all sense."""
     return effect.either_sign(lambda log_ratio: {"relative": np.expm1(log_ratio)}, natural=0.05, largest=1.5)
 
 
@@ -32,7 +32,7 @@ OTHER_MASS: Effect = Effect(
 
 
 def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """Every added mass times 1 + ``relative``, as where it sits beside the antinode; a base shakes it too."""
+    """Every added mass times 1 + ``relative``, as where it is not at the antinode; a base shakes it too."""
 
     def received(drive: Drive) -> Floats:
         shaken = np.asarray(drive.shaken)
@@ -53,7 +53,7 @@ OTHER_ADDED_MASS: Effect = Effect(
 )
 
 
-#: Of a mass that varies by its power p: -S over m A^(p+1) omega^2, and the third harmonic over -S.
+#: By power p of a varying mass: -S over m A^(p+1) omega^2, and the third harmonic over -S.
 _HARMONICS = {2.0: (0.5, 1.0), 1.0: (8.0 / (3.0 * np.pi), 0.2)}
 
 
@@ -61,9 +61,9 @@ _HARMONICS = {2.0: (0.5, 1.0), 1.0: (8.0 / (3.0 * np.pi), 0.2)}
 class VaryingMass(AveragedForce, Spring):
     """Inertia that grows with the motion: m (q^2 q'' + q q'^2) of power 2, m |q| q'' of power 1.
 
-    The first is that of a beam whose end moves along (Crespo da Silva and Glynn 1978), the second of a fluid that is
-    carried along (Keulegan and Carpenter 1958). First harmonics are those of springs as q^3 and q |q| but for omega^2,
-    which bends the same way at every mass; third ones are three times, and as large as, those of the springs.
+    The first is that of a beam whose end moves along (Crespo da Silva and Glynn 1978), the second that of an entrained
+    fluid (Keulegan and Carpenter 1958). First harmonics are those of springs as q^3 and q |q| except for omega^2, with
+    the same bend at every mass. Third harmonics are three times, and as large as, those of the springs.
     """
 
     power: float
@@ -85,7 +85,7 @@ class VaryingMass(AveragedForce, Spring):
 
 
 def varying_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the stiffness that the inertia is worth at the largest amplitude; as m q^2 or as m |q|, either sign."""
+    """Strength: inertia as a stiffness at the largest amplitude; of power 2 or 1, of either sign."""
 
     def of_power(power: float) -> tuple[Form, Form]:
         def report(stiffness: Floats) -> dict[str, Floats]:

@@ -10,13 +10,13 @@ from scipy.special import wofz
 from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats, IntArray, differs, invert, join_complex
 from damping.effects.contract import Drive, Terms, add_parts
 
-#: |alpha/p^2| below which a moving frequency changes nothing that can be computed, and below which its own change is
-#: taken to first order: differences of nearly equal numbers say less.
+#: |alpha/p^2| below which a moving frequency has no computable effect, and below which derivatives by p and alpha are
+#: taken to first order, against cancellation.
 _SLOW = 1e-8
 _SLOWLY = 1e-3
-#: Exponent up to which what rings is counted: where it is larger nothing has begun to ring.
+#: Largest exponent of a ringing motion: beyond it ringing has not begun.
 _LOUDEST = 50.0
-#: Least square of the frequency that rings over that of the drive: numbers stay finite where nothing does.
+#: Least squared ratio of the ringing to the driving frequency, which keeps numbers finite where nothing rings.
 _RINGS = 0.01
 
 
@@ -26,11 +26,11 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     With Z = M (i omega - lambda)(i omega - lambda*) the motion Im a exp(i theta), theta'' = alpha, has
     a = (J - 1/(i omega - lambda*)) F/(2 i M Im lambda), J' = 1 - p J, p = i omega - lambda. Where p moves by i alpha
     alone, J is I(p) = int_0^inf exp(-p s + i alpha s^2/2) ds = sqrt(pi/b)/2 w(i p/(2 sqrt b)), b = -i alpha/2 (Lewis
-    1932, whose Fresnel integrals w contains), which is 1/p where alpha = 0. What else changes along a sweep (damping,
-    stiffness) comes with the memory of the rows before (`_remembered`).
+    1932, in terms of Fresnel integrals, which w contains); this is 1/p where alpha = 0. Other changes along a sweep
+    (damping, stiffness) enter through the memory of earlier rows (`_remembered`).
 
-    An envelope of first order, 2 i M omega a' + (Z + i M alpha) a = F, turns slower by (omega - Im lambda)^2/(2 omega)
-    beyond resonance; so may what an instrument that tracks the frequency reads of a motion that rings beside it.
+    A first-order envelope, 2 i M omega a' + (Z + i M alpha) a = F, turns slower by (omega - Im lambda)^2/(2 omega)
+    beyond resonance, as may the reading of an instrument that tracks the frequency while the motion rings.
     ``terms.ringing`` is 0 for the motion itself, 1 for that envelope.
     """
     if not terms.moving and not differs(drive.rate, 0.0):
@@ -39,23 +39,23 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
     M, omega, share = terms.M * drive.mass + drive.added, drive.omega, terms.ringing
     loss, squared = Z.imag / (M * omega), Z.real / M + np.square(omega)
-    own = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
-    p = join_complex(0.5 * loss, omega - own)
+    free = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
+    p = join_complex(0.5 * loss, omega - free)
     if differs(share, 0.0):
         p = p + share * ((Z - 1j * M * alpha) / (2j * M * omega) - p)
     p, alpha = np.broadcast_arrays(p, alpha)
     memory = _Memory.of(p, alpha, terms.begun)
     motion = memory.lewis if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
-    per = -1j * ((1.0 - share) / (2.0 * M * own) + share / (2.0 * M * omega))
-    other = -1j * ((1.0 - share) / (2.0 * M * own)) * invert(join_complex(0.5 * loss, omega + own))
+    per = -1j * ((1.0 - share) / (2.0 * M * free) + share / (2.0 * M * omega))
+    other = -1j * ((1.0 - share) / (2.0 * M * free)) * invert(join_complex(0.5 * loss, omega + free))
     H = per * motion - other
     return H, per * per * memory.by_p(memory.lewis) * invert(H)
 
 
 class _Memory(NamedTuple):
-    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` does not ring.
+    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` is I(p) without ringing.
 
-    ``start``: J at the first row of a sweep.
+    ``start``: J at the first row of a sweep. ``beyond``: rows beyond resonance.
     """
 
     lewis: ComplexArray
@@ -67,7 +67,7 @@ class _Memory(NamedTuple):
 
     @staticmethod
     def of(p: ComplexArray, alpha: FloatArray, begun: Floats = 0.0) -> _Memory:
-        """Both solutions; 1/p where the frequency hardly moves. ``begun``: see `damping.effects.contract.Terms`."""
+        """The solutions; 1/p where the frequency hardly moves. ``begun``: see `damping.effects.contract.Terms`."""
         x, y, still = p.real, p.imag, invert(p)
         moving = np.abs(alpha) > _SLOW * (x * x + y * y)
         # sqrt b = (1 - i s) sqrt(|alpha|)/2, s the sign of alpha: z = (i - s) p/(2 sqrt |alpha|)
@@ -82,7 +82,7 @@ class _Memory(NamedTuple):
         return _Memory(lewis, quiet, start, np.where(moving, z.imag, x) < 0.0, p, alpha)
 
     def take(self, rows: IntArray) -> _Memory:
-        """That of some rows."""
+        """The memory of some rows."""
         return _Memory._make(part[..., rows] for part in self)
 
     def by_p(self, V: ComplexArray) -> ComplexArray:
@@ -104,46 +104,46 @@ def _square(z: ComplexArray) -> FloatArray:
 
 
 def _exp(real: FloatArray, imaginary: FloatArray) -> ComplexArray:
-    """exp(real + i imaginary), in a third of the time that numpy takes for complex numbers."""
+    """exp(real + i imaginary), in a third of the time of np.exp for complex numbers."""
     size = np.exp(real)
     return join_complex(size * np.cos(imaginary), size * np.sin(imaginary))
 
 
 def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
-    """J with all that changes along each sweep, (batch, n).
+    """J with all changes along each sweep, (batch, n).
 
-    V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both change evenly from row
-    to row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha.
+    V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both are smooth from row to
+    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha.
     """
     ways = np.sign(memory.alpha)
-    if ways.ndim > 1 and np.any(ways != ways[:1]):  # the order of the rows is that of the way
+    if ways.ndim > 1 and np.any(ways != ways[:1]):  # models that sweep in different directions differ in row order
         parts = np.broadcast_arrays(*memory)
         return np.stack([_remembered(_Memory._make(part[k] for part in parts), drive) for k in range(len(ways))])
     way, sweep = ways.reshape(-1, ways.shape[-1])[0], np.asarray(drive.sweep)
     order = np.lexsort((way * drive.omega, way, sweep))
     memory, omega, F = memory.take(order), drive.omega[order], drive.F[order]
-    last, own = memory.take(np.arange(len(order) - 1)), memory.take(np.arange(1, len(order)))  # of each two neighbours
-    beyond = own.beyond & last.beyond  # what is quiet beyond resonance grows without limit before it
-    V, before = (np.where(beyond, one.quiet, one.lewis) for one in (own, last))
-    by_p = 0.5 * (own.by_p(V) + last.by_p(before))
-    by_rate = own.by_rate(V, by_p)
-    rate = 0.5 * (own.alpha + last.alpha)
-    # a dwell remembers nothing
+    last, row = memory.take(np.arange(len(order) - 1)), memory.take(np.arange(1, len(order)))  # pairs of neighbours
+    beyond = row.beyond & last.beyond  # the quiet solution diverges before resonance
+    V, before = (np.where(beyond, part.quiet, part.lewis) for part in (row, last))
+    by_p = 0.5 * (row.by_p(V) + last.by_p(before))
+    by_rate = row.by_rate(V, by_p)
+    rate = 0.5 * (row.alpha + last.alpha)
+    # a dwell has no memory
     first = (np.diff(sweep[order]) != 0.0) | (np.diff(way[order]) != 0.0) | (rate == 0.0)
     time = np.abs(np.diff(omega) / np.where(rate == 0.0, 1.0, rate))
-    turned = (0.5 * time) * (own.p + last.p)
-    decay = _exp(np.minimum(-turned.real, _LOUDEST), -turned.imag)
-    little = _square(turned) <= _SLOWLY**2
-    share = np.where(little, 1.0, (1.0 - decay) * invert(np.where(little, 1.0, turned)))
-    force = F[:-1] / F[1:]  # which goes evenly from row to row
-    moved = by_p * (own.p - last.p - 1j * (rate * time)) + by_rate * (own.alpha - last.alpha)
+    phase_decay = (0.5 * time) * (row.p + last.p)
+    decay = _exp(np.minimum(-phase_decay.real, _LOUDEST), -phase_decay.imag)
+    is_small = _square(phase_decay) <= _SLOWLY**2
+    share = np.where(is_small, 1.0, (1.0 - decay) * invert(np.where(is_small, 1.0, phase_decay)))
+    force = F[:-1] / F[1:]  # the force is smooth from row to row
+    moved = by_p * (row.p - last.p - 1j * (rate * time)) + by_rate * (row.alpha - last.alpha)
     moved = moved + (0.5 * (1.0 - force)) * (V + before)
     decay = np.where(first, 0.0, decay * force)
     motion, kept = np.empty(memory.p.shape, dtype=np.complex128), np.zeros(memory.p.shape, dtype=np.complex128)
     motion[..., 0], kept[..., 1:] = memory.start[..., 0], decay
-    motion[..., 1:] = np.where(first, own.start, V - before * decay - moved * share)
+    motion[..., 1:] = np.where(first, row.start, V - before * decay - moved * share)
     step = 1
-    while step < len(order) and kept.any():  # each row reaches twice as far back
+    while step < len(order) and kept.any():  # the reach doubles with each step
         motion[..., step:] += kept[..., step:] * motion[..., :-step]
         kept[..., step:] *= kept[..., :-step]
         kept[..., :step] = 0.0

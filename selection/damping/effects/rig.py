@@ -1,6 +1,4 @@
-"""What the rig does otherwise than recorded: gain, lag and delay, levels that are off, saturation, background,
-a force that drops out near resonance, a frequency that moves too fast.
-"""
+"""Errors of the rig: gain, lag, delay, saturation, a background signal, a force that drops out near resonance."""
 
 from collections.abc import Callable, Mapping
 from itertools import chain
@@ -13,20 +11,20 @@ from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading,
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
-#: Shape of the dip over the distance from its centre in widths: 1 there, 0 far away. That of the receptance is |H|.
+#: Shape of the dip over the distance from its centre in widths: 1 at the centre, 0 far away. ``receptance`` is |H|.
 NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
     "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
     "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
-#: A constant lag of one mode's narrow band is called phase lag, not delay, unless the rows say so: 1 to 4.
+#: Prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4.
 _DELAY = 0.25
 #: ln(amplitude over the clipping level) ...
 _OVER = np.linspace(0.0, 5.0, 400)
 _A = np.exp(_OVER)
 #: ... and ln of the fundamental of a sine of amplitude a clipped at 1: (2/pi)(a asin(1/a) + sqrt(1 - 1/a^2)).
 _CLIPPED = np.log((2.0 / np.pi) * (_A * np.arcsin(1.0 / _A) + np.sqrt(np.maximum(1.0 - _A**-2.0, 0.0))))
-#: Least slope of a reading at which the motion behind it is looked for.
+#: Least slope of a characteristic that is inverted.
 _LEAST_SLOPE = 0.05
 _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
@@ -48,12 +46,12 @@ AMPLITUDE_SCALE: Effect = Effect(
 
 
 def list_states(scales: Scales) -> range:
-    """Numbers, from 1, of states that may be read otherwise than others: of several, not of a sweep each."""
+    """Numbers, from 1, of states whose readings may differ: of several states with more sweeps than states."""
     return range(1, scales.states + 1) if 1 < scales.states < scales.sweeps else range(0)
 
 
 def lag_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |lag|, at most 1 rad, of all phases or of those of one of several states."""
+    """Strength: |lag|, at most 1 rad, of all phases or of those of one state of several."""
     every = PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0)
     return (*every, *chain.from_iterable(_lag_side(state) for state in list_states(scales)))
 
@@ -63,7 +61,7 @@ def _lag_side(state: int) -> tuple[Form, Form]:
 
 
 def simulate_lag(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """All phases later by ``lag``, or those of one ``state``, from 1."""
+    """The terms with a further ``lag`` of all phases, or of those of one ``state``, from 1."""
     if not differs(table["state"], 0.0):
         return terms._replace(lag=terms.lag + table["lag"])
     return terms.plus(offset=lambda drive: -1j * table["lag"] * (np.asarray(drive.state) == table["state"] - 1.0))
@@ -81,7 +79,7 @@ PHASE_LAG: Effect = Effect(
 
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: depth/(1 - depth). Shapes: width over omega_n, from half the bandwidth to the band measured; centre."""
+    """Strength: depth/(1 - depth). Shapes: width over omega_n, half the bandwidth to the measured band; centre."""
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
     return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
@@ -99,7 +97,7 @@ def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
 def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The force times 1 - ``depth`` notch((omega/omega_n - 1 - ``centre``)/``width``).
 
-    The notch is Gaussian but for another that is not 0.
+    The notch is Gaussian unless the value of another is not 0.
     """
     notch = next((name for name in ("lorentzian", "receptance") if table[name]), "gaussian")
     omega_n = terms.omega_n
@@ -158,8 +156,8 @@ def clipping(level: Floats) -> Reading:
 
     def third(v: FloatArray) -> FloatArray:
         a = np.maximum(np.exp(v - base), 1.0)
-        end = np.arcsin(1.0 / a)  # where it clips: (4/pi) int sin 3 theta min(a sin theta, 1)
-        turned = a * (0.25 * np.sin(2.0 * end) - 0.125 * np.sin(4.0 * end)) + np.cos(3.0 * end) / 3.0
+        onset = np.arcsin(1.0 / a)  # of clipping, in (4/pi) int sin 3 theta min(a sin theta, 1)
+        turned = a * (0.25 * np.sin(2.0 * onset) - 0.125 * np.sin(4.0 * onset)) + np.cos(3.0 * onset) / 3.0
         return np.asarray(level * (4.0 / np.pi) * turned)
 
     return Reading(read, unread, third)
@@ -175,20 +173,20 @@ def compressing(level: Floats, power: Floats) -> Reading:
 
     def unread(u: FloatArray) -> tuple[FloatArray, FloatArray]:
         grown = np.exp(np.clip(power * (u - base), -50.0, 50.0))
-        left = np.maximum(1.0 - grown, _LEAST_SLOPE)
-        return u - np.log(left) / power, np.where(left > _LEAST_SLOPE, 1.0 / left, 0.0)
+        slope = np.maximum(1.0 - grown, _LEAST_SLOPE)
+        return u - np.log(slope) / power, np.where(slope > _LEAST_SLOPE, 1.0 / slope, 0.0)
 
     def third(v: FloatArray) -> FloatArray:
-        """Of what is lost, the share that q |q|^power has of sin 3 theta beside sin theta."""
+        """The lost amplitude times the ratio of sin 3 theta to sin theta in q |q|^power."""
         return np.asarray((np.exp(v) - np.exp(read(v)[0])) * power / (power + 4.0))
 
     return Reading(read, unread, third)
 
 
 def recorded_third(terms: Terms, u: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
-    """Phasor of the third harmonic that is read beside a first one of ln amplitude u and lag ``phase``.
+    """Phasor of the third harmonic read together with a first harmonic of ln amplitude u and lag ``phase``.
 
-    That of the motion, and what a sensor that saturates adds, both through the instrument at 3 omega.
+    The sum of that of the motion and that of a saturating sensor, through the instrument at 3 omega.
     """
     offset = add_parts(terms.offset, drive)
     v, lag = u - terms.gain - np.real(offset), phase - terms.lag + np.imag(offset)
@@ -202,7 +200,7 @@ def recorded_third(terms: Terms, u: FloatArray, phase: FloatArray, drive: Drive)
 
 
 def saturation_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the largest reading over the level of saturation. Shape of compression: its power."""
+    """Strength: the largest reading over the saturation level. Shape, of compression alone: its power."""
 
     def report(size: Floats, *power: Floats) -> dict[str, Floats]:
         return {"level": scales.A_high / size} | ({"power": power[0]} if power else {})

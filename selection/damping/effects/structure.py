@@ -1,8 +1,8 @@
-"""What the structure itself does otherwise than simulated: parameters, planes, other modes, drift.
+"""Differences of the structure from its simulation: parameters, planes, other modes, a coupled part.
 
-A parameter is off where it is so by more than three times its tolerance. Planar coupling: the drive excites two close
-modes in principal planes at an angle (Eqs 3.1.24-3.1.35). A second mode has its own mass and damping and lies among
-the rows; residual modes lie beside them and add an all but in-phase part (section 3.1, Eqs 3.1.13-3.1.20).
+A parameter is off if its error exceeds three tolerances. Planar coupling: the drive excites two close modes in
+principal planes at an angle (Eqs 3.1.24-3.1.35). A second mode has its own mass and damping and a frequency within the
+rows. Residual modes lie outside and add a nearly in-phase part (section 3.1, Eqs 3.1.13-3.1.20).
 """
 
 from collections.abc import Mapping
@@ -18,24 +18,23 @@ from damping.effects.simulated import RELATIVE, factor_forms
 from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape
 
-#: Damping of the second plane over that of the first: the report takes them equal; a quarter more or less is usual.
+#: Damping of the second plane over that of the first: equal in the report; a quarter more or less is usual.
 DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
-#: A mode as a table of a model file holds it; rigid-body motion has the frequency ratio 0, modes
-#: far above have none.
+#: Table of a further mode in a model file; rigid-body motion has the frequency ratio 0, modes far above have none.
 PATH = (
     Shape("compliance", LENGTH / FORCE),
     Shape("frequency_ratio", least=0.0, default=inf),
     Shape("loss", least=0.0, default=0.0),
     Shape("slope", default=0.0),
 )
-#: Damping ratio of modes beyond the rows, 0.2 to 10 %: hardly seen there.
+#: Damping ratio of modes outside the rows, 0.2 to 10 %, of little influence.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
-#: Two close modes are those of two planes unless the rows say so: 1 to 4.
+#: Prior odds of a second mode against planar coupling, the usual cause of two close modes: 1 to 4.
 _OWN_MASS = 0.25
 
 
 def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The viscous force times 1 + ``relative``; one of ``coefficient`` where none is simulated."""
+    """The terms with viscous forces times 1 + ``relative``, or with one of ``coefficient`` where none is simulated."""
     if np.any(table["coefficient"]):
         return terms.plus(forces=Viscous(table["coefficient"]))
     factor = 1.0 + table["relative"]
@@ -44,7 +43,7 @@ def simulate_viscous(terms: Terms, table: Mapping[str, float]) -> Terms:
 
 
 def viscous_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln| of the factor beyond that of 3 tolerances; the coefficient where none is simulated."""
+    """Strength: |ln| of the factor beyond 3 tolerances; the coefficient where no viscous force is simulated."""
     if scales.viscous == 0.0:
         return (VISCOUS_COEFFICIENT.form(lambda c: {"coefficient": c}, scales.loss / scales.omega_n),)
     return factor_forms(VISCOUS_COEFFICIENT, {"coefficient": scales.viscous}, scales)
@@ -90,16 +89,16 @@ NATURAL_FREQUENCY = Effect(
 
 
 def planar_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: tan^2(theta). Shape: |omega_y/omega_p - 1|, a fraction of the bandwidth to the edge of the band.
+    """Strength: tan^2(theta). Shapes: |omega_y/omega_p - 1|, a fraction of the bandwidth to beyond the band; damping.
 
     A force that is missing in the simulation may act in the first plane only, or in both.
     """
     low = 0.2 * scales.bandwidth
-    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
-    return tuple(_planar_side(apart, sign, False, _planar_side(apart, sign, True)) for sign in (1.0, -1.0))
+    distance = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.5, -0.75, 0.0, 0.75, 1.5))
+    return tuple(_planar_side(distance, sign, False, _planar_side(distance, sign, True)) for sign in (1.0, -1.0))
 
 
-def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
+def _planar_side(distance_prior: FormVariable, sign: float, in_both: bool, twin: Form | None = None) -> Form:
     def change(terms: Terms, weight: Floats, distance: Floats, damping: Floats) -> Terms:
         return terms._replace(plane=Plane(weight, (1.0 + distance) ** sign, in_both, damping))
 
@@ -107,7 +106,7 @@ def _planar_side(apart: FormVariable, sign: float, in_both: bool, twin: Form | N
         plane = {"angle": np.arctan(np.sqrt(weight)), "frequency_ratio": (1.0 + distance) ** sign}
         return plane | {"damping_ratio": damping} | ({"alike": 1.0} if in_both else {})
 
-    return Form("planar-coupling", change, report, 0.3, (apart, DAMPING), largest=30.0, twin=twin)
+    return Form("planar-coupling", change, report, 0.3, (distance_prior, DAMPING), largest=30.0, twin=twin)
 
 
 PLANAR_COUPLING = Effect(
@@ -130,10 +129,10 @@ PLANAR_COUPLING = Effect(
 
 
 def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariable, size: float) -> tuple[Form, Form]:
-    """A mode ``above`` or below the simulated one; strength: its compliance at omega_n over ``size``."""
+    """Forms of a mode ``above`` or below the simulated one. Strength: its compliance at omega_n over ``size``."""
 
-    def report(strength: Floats, apart: Floats, damping: Floats) -> dict[str, Floats]:
-        ratio = 1.0 + apart if above else 1.0 / (1.0 + apart)
+    def report(strength: Floats, separation: Floats, damping: Floats) -> dict[str, Floats]:
+        ratio = 1.0 + separation if above else 1.0 / (1.0 + separation)
         loss = 2.0 * damping
         nearest = np.sqrt(np.square(ratio * ratio - 1.0) + np.square(loss * ratio))
         return {"compliance": strength * size * nearest, "frequency_ratio": ratio, "loss": loss}
@@ -142,9 +141,9 @@ def _paths(effect: Effect, above: bool, distance: FormVariable, loss: FormVariab
 
 
 def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """One more mode: R = ``compliance``/(r^2 - x^2 + i ``loss`` r x), x = omega/omega_n, r = ``frequency_ratio``.
+    """A further mode: R = ``compliance``/(r^2 - x^2 + i ``loss`` r x), x = omega/omega_n, r = ``frequency_ratio``.
 
-    Without a frequency ratio, modes far above: R = compliance (1 + ``slope`` (x - 1)).
+    Modes far above, without a frequency ratio: R = compliance (1 + ``slope`` (x - 1)).
     """
     compliance, ratio, loss, centre = table["compliance"], table["frequency_ratio"], table["loss"], terms.omega_n
 
@@ -158,17 +157,17 @@ def simulate_path(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 
 
 def residual_forms(scales: Scales) -> tuple[Form, ...]:
-    """A mode beyond the rows, at 1.5 reaches or up to four times as high or low, or rigid-body motion; either sign."""
+    """A mode outside the rows, from 1.5 reaches to a factor of 4 in frequency, or rigid-body motion; either sign."""
     resonance = 1.0 / scales.loss
     beyond = 1.5 * max(scales.reach, scales.bandwidth)  # rows may all lie at the resonance
-    apart = FormVariable.between(beyond, 3.0, starts=(-1.0, 0.5))
+    separation = FormVariable.between(beyond, 3.0, starts=(-1.0, 0.5))
 
     def report(strength: Floats) -> dict[str, Floats]:
         return {"compliance": strength * resonance, "frequency_ratio": 0.0 * strength}  # -compliance/x^2
 
     return (
-        *_paths(RESIDUAL_MODES, True, apart, _LOSS, resonance),
-        *_paths(RESIDUAL_MODES, False, apart, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, True, separation, _LOSS, resonance),
+        *_paths(RESIDUAL_MODES, False, separation, _LOSS, resonance),
         *RESIDUAL_MODES.either_sign(report, "rigid body", largest=30.0),
     )
 
@@ -185,12 +184,12 @@ RESIDUAL_MODES = Effect(
 
 
 def second_forms(scales: Scales) -> tuple[Form, ...]:
-    """A mode among the rows, a fraction of the bandwidth to 1.5 reaches from the first, at any mass of either sign."""
+    """A mode within the rows, a fraction of the bandwidth to 1.5 reaches from the first, at any mass of either sign."""
     low = 0.3 * scales.bandwidth
-    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
+    separation = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
-    above, below = (_paths(SECOND_MODE, way, apart, loss, 1.0 / scales.loss) for way in (True, False))
-    return *above, *below
+    higher, lower = (_paths(SECOND_MODE, above, separation, loss, 1.0 / scales.loss) for above in (True, False))
+    return *higher, *lower
 
 
 SECOND_MODE = Effect(
@@ -207,27 +206,27 @@ SECOND_MODE = Effect(
 
 
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: coupling over the bandwidth. Shapes: distance of the partner's frequency, and its damping ratio."""
+    """Strength: coupling over the bandwidth. Shapes: distance of the partner's frequency; its damping ratio."""
     low = 0.2 * scales.bandwidth
-    apart = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.0, 0.0, 1.0))
+    separation = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-1.0, 0.0, 1.0))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-0.7, 0.5))
 
     def side(sign: float) -> Form:
         def report(strength: Floats, distance: Floats, damping: Floats) -> dict[str, Floats]:
             return {"coupling": strength * scales.bandwidth, "ratio": 1.0 + sign * distance, "damping": damping}
 
-        return PARTNER.form(report, 0.5, shapes=(apart, loss), largest=100.0, sizes=(0.5, 2.0))
+        return PARTNER.form(report, 0.5, shapes=(separation, loss), largest=100.0, sizes=(0.5, 2.0))
 
     return side(1.0), side(-1.0)
 
 
 def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """Z less M coupling^2 w^4/(w^2 - omega^2 + 2 i damping w omega), w = ratio omega_n: absorber, circuit, rotor."""
-    own, M = table["ratio"] * terms.omega_n, terms.M
+    w, M = table["ratio"] * terms.omega_n, terms.M
 
     def part(drive: Drive) -> Floats:
-        stiffness = own * own - drive.omega**2 + 2j * table["damping"] * own * drive.omega
-        return np.asarray(-M * (table["coupling"] * own * own) ** 2 / stiffness)
+        stiffness = w * w - drive.omega**2 + 2j * table["damping"] * w * drive.omega
+        return np.asarray(-M * (table["coupling"] * w * w) ** 2 / stiffness)
 
     return terms.plus(beside=part)
 

@@ -1,4 +1,4 @@
-"""What a prediction is made of, and the prediction of a measured phasor.
+"""The prediction of a measured phasor from its terms.
 
 A measured row is the phasor A exp(-i phi) under the force F. The prediction is composed of
 
@@ -6,10 +6,10 @@ A measured row is the phasor A exp(-i phi) under the force F. The prediction is 
     H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
     hurried(Z)                                                       a frequency that moves: the motion lags behind
     H + R                                                            residual compliance of other modes (3.1.18)
-    read(gain exp(-i lag) H F)                                       instruments, and what is lost of the force
+    read(gain exp(-i lag) H F)                                       instruments, and loss of force
 
-with Z at the measured amplitude (of which each plane has its share). P(u) = ln(prediction), u = ln A, so needs no
-solution of the steady state; with P'(u) its own steady amplitude follows to first order (`damping.gap.model`).
+with Z at the measured amplitude, of which each plane has its share. P(u) = ln(prediction), u = ln A, therefore needs no
+solution of the steady state; P'(u) gives the steady amplitude to first order (`damping.gap.model`).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from damping.effects.contract import Drive, Instrument, Terms, add_parts
 from damping.effects.moving import hurried
 from damping.forces.contract import Force
 
-#: Distance from resonance, relative to omega^2, at which a row exactly at it is taken: less than any tolerance.
+#: Least detuning of a row from resonance, relative to omega^2: less than any tolerance.
 NEAREST = 1e-6
-#: Times that the amplitude of each path is refined: the shares of the paths change little.
+#: Iterations for the amplitude of each path, whose share changes little.
 _REFINEMENTS = 2
 
 
@@ -41,7 +41,7 @@ class Prediction:
 
 
 class _Receptance(NamedTuple):
-    """Displacement per force, the part of each path in it, and the changes of its ln by ln A and ln omega_n."""
+    """Displacement per force, the part of each path in it, and the derivatives of its ln by ln A and ln omega_n."""
 
     H: ComplexArray
     paths: tuple[ComplexArray, ...]
@@ -52,7 +52,7 @@ class _Receptance(NamedTuple):
 def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Prediction:
     """The prediction at measured ln amplitude ``u``, (n,) or (batch, n).
 
-    ``every``: stride k; the derivative by ln omega_n is given of models 0, k, 2k ... alone.
+    ``every``: stride k; the derivative by ln omega_n is that of models 0, k, 2k ... alone.
     """
     offset = add_parts(terms.offset, drive)
     gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
@@ -66,8 +66,8 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     by_u, by_frequency = receptance.by_u, receptance.by_frequency
     if drive.resonant is not False and np.any(drive.resonant):
         real, phase, by_u, by_frequency = (
-            np.where(drive.resonant, at, beside)
-            for at, beside in zip(_at_resonance(receptance, F, every), (real, phase, by_u, by_frequency), strict=True)
+            np.where(drive.resonant, at, off)
+            for at, off in zip(_at_resonance(receptance, F, every), (real, phase, by_u, by_frequency), strict=True)
         )
     real, slope = _pass([reading.read for reading in terms.readings], real)
     if terms.readings:
@@ -77,23 +77,23 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
 
 
 def _of_every(values: Any, every: int) -> Any:
-    """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values that all models share stay."""
+    """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values shared by all models are unchanged."""
     return values[::every] if np.ndim(values) > 1 else values
 
 
 def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, Floats]:
-    """What instruments make of ln amplitudes, one after the other, and the slope of all of them."""
+    """ln amplitudes passed through instruments in series, and the total slope."""
     slope: Floats = 1.0
     for instrument in instruments:
-        v, own = instrument(v)
-        slope = slope * own
+        v, further = instrument(v)
+        slope = slope * further
     return v, slope
 
 
 def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[Any, ...]:
-    """Re P, Im P and derivatives with Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
+    """Re P, Im P and derivatives with i Im(1/H) for 1/H: A = F/C where S + (K - M omega^2) A = 0 (section 4.1)."""
     stiffness = 1.0 / receptance.H
-    # a simulation without damping loses nothing at all, and would stand still at no amplitude
+    # without damping there is no steady amplitude at resonance
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
     real = np.log(F) - np.log(np.abs(loss))
     by_u = (receptance.by_u * stiffness).imag / loss
@@ -107,9 +107,9 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
 
 
 class _Still(NamedTuple):
-    """What of Z does not depend on amplitude: a linear ``spring``, what is ``beside``, and factors on damping forces.
+    """Parts of Z that do not depend on amplitude: linear ``spring``, ``beside``, and factors on damping forces.
 
-    ``own``: of the simulated ones, the first ``simulated``, each; ``damped``: of all.
+    ``own``: factor on each of the first ``simulated`` forces; ``damped``: factor on all.
     """
 
     spring: FloatArray
@@ -120,10 +120,10 @@ class _Still(NamedTuple):
 
     @staticmethod
     def of(terms: Terms, drive: Drive) -> _Still:
-        """That of terms."""
+        """These parts of the terms."""
         squared = np.square(drive.omega)
         detuning = np.square(terms.omega_n) - squared
-        # a row exactly at the frequency of a simulation without damping: no stiffness is left to divide by
+        # Z of a simulation without damping is zero at its frequency
         if not detuning.all():
             detuning = np.where(detuning == 0.0, NEAREST * squared, detuning)
         spring = terms.M * drive.mass * detuning
@@ -159,7 +159,7 @@ def _add_forces(
 
 
 def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: int = 1) -> _Receptance:
-    """H with each path's Z at its own amplitude, found in ``turns`` from ``A``; ``every``: see `predict`."""
+    """H with each path's Z at the path's amplitude, iterated ``turns`` times from ``A``; ``every``: see `predict`."""
     still, compliance, amplitudes = _Still.of(terms, drive), add_parts(terms.compliance, drive), (A, A)
     ratio: Floats = 1.0 if terms.plane is None else terms.plane.ratio
     stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
@@ -186,7 +186,7 @@ def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: in
 def _list_paths(
     terms: Terms, drive: Drive, still: _Still, amplitudes: tuple[FloatArray, FloatArray], stiffer: Floats
 ) -> tuple[tuple[ComplexArray, ...], list[tuple[ComplexArray, ComplexArray]]]:
-    """Displacement per force of each plane at its amplitude; of each, the changes of its ln by Z and of Z by ln A."""
+    """Displacement per force of each plane at its amplitude; derivatives of its ln by Z, and of Z by ln A."""
     Z, slope = _add_forces(still, terms.forces, amplitudes[0], drive)
     H, per_Z = hurried(Z, terms, drive)
     if terms.plane is None:
@@ -201,11 +201,11 @@ def _list_paths(
 def _shares(
     terms: Terms, paths: tuple[ComplexArray, ...], A: FloatArray, H: ComplexArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| when the sum ``H`` reads A."""
+    """Amplitude of the motion in each plane: cos(theta) F |H_1| and sin(theta) F |H_2| if the sum ``H`` reads A."""
     per_reading = A / np.abs(H)
     if terms.plane is None:
-        own = np.abs(paths[0]) * per_reading
-        return own, own
+        only = np.abs(paths[0]) * per_reading
+        return only, only
     t = np.asarray(terms.plane.weight)
     first, second = (np.abs(path) * per_reading for path in paths)
     return first * np.sqrt(1.0 + t), second * np.sqrt((1.0 + t) / t)
@@ -214,7 +214,7 @@ def _shares(
 def third_harmonic(terms: Terms, A: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:
     """Phasor Q3 of the third harmonic at motion A sin(omega t - phase): q3 = Im Q3 exp(3 i omega t).
 
-    That of the forces over the stiffness at 3 omega (the motion itself stays a sine): M q'' + K q = -g.
+    It is that of the forces over the stiffness at 3 omega (the motion stays a sine): M q'' + K q = -g.
     """
     terms = terms.tuned(drive)
     harmonic = sum((force.third(A, drive.omega) for force in terms.forces), start=np.zeros(np.shape(A), complex))

@@ -1,4 +1,4 @@
-"""Every damping force by name, written out in full, and what follows from the averages of any (`contract.Force`)."""
+"""The damping forces by name, and functions of the averages of any force (`contract.Force`)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -50,22 +50,22 @@ def force_class(name: str) -> type[Force]:
 
 
 def shapes_of(name: str) -> tuple[Shape, ...]:
-    """The parameters of a force, the one it is proportional to first; InputError for a name that is none."""
+    """The parameters of a force, the one it is proportional to first; InputError for an unknown name."""
     return component(name).example.shapes
 
 
 def list_parameter_names(name: str) -> tuple[str, ...]:
-    """Names of the parameters of a force, the one it is proportional to first; InputError for a name that is none."""
+    """Names of the parameters of a force, the one it is proportional to first; InputError for an unknown name."""
     return tuple(shape.name for shape in shapes_of(name))
 
 
 @dataclass(frozen=True)
 class Component:
-    """A force whose parameters are open: what a law is a sum of.
+    """A term of a law: a force with free parameters.
 
     Attributes:
         name: of the force, or of the energy term. build: the force from its parameters, the leading one first.
-        example: the force with all parameters 1, for what does not depend on them.
+        example: the force with all parameters 1, for facts that do not depend on them.
     """
 
     name: str
@@ -74,12 +74,12 @@ class Component:
 
     @property
     def free_shapes(self) -> tuple[Shape, ...]:
-        """The parameters that are free in a law beside the one it is proportional to, which is the first."""
+        """The free parameters other than the first, to which the force is proportional."""
         return self.example.shapes[1:]
 
 
 def component(name: str) -> Component:
-    """The force called ``name``, or the energy term ``A^m*omega^n`` where no force is known for it.
+    """The force called ``name``, or the energy term ``A^m*omega^n``.
 
     Raises:
         InputError: neither; the message names the nearest force, or lists all.
@@ -109,7 +109,7 @@ def make(name: str, **parameters: Floats) -> Force:
 
 
 def from_damping(table: Mapping[str, Mapping[str, float]]) -> Sum:
-    """The sum of forces of a ``[damping]`` table: force name to its parameters; an empty table is no damping.
+    """The sum of forces of a ``[damping]`` table, force name to its parameters; an empty table is no damping.
 
     Raises:
         InputError: an unknown force or parameter.
@@ -130,7 +130,7 @@ def energy_per_cycle(force: Force, A: Floats, omega: Floats) -> Floats:
 def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> Floats:
     """G = Delta W/(pi M omega_n^2 A^2) = C/(M omega_n^2 A), the damping term of Eq 4.2.4 and Table 4.III.
 
-    The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); this is what Table 4.III holds.
+    The printed integral 4.2.2 and the factor of 4.2.5 are wrong (errata E422, E425); Table 4.III has this value.
     """
     return force.quadrature(A, omega) / (M * omega_n**2 * A)
 
@@ -138,7 +138,7 @@ def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Flo
 def energy_factor(kind: type[Force], **others: Floats) -> Floats:
     """Energy per cycle over coefficient A^m omega^n, such as 8/3 of case III (Table 2.II).
 
-    ``others`` are the parameters beside the coefficient (``exponent`` of the power laws).
+    ``others``: the parameters other than the coefficient (``exponent`` of the power laws).
 
     Raises:
         AnalysisError: the energy of this force is no product of powers (slip).
@@ -150,8 +150,7 @@ def energy_factor(kind: type[Force], **others: Floats) -> Floats:
 
 
 def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> Floats:
-    """The force's coefficient from that of its energy term a A^m omega^n: C = a/energy_factor, whose error it raises
-    (Table 5.I)."""
+    """The coefficient C = a/energy_factor of a force of energy a A^m omega^n (Table 5.I); errors as `energy_factor`."""
     return a / energy_factor(kind, **others)
 
 

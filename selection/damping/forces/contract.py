@@ -1,12 +1,12 @@
-"""The one contract of every damping force: its first-harmonic averages over a steady cycle.
+"""The contract of every damping force: its first-harmonic averages over a steady cycle.
 
 Over the steady cycle q = A sin(theta), q' = A omega cos(theta) (Eqs 2.3.3, 2.3.4) a force g has the averages
 
     S(A, omega) = (1/pi) int_0^{2 pi} g sin(theta) d theta     in phase with displacement
     C(A, omega) = (1/pi) int_0^{2 pi} g cos(theta) d theta     in phase with velocity (quadrature)
 
-and from them follow the energy per cycle pi A C (Eq 2.3.2), the damping term G (Eq 4.2.2), the resonant amplitude at
-a force F (C = F) and the complex stiffness K - M omega^2 + (S + i C)/A.
+They give the energy per cycle pi A C (Eq 2.3.2), the damping term G (Eq 4.2.2), the resonant amplitude at a force F
+(C = F) and the complex stiffness K - M omega^2 + (S + i C)/A.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.errors import AnalysisError
 from damping.forces.shapes import Shape
 
-#: Points of half a cycle (the other is its opposite) that give a third harmonic: to 1 % for friction, others better.
+#: Points of half a cycle (the other half is its opposite) for the third harmonic: to 1 % for friction, others better.
 _THETA = np.pi * (np.arange(24) + 0.5).reshape(-1, 1, 1) / 24
 _THIRD: ComplexArray = 2j * np.exp(-3j * _THETA[:, 0, 0]) / 24
 
@@ -41,22 +41,22 @@ class Joint:
 
 
 class Force(ABC):
-    """A force g(q, q') described by its first-harmonic averages, with every fact that others need of it.
+    """A force g(q, q') described by its first-harmonic averages and properties.
 
     Parameters are the fields of the (frozen dataclass) subclass: numbers or arrays that broadcast with ``A`` and
     ``omega``. The averages are proportional to the first field. ``A`` is the amplitude of the displacement and
     ``omega`` the frequency in rad/s, both positive; results have the broadcast shape of parameters, A and omega.
     """
 
-    #: Whether it is C q': what a simulation calls its damping where no more is known (3.1.28).
+    #: Whether the force is C q', the simulated damping where nothing else is known (3.1.28).
     viscous: ClassVar[bool] = False
-    #: Whether it is a term of sums, too. A free exponent beside another force would imitate that one.
+    #: Whether the force may be a term of a sum: one with a free exponent would imitate the other terms.
     sums: ClassVar[bool] = True
 
     @property
     @abstractmethod
     def shapes(self) -> tuple[Shape, ...]:
-        """What its parameters are, in the order of the fields."""
+        """Its parameters, in the order of the fields."""
 
     @property
     @abstractmethod
@@ -65,12 +65,12 @@ class Force(ABC):
 
     @property
     def label(self) -> str:
-        """Name for people, such as ``viscous (case I)``; the other one unless stated."""
+        """Name for people, such as ``viscous (case I)``; by default ``name``."""
         return self.name
 
     @property
     def formula(self) -> str:
-        """The force as plain text, such as ``C1 q'``; its name unless stated."""
+        """The force as plain text, such as ``C1 q'``; by default ``name``."""
         return self.name
 
     @abstractmethod
@@ -78,7 +78,7 @@ class Force(ABC):
         """C(A, omega), the first-harmonic part in phase with velocity; unit of force."""
 
     def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A in closed form; unit of force: (m - 1) C where the energy is a A^m omega^n, others state theirs."""
+        """dC/d ln A in closed form; unit of force: (m - 1) C where the energy is a A^m omega^n; others override it."""
         exponents = self.energy_exponents
         assert exponents is not None, f"{self.name} states neither energy_exponents nor a slope"
         return (exponents[0] - 1.0) * self.quadrature(A, omega)
@@ -87,7 +87,7 @@ class Force(ABC):
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """The force in time at the displacement ``q`` and the velocity ``sign`` times ``speed``, without its joints.
 
-        ``sign`` is 1 or -1, so that friction is known where the mass turns; numbers or arrays that broadcast.
+        ``sign`` is 1 or -1, so that friction is defined where the velocity is zero; numbers or arrays that broadcast.
         """
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
@@ -96,63 +96,63 @@ class Force(ABC):
         return C, self.slope(A, omega) if exponents is None else (exponents[0] - 1.0) * C
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """C, dC/d ln A, S and dS/d ln A, for those who need them all."""
+        """C, dC/d ln A, S and dS/d ln A together."""
         return *self.grow(A, omega), *(self.restoring(A, omega) if self.restores else (0.0, 0.0))
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """Springs with sliders that act beside `g` and remember where they stick; none without memory."""
+        """Springs with sliders, which have memory and act in addition to `g`; by default none."""
         return ()
 
     @property
     def restores(self) -> bool:
-        """Whether it has a part in phase with displacement."""
+        """Whether the force has a part in phase with displacement."""
         return type(self).restoring is not Force.restoring
 
     @property
     def resonates(self) -> bool:
-        """Whether it can set a resonant amplitude by itself: C takes more than one value over amplitude."""
+        """Whether the force alone can set a resonant amplitude: C changes with amplitude."""
         return True
 
     @property
     def linear(self) -> bool:
-        """Whether the averages are in proportion to amplitude."""
+        """Whether the averages are proportional to amplitude."""
         exponents = self.energy_exponents
         return not self.restores and exponents is not None and bool(np.all(np.asarray(exponents[0]) == 2.0))
 
     @property
     def parts(self) -> tuple[Force, ...]:
-        """The forces that act together in it: itself."""
+        """The forces of a sum; of a single force, itself."""
         return (self,)
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
-        """The force that stands for its size at amplitude A, never zero: C there."""
+        """Characteristic size of the force at amplitude A, never zero: C."""
         return self.quadrature(A, omega)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """The force at the angle ``theta`` of the steady cycle q = A sin(theta), in which a joint has settled.
+        """The force at the angle ``theta`` of the steady cycle q = A sin(theta), including joints in their steady loop.
 
-        A joint's spring is stretched by min(limit, A) where the motion turns, and slips at the limit.
+        A joint's spring is stretched by min(limit, A) at the turning points, and slips at the limit.
         """
         q, cosine = A * np.sin(theta), np.cos(theta)
         force = self.g(q, A * omega * np.abs(cosine), np.sign(cosine)) + zeros(theta, A, omega)
-        turned = np.where(cosine < 0.0, 1.0, -1.0)  # side of the last turning point: q = +A or -A
+        turning_side = np.where(cosine < 0.0, 1.0, -1.0)  # last turning point at q = +A or -A
         for joint in self.joints:
-            stretch = turned * np.minimum(joint.limit, A) + (q - turned * A)
+            stretch = turning_side * np.minimum(joint.limit, A) + (q - turning_side * A)
             force = force + joint.stiffness * np.clip(stretch, -joint.limit, joint.limit)
         return force
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """Phasor of the third harmonic over the cycle, 2i times the mean of the force and exp(-3 i theta); (batch, n).
+        """Phasor of the third harmonic, 2i times the mean over the cycle of the force and exp(-3 i theta); (batch, n).
 
-        A force whose energy is a product of powers has the same cycle at every size.
+        Where the energy is a product of powers, cycles at all A and omega have one form.
         """
         if self.energy_exponents is None:
             return np.asarray(np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, A, omega)), 1))
         first = np.asarray(A)[..., :1], np.asarray(omega)[..., :1]
         size = self.quadrature(*first)
-        own = np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, *first)), 1)
-        return np.asarray(own / np.where(size == 0.0, 1.0, size) * self.quadrature(A, omega))
+        harmonic = np.tensordot(_THIRD, np.asarray(self.cycle(_THETA, *first)), 1)
+        return np.asarray(harmonic / np.where(size == 0.0, 1.0, size) * self.quadrature(A, omega))
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:
@@ -170,13 +170,13 @@ class Force(ABC):
 
 @dataclass(frozen=True)
 class CoefficientForce(Force):
-    """A force with one parameter, the coefficient that it is proportional to."""
+    """A force with one parameter, the coefficient to which it is proportional."""
 
     coefficient: Floats
 
 
 class GrowingForce(Force):
-    """A force whose C and dC/d ln A come together, from `grow`."""
+    """A force that computes C and dC/d ln A together, in `grow`."""
 
     @abstractmethod
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
@@ -192,10 +192,10 @@ class GrowingForce(Force):
 
 
 class AveragedForce(Force):
-    """A force of which the averages alone are known; its cycle is the equivalent viscous one, C cos(theta)."""
+    """A force known only by its averages; its cycle is the equivalent viscous one, C cos(theta)."""
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> NoReturn:
-        """AnalysisError: there is none."""
+        """AnalysisError: there is no law in time."""
         raise AnalysisError(f"{self.label} has no law in the time domain: its energy per cycle alone is known")
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
@@ -209,18 +209,18 @@ def zeros(*arrays: Floats) -> FloatArray:
 
 
 def absolute(x: Floats) -> Floats:
-    """|x|; of one number without numpy, whose own is slow in the equation of motion."""
+    """|x|; for a float without numpy, which is slow in the equation of motion."""
     return abs(x) if isinstance(x, float) else np.abs(x)
 
 
 def spread(values: Floats, omega: Floats) -> Floats:
-    """Values in their broadcast shape with omega."""
+    """Values broadcast with omega."""
     shape = np.shape(omega)
     return values if not shape or np.shape(values)[-len(shape) :] == shape else values * np.ones(shape)
 
 
 def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:
-    """Their sum, zeros of the shape of A and omega where there are none."""
+    """The sum of values, or zeros of the shape of A and omega if there are none."""
     return reduce(add, values) if values else zeros(A, omega)
 
 
@@ -230,7 +230,7 @@ class Sum(Force):
 
     forces: tuple[Force, ...]
 
-    #: A sum has no parameters of its own.
+    #: A sum has no parameters besides those of its parts.
     shapes: ClassVar[tuple[Shape, ...]] = ()
 
     @property
@@ -262,22 +262,22 @@ class Sum(Force):
 
     @property
     def restores(self) -> bool:
-        """Whether some part does."""
+        """Whether some part restores."""
         return any(force.restores for force in self.forces)
 
     @property
     def resonates(self) -> bool:
-        """Whether some part does."""
+        """Whether some part resonates."""
         return any(force.resonates for force in self.forces)
 
     @property
     def linear(self) -> bool:
-        """Whether all parts are."""
+        """Whether all parts are linear."""
         return all(force.linear for force in self.forces)
 
     @property
     def parts(self) -> tuple[Force, ...]:
-        """The parts of all parts."""
+        """The parts of all forces."""
         return tuple(part for force in self.forces for part in force.parts)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
@@ -291,5 +291,5 @@ class Sum(Force):
 
     @property
     def energy_exponents(self) -> tuple[Floats, Floats] | None:
-        """The parts' common exponents when there is just one part, else ``None``."""
+        """The exponents of a single part, else ``None``."""
         return self.forces[0].energy_exponents if len(self.forces) == 1 else None

@@ -1,4 +1,4 @@
-"""Coulomb friction, the slip joint of Fig. 2.4c, and springs that are not linear."""
+"""Coulomb friction, the slip joint of Fig. 2.4c, and nonlinear springs."""
 
 from dataclasses import dataclass
 from math import pi
@@ -11,7 +11,7 @@ from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absol
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
 
-#: Amplitude at which a joint starts to slip: nothing is seen of one that slips far below or above the tested motion.
+#: Amplitude at which a joint starts to slip; far below or above the tested motion slip cannot be seen.
 LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="slip limit")
 
 
@@ -39,9 +39,9 @@ class Coulomb(CoefficientForce):
 
 
 def lose_stiffness(held: Floats) -> tuple[Floats, Floats]:
-    """S/(k A) of a joint that slips, and its change by ln A, of ``held`` = A1/A, 1 at most: see `Slip.averages`.
+    """S/(k A) of a joint that slips, and its derivative by ln A, from ``held`` = A1/A <= 1: see `Slip.averages`.
 
-    psi = pi - 2 asin sqrt(1 - A1/A), which keeps its digits where slip has just begun.
+    psi = pi - 2 asin sqrt(1 - A1/A), which is accurate where slip has just begun.
     """
     sine = 2.0 * np.sqrt(held * (1.0 - held))
     S = -(2.0 * np.arcsin(np.sqrt(1.0 - held)) + (1.0 - 2.0 * held) * sine) / pi
@@ -69,8 +69,8 @@ class Slip(GrowingForce):
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C = 4 k A1 (A - A1)/(pi A), S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; else 0.
 
-        Psi is the part of a half cycle that the joint sticks: pi while it never slips. dC/d ln A = 4 k A1^2/(pi A)
-        above A1, dS/d ln A = S - (4/pi) k A1 sin psi.
+        psi is the angle of a half cycle in which the joint sticks, pi without slip. dC/d ln A = 4 k A1^2/(pi A) above
+        A1, dS/d ln A = S - (4/pi) k A1 sin psi.
         """
         held = self._held(A)
         size, (S, turned) = self.stiffness * A, lose_stiffness(held)
@@ -81,9 +81,9 @@ class Slip(GrowingForce):
         return self._grow(self._held(A), omega)
 
     def _grow(self, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """The same of A1/A."""
-        whole = self.scale(held, omega)
-        return spread(whole * (1.0 - held), omega), spread(np.asarray(whole * held * (held < 1.0)), omega)
+        """C and dC/d ln A from ``held`` = A1/A."""
+        saturation = self.scale(held, omega)
+        return spread(saturation * (1.0 - held), omega), spread(np.asarray(saturation * held * (held < 1.0)), omega)
 
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""
@@ -103,7 +103,7 @@ class Slip(GrowingForce):
         return spread(S, omega), spread(slope, omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """-k q: the joint itself is added with its memory, less what it is while stuck."""
+        """-k q: the integrator adds the joint with its memory; here its stuck stiffness is subtracted."""
         return -self.stiffness * q
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:

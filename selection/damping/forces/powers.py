@@ -200,7 +200,7 @@ class DisplacementVelocityPower(Force):
 class EnergyTerm(AveragedForce):
     """The force whose energy per cycle is a A^m omega^n: C = (a/pi) A^(m-1) omega^n (Eqs 5.1.1, 5.1.2).
 
-    For terms of a polynomial that no force of the catalogue gives.
+    It stands for terms of a polynomial that are no force of the catalogue.
     """
 
     coefficient: Floats
@@ -209,7 +209,7 @@ class EnergyTerm(AveragedForce):
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """The coefficient; the powers are no parameters."""
+        """The coefficient; the powers are fixed."""
         return (coefficient_in(FORCE * LENGTH ** (1.0 - self.amplitude_power) * TIME**self.frequency_power),)
 
     @property
@@ -249,7 +249,7 @@ _FACTOR = re.compile(r"(A|omega)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 def term_powers(name: str) -> tuple[float, float] | None:
-    """(m, n) of a term A^m*omega^n by its name, such as ``A^2*omega``; None where it is none."""
+    """(m, n) of a term A^m*omega^n by its name, such as ``A^2*omega``; None for another name."""
     if name == "1":
         return 0.0, 0.0
     powers = {"A": 0.0, "omega": 0.0}

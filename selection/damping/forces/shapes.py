@@ -1,4 +1,4 @@
-"""Parameters of forces and effects: name, unit, bounds and prior, declared once and read wherever they are needed."""
+"""Parameters of forces and effects: name, unit, bounds and prior, each declared once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from damping.errors import InputError, list_nearest
 
 @dataclass(frozen=True)
 class Dimension:
-    """Powers of ``force``, ``length`` and ``time``; ``raised`` adds powers times the value of a parameter, by its name.
+    """Powers of ``force``, ``length`` and ``time``; ``raised``: further dimensions to the power of a named parameter.
 
     Written as a product: ``FORCE * (TIME / LENGTH) ** "exponent"``.
     """
@@ -37,7 +37,7 @@ class Dimension:
         return self * other**-1.0
 
     def __pow__(self, power: float | str) -> Dimension:
-        """To the ``power``: a number, or the name of the parameter that it is."""
+        """To the ``power``, a number or the name of a parameter."""
         if isinstance(power, str):
             return Dimension(raised=((power, self),))
         raised = tuple((name, part**power) for name, part in self.raised)
@@ -45,12 +45,12 @@ class Dimension:
 
     @property
     def of_base_drive(self) -> Dimension:
-        """The dimension where the base's acceleration stands for the force."""
+        """The dimension in a base-driven test, with acceleration in the place of force."""
         raised = tuple((name, part.of_base_drive) for name, part in self.raised)
         return Dimension(0.0, self.length + self.force, self.time - 2.0 * self.force, raised)
 
     def at(self, parameters: Mapping[str, float]) -> Dimension:
-        """The dimension where the parameters have these values."""
+        """The dimension at these values of the parameters."""
         plain = replace(self, raised=())
         for name, part in self.raised:
             plain = plain * part ** parameters[name]
@@ -64,7 +64,7 @@ TIME = Dimension(time=1.0)
 
 
 class Tested(NamedTuple):
-    """What a test covers: ``smallest`` and ``largest`` resonant amplitude, and ``omega`` of its reference, rad/s."""
+    """Range of a test: ``smallest`` and ``largest`` resonant amplitude, and ``omega`` of its reference, rad/s."""
 
     smallest: float
     largest: float
@@ -73,7 +73,7 @@ class Tested(NamedTuple):
 
 @dataclass(frozen=True)
 class Uniform:
-    """How a shape parameter comes from a standard normal variable: uniform from ``low`` to ``high``."""
+    """Prior of a shape parameter as a map from a standard normal variable: uniform from ``low`` to ``high``."""
 
     low: float
     high: float
@@ -85,7 +85,7 @@ class Uniform:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest value, the same for every test: ``low`` and ``high``."""
+        """Range of values for any test: ``low`` and ``high``."""
         return self.low, self.high
 
     def value(self, x: FloatArray, tested: Tested) -> FloatArray:
@@ -95,22 +95,22 @@ class Uniform:
 
 @dataclass(frozen=True)
 class OfAmplitude:
-    """Likewise: log-uniform from ``low`` times the smallest to ``high`` times the largest tested amplitude."""
+    """As `Uniform`, log-uniform from ``low`` times the smallest to ``high`` times the largest tested amplitude."""
 
     low: float
     high: float
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The prior in words."""
         return f"log-uniform from {self.low:g} times the smallest to {self.high:g} times the largest tested amplitude"
 
     @property
     def range(self) -> None:
-        """Set by the test."""
+        """None: the range depends on the test."""
 
     def value(self, x: FloatArray, tested: Tested) -> FloatArray:
-        """Exp(ln a + (ln b - ln a) Phi(x)) between a and b."""
+        """exp(ln a + (ln b - ln a) Phi(x)), from a to b."""
         low, high = np.log((self.low * tested.smallest, self.high * tested.largest))
         return np.asarray(np.exp(low + ndtr(x) * (high - low)))
 
@@ -120,10 +120,10 @@ class Shape:
     """One parameter of a force or an effect.
 
     Attributes:
-        name: as in files. unit: its dimension. switch: whether it is 0 or 1.
-        above: it is larger than this. least: it is not less than this. below: it is less than this.
-        default: its value in a file that does not name it; None where a file must.
-        prior: how it comes from a standard normal variable, where it is free in a law beside the coefficient.
+        name: as in files. unit: its dimension. switch: whether it is only 0 or 1.
+        above, least, below: bounds, value > above, value >= least and value < below.
+        default: value where a file does not name it; None where a file must.
+        prior: of a parameter that is free in a law, other than the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
     """
 
@@ -138,19 +138,19 @@ class Shape:
     switch: bool = False
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
-        """The parameter at standard normal ``x``. InputError: it has no prior, so no law can leave it free."""
+        """The parameter at standard normal ``x``. InputError: without a prior it cannot be free in a law."""
         if self.prior is None:
             raise InputError(f"the shape {self.name!r} of a force has no prior", expected="Shape(..., prior=...)")
         return self.prior.value(x, tested)
 
 
 def coefficient_in(unit: Dimension) -> Shape:
-    """The coefficient >= 0 that a force is proportional to."""
+    """The coefficient >= 0 to which a force is proportional."""
     return Shape("coefficient", unit, least=0.0)
 
 
 def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -> dict[str, float]:
-    """The values of ``table`` with the defaults of those it does not name; ``owner`` says whose, for messages.
+    """The values of ``table`` completed by defaults; ``owner``: name of the table in messages.
 
     Raises:
         InputError: a key that is unknown (the nearest known one is named) or missing.
@@ -169,7 +169,7 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
 def rescale(
     shapes: Iterable[Shape], table: Mapping[str, float], owner: str, force: float, length: float = 1.0
 ) -> dict[str, float]:
-    """The parameters of ``table`` where one unit of force is ``force`` new ones, and one of length ``length``.
+    """The parameters of ``table`` in new units, of which ``force`` make an old unit of force and ``length`` of length.
 
     A unit may depend on another parameter, as that of alpha |q'|^p on p.
     """

@@ -1,7 +1,6 @@
 """Parameters of an explanation, and the simulation corrected by it, ready to run.
 
-Posterior of the leading explanation's parameters: importance draws, then chains until they have settled.
-
+The posterior of the leading explanation's parameters comes from importance draws, then from chains run to convergence.
 The deviations of the sweeps are integrated out: the residuals are linear in them, with the robust weights of the fit.
 """
 
@@ -23,23 +22,23 @@ from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
 from damping.records.mode import Mode
 
-#: Draws from which intervals are taken; content of every interval of a diagnosis.
+#: Number of draws behind each interval; content of every interval of a diagnosis.
 _DRAWS = 400
 CONTENT = 0.9
-#: Distance from the middle of a prior, in standard deviations, and share of the largest strength, from which a best fit
-#: counts as one at the end of its range.
+#: A best fit is at the end of its range beyond this distance from the prior mean (in standard deviations), or beyond
+#: this share of the largest strength.
 _FAR = 2.5
 _FULL = 0.9
-#: Effects whose shape has at its upper end another form of theirs: a compression of large power is a hard clip.
+#: Effects whose shape tends, at its upper end, to another of their forms: a compression of large power is a hard clip.
 _CLIPS = {"sensor-saturation"}
-#: Share of a simulated damping force below which it counts as none: it is known to a tolerance of this order at best.
+#: A simulated damping force below this share of itself counts as absent: its tolerance is of this order at best.
 _GONE = 0.05
-#: What an effect of one sweep or state acts on where it is not the readings or the force, by a parameter that it has.
+#: Target of an effect of one sweep or state other than readings and force, by the parameter that identifies it.
 _ACTS_ON = {"frequency": "frequency", "lag": "phases"}
 
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
-    """Relative corrections of the simulation's parameters at a fit, by name; those an effect replaced left out."""
+    """Relative corrections of the simulation's parameters at a fit, by name, without those that an effect replaces."""
     simulation = fit.model.problem.simulation
     replaced = {part.form.replaces for part in fit.model.parts} | {*simulation.swept}
     x = fit.y[: len(simulation.names)]
@@ -57,46 +56,46 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
 
 
 def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Parameters of every effect, and in words what one of a single place acts on, such as ``force of sweep B``."""
+    """Parameters of every effect; for effects of one sweep or state also their target, such as ``force of sweep B``."""
     sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
-    for effect, own in values.items():
-        of = "state" if "state" in own else "sweep"
-        number = int(own.get("state", own.pop("sweep", 0.0)))
+    for effect, table in values.items():
+        unit = "state" if "state" in table else "sweep"
+        number = int(table.get("state", table.pop("sweep", 0.0)))
         if number:
-            forced = own.pop("force", 0.0) > 0.0
-            other = "force" if forced else "readings"
-            what = next((word for name, word in _ACTS_ON.items() if name in own), other)
-            places[effect] = f"{what} of {of} {number if of == 'state' else sweeps[number - 1]}"
+            forced = table.pop("force", 0.0) > 0.0
+            default = "force" if forced else "readings"
+            target = next((word for name, word in _ACTS_ON.items() if name in table), default)
+            places[effect] = f"{target} of {unit} {number if unit == 'state' else sweeps[number - 1]}"
     return values, places
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:
-    """Intervals of the parameters of every effect of a fit and of its ``simulation``, of `CONTENT`, from its posterior.
+    """Intervals, of content `CONTENT`, of the parameters of every effect of a fit and of its ``simulation``.
 
-    It is taken to be Gaussian. Parameters that are not free (which sweep it is) have none.
+    The posterior is taken to be Gaussian. Parameters that are not free (the number of a sweep) have no interval.
     """
     draws = np.random.default_rng(0).multivariate_normal(fit.y, fit.covariance, size=_DRAWS, method="cholesky")
     intervals: dict[str, dict[str, tuple[float, float]]] = {name: {} for name in (*fit.effects, "simulation")}
     tail = 0.5 - 0.5 * CONTENT
     for key, drawn in parameters(fit, draws).items():
         if np.ptp(drawn) > 0.0:
-            of, name = key.split(": ")
-            intervals[of][name] = float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail))
+            effect, name = key.split(": ")
+            intervals[effect][name] = float(np.quantile(drawn, tail)), float(np.quantile(drawn, 1.0 - tail))
     return intervals
 
 
 def is_gone(values: Mapping[str, float]) -> bool:
-    """Whether an effect with these parameters leaves nothing of the simulated force that it corrects."""
+    """Whether an effect with these parameters all but removes the simulated force that it corrects."""
     return values.get("relative", 0.0) < _GONE - 1.0
 
 
 def list_ends(fit: ModelFit) -> list[str]:
-    """Effects of a fit whose best values lie at the end of what was thought possible, in words."""
+    """Effects of a fit whose best values lie at the end of their prior range, in words."""
     ends = []
     for part, x in fit.model.own_variables(fit.y[np.newaxis]):
         strength, shapes = float(part.values(x)[0][0, 0]), x[0, 1:]
-        far = np.maximum(-shapes, 0.0 if part.form.effect in _CLIPS else shapes)
-        if strength > _FULL * part.form.largest or np.any(far > _FAR):
+        distance = np.maximum(-shapes, 0.0 if part.form.effect in _CLIPS else shapes)
+        if strength > _FULL * part.form.largest or np.any(distance > _FAR):
             ends.append(
                 f"{part.form.effect} fits best at the end of what it may be: its values are limits, no estimates"
             )
@@ -104,9 +103,9 @@ def list_ends(fit: ModelFit) -> list[str]:
 
 
 def describe_gain(fit: ModelFit) -> list[str]:
-    """What a gain error of the sensor cannot be told from, in words: g F/|Z(M)| is F/|Z(M/g)| if all of Z goes with M.
+    """Caution: a gain g of the sensor reads as a wrong mass, g F/|Z(M)| = F/|Z(M/g)| where Z is proportional to M.
 
-    Not where masses were added, which do not go with it, or where the simulation is the user's own.
+    None where masses were added, which break the proportion, or where a user's function is the simulation.
     """
     simulation, gain = fit.model.problem.simulation, effect_values(fit).get("amplitude-scale")
     if gain is None or simulation.simulator is not None or np.any(fit.model.problem.rows.added):
@@ -123,10 +122,7 @@ def describe_gain(fit: ModelFit) -> list[str]:
 
 
 def describe_shortfall(fit: ModelFit) -> list[str]:
-    """What readings that saturate cannot be told from, in words: g F/|Z| of a linear mode is that of the force g F.
-
-    Not where the force was measured.
-    """
+    """Caution: saturated readings g F/|Z| of a linear mode read as a force g F. None where the force was measured."""
     if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
         return []
     return [
@@ -135,12 +131,12 @@ def describe_shortfall(fit: ModelFit) -> list[str]:
     ]
 
 
-@np.errstate(all="ignore")  # a value at the end of its range may overflow where a law is turned into others
+@np.errstate(all="ignore")  # a value at the end of its range may overflow when a law is converted
 def corrected_mode(fit: ModelFit) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
-    Damping forces go to ``damping`` (beside one of the same name, its coefficients add; one of which nothing is left is
-    removed), corrected parameters take the place of the nominal ones, everything else goes to ``effects``.
+    Damping forces go to ``damping``: coefficients of forces of one name add, and a force that cancels is removed.
+    Corrected parameters replace the nominal ones. Everything else goes to ``effects``.
     """
     mode = fit.model.problem.simulation.mode
     relative = refitted_values(fit)
@@ -155,19 +151,19 @@ def corrected_mode(fit: ModelFit) -> Mode:
         else:
             others[name] = values
     damping = {name: dict(table) for name, table in mode.damping.items()}
-    for name, table in damping.items():  # the leading coefficient changed by a share of itself
+    for name, table in damping.items():
         table[next(iter(table))] *= 1.0 + relative.get(name, 0.0)
     if any("instead" in values for values in effect_values(fit).values()):
         damping.pop(Viscous.name, None)
-    for name, own in added.items():
-        leading, *rest = (parameter for parameter in own if parameter != "relative")
-        whole = own[leading] + damping.get(name, {}).get(leading, 0.0)
-        damping[name] = {leading: whole} | {parameter: own[parameter] for parameter in rest}
-        if is_gone(own):
+    for name, law in added.items():
+        leading, *rest = (parameter for parameter in law if parameter != "relative")
+        total = law[leading] + damping.get(name, {}).get(leading, 0.0)
+        damping[name] = {leading: total} | {parameter: law[parameter] for parameter in rest}
+        if is_gone(law):
             del damping[name]
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
-    if slip := damping.get("slip"):  # no joint loses more than there is
+    if slip := damping.get("slip"):  # a joint cannot lose more stiffness than the mode has
         slip["stiffness"] = min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
 
@@ -179,7 +175,7 @@ class EffectPosterior:
     Attributes:
         names: parameters as ``effect: parameter`` (``simulation: parameter``: relative to nominal).
         draws: (draws, names).
-        log_evidence: with its Monte Carlo standard error, by importance sampling. chains: the run and its convergence.
+        log_evidence, standard_error: by importance sampling. chains: the run and its convergence.
     """
 
     names: tuple[str, ...]
@@ -189,21 +185,21 @@ class EffectPosterior:
     chains: Chains
 
 
-@np.errstate(all="ignore")  # draws are impossible models too, whose density is zero
+@np.errstate(all="ignore")  # some draws are impossible models, of density zero
 def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
-    """Sample the parameters of an explanation (those of the simulation where there is none)."""
+    """Sample the parameters of an explanation, or of the simulation where no effect is blamed."""
     density = partial(log_density, leading)
-    k = leading.model.size
-    start = importance(density, leading.y[:k], leading.covariance[:k, :k], seed)
-    target = Target(density, k, partial(parameters, leading))
+    variables = leading.model.size
+    start = importance(density, leading.y[:variables], leading.covariance[:variables, :variables], seed)
+    target = Target(density, variables, partial(parameters, leading))
     chains = run(target, start, seed)
-    values = parameters(leading, chains.x.reshape(-1, k))
+    values = parameters(leading, chains.x.reshape(-1, variables))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)
 
 
 def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
-    """ln of likelihood times N(x; 0, 1), the deviations of sweeps integrated out; x (points, variables)."""
+    """ln of likelihood times N(x; 0, 1), deviations of sweeps integrated out, (points,); x (points, variables)."""
     return by_blocks(lambda points: _log_density(leading, x[points]), len(x), len(leading.weights))
 
 
@@ -213,8 +209,8 @@ def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     replaced = {part.form.replaces for part in leading.model.parts} | {*simulation.swept}
     relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
     drawn = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
-    for part, own in leading.model.own_variables(x):
-        reported = part.form.report(*(value[:, 0] for value in part.values(own)))
+    for part, variables in leading.model.own_variables(x):
+        reported = part.form.report(*(value[:, 0] for value in part.values(variables)))
         drawn |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}
     return drawn
 

@@ -11,7 +11,7 @@ from damping.effects.contract import Terms
 from damping.gap.model import Problem
 from damping.gap.rows import UNSEEN, Rows
 
-#: Rows of a sweep.
+#: Rows of a proposed sweep.
 _POINTS = 40
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
@@ -23,11 +23,11 @@ THIRD = ("amplitude_3", "phase_3")
 
 @dataclass(frozen=True)
 class ProposedTest:
-    """A test that could be made next: what it is, why it tells, the columns that it fills beside those of a sweep.
+    """A test that could be made next: ``what`` it is, ``why`` it discriminates, ``columns`` beside those of a sweep.
 
-    ``width`` of the sweep over that of the record, 0 for the vicinity of resonance; ``factor`` on the highest force, or
-    on the ``lowest``; ``heavier``: added mass over the modal mass. ``channel``: a further one that is measured.
-    ``change`` is what it does to the terms of any hypothesis.
+    ``width``: of the sweep over that of the record, 0 for the vicinity of resonance. ``factor``: on the highest force,
+    or on the ``lowest``. ``heavier``: added mass over the modal mass. ``channel``: further channel that is measured.
+    ``change``: change of the terms of any hypothesis in this test.
     """
 
     what: str
@@ -41,19 +41,19 @@ class ProposedTest:
     change: Callable[[Terms], Terms] = lambda terms: terms
 
     def joins(self, other: "ProposedTest") -> bool:
-        """Whether both can be rows of one table: what changes the terms changes them for all rows."""
+        """Whether both can be rows of one table: a change of the terms holds for all rows."""
         return "sweep_rate" not in {*self.columns, *other.columns}
 
     def plan(self, problem: Problem) -> Rows:
-        """Its rows, after those of the record, with the amplitudes of the sweep run again as far from its resonance.
+        """The rows of the test, taken after the record, with amplitudes of the repeated sweep at equal detuning.
 
-        A further channel has the noise that it has in the record; else that of the smallest amplitudes, or of `FLOOR`.
+        A further channel has its noise in the record; else that of the smallest amplitudes, or `FLOOR`.
         """
-        rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales  # the state that is added to
+        rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales
         level = rows.level.min() if self.lowest else rows.level.max()
         again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
         reach, middle = self.width * max(scales.reach, 4.0 * scales.bandwidth), 1.0
-        if not self.width:  # about the resonance of that level, which a spring that is not linear moves
+        if not self.width:  # about the resonance of that level, which a nonlinear spring moves
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
             middle = float(again.omega[np.argmax(again.u)]) / scales.omega_n
         band = middle * (1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8))
@@ -89,7 +89,7 @@ class ProposedTest:
 
 
 def _with_third(design: ProposedTest) -> ProposedTest:
-    """The same with the third harmonic."""
+    """A test with the third harmonic measured too."""
     return replace(
         design,
         what=f"{design.what}, with the third harmonic of the displacement",
@@ -100,7 +100,7 @@ def _with_third(design: ProposedTest) -> ProposedTest:
 
 
 def _add_mass(share: float) -> ProposedTest:
-    """A second state, at a force that was tested in the first: at another one nothing tells the force from the mass."""
+    """A second state, at a force tested in the first: at another force, errors of force and mass read alike."""
     return ProposedTest(
         f"a second state with a known mass of {share:.0%} of the modal mass added",
         "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",

@@ -1,4 +1,4 @@
-"""The diagnosis of one record: every question in turn, one result."""
+"""The diagnosis of a record: hypotheses are searched, weighed and doubted, and the answers form one result."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,30 +44,30 @@ from damping.gap.where import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Standard errors of the spread (0.8/sqrt(n)) above noise from which all are compared with more noise; most times.
+#: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
-#: With fewer rows, noise that is not stated is not made larger by what the best explanation leaves.
+#: With fewer rows, noise that is not stated is not enlarged to the residuals of the best explanation.
 FEW_ROWS = 40
-#: Times that noise which is not stated is taken from what the leading explanation leaves, at most.
+#: Most times that noise which is not stated is estimated anew from the residuals of the leading explanation.
 MOST_NOISES = 3
-#: Explanations by several effects, the most probable with one noise, that are fitted with the next one too.
+#: Most probable explanations by several effects at one noise estimate that are fitted at the next one too.
 MOST_CARRIED = 8
 
 
 @dataclass(frozen=True)
 class Explained:
-    """What effects can explain of a gap, before anything is said of it.
+    """The weighed hypotheses about a gap.
 
     Attributes:
-        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. setting: how noise and
-            repeatability were taken. search: finished.
+        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. setting: noise and repeatability as
+            taken. search: the finished search.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
-        tests: directed tests of what the leading hypothesis leaves. doubts: see `weighing.describe_doubts`.
-        in_library: chance that the library holds the cause at all. unexplained: more than noise is left;
-            ``unexplained_rows``: in the rows, and not only in how the levels scatter. understated: how the rows scatter
-            where the noise is stated too small and that is all that is left; there the chance is that of causes beside.
-        imitations: explanations by causes without a name that the record does not tell from the leading one.
+        tests: directed tests of the leading hypothesis's residuals. doubts: see `weighing.describe_doubts`.
+        in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
+        unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
+            the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
+        imitations: explanations by causes outside the library that the record does not tell from the leading one.
         cautions: what the record cannot say. states, simulate: see `explain`.
     """
 
@@ -96,21 +96,21 @@ class Explained:
 
     @property
     def corrected(self) -> Mode:
-        """The simulation corrected by the leading hypothesis, as it stands beside these records."""
+        """The simulation corrected by the leading hypothesis, in the units of these records."""
         corrected = corrected_mode(self.leading.best)
         return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
 
 
 @dataclass(frozen=True)
 class Diagnosis(Explained):
-    """Everything that is said of a gap.
+    """The complete diagnosis of a gap.
 
     Attributes:
-        explanations: the shortest list of the most probable hypotheses that reaches ``COVER``.
+        explanations: the most probable hypotheses, as few as reach ``COVER``.
         groups: effects that cannot be told apart.
-        levels: deviations of the sweeps that were taken as repeatability. gap, where, footprint, held_out: see the
-            modules of those names. local: estimates by amplitude, with the trends of damping and frequency (None where
-            they cannot be seen).
+        levels: deviations of the sweeps that were taken as repeatability. gap, held_out: see `damping.gap.size`. where,
+            footprint: see `damping.gap.where`. local: estimates by amplitude, with the trends of damping and frequency
+            (None where they cannot be seen).
     """
 
     explanations: tuple[Explanation, ...]
@@ -126,7 +126,7 @@ class Diagnosis(Explained):
 
     @cached_property
     def next_tests(self) -> tuple[NextTest, ...]:
-        """Candidate tests, the one that tells the explanations apart best first; none where none is needed."""
+        """Candidate tests, the most discriminating first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
         columns = self.record.frame.columns
         return rank_tests(
@@ -135,11 +135,11 @@ class Diagnosis(Explained):
 
     @property
     def next_test(self) -> NextTest | None:
-        """The first of the candidate tests where it is expected to settle the case; else None."""
+        """The first candidate test if it is expected to settle the case; else None."""
         return next((test for test in self.next_tests[:1] if test.probability >= weighing.COVER), None)
 
 
-@np.errstate(all="ignore")  # a search passes through impossible models, which what it gives says
+@np.errstate(all="ignore")  # a search passes through impossible models; their results are not finite
 def explain(
     record: Record,
     mode: Mode,
@@ -155,8 +155,8 @@ def explain(
         effects: the library, by name; all of `CATALOGUE` where not given.
         states: records of further states of the structure with their modes; effects are shared.
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
-        brief: whether it is enough to know that more than noise is left and that the chance of a cause in the library
-            is below ``KNOWN``, where both are so: causes that have no name only lessen it, and are then not weighed.
+        brief: skip causes outside the library where more than noise is left and the probability of a cause in the
+            library is already below ``KNOWN``; weighing them could only lower it.
 
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
@@ -169,9 +169,9 @@ def explain(
     (record, mode), *states = driven.states
     refuse_rows(driven.states)
     stated = mode
-    if simulate is not None:  # the simulated damping is its own; the viscous part alone stands for it
-        own = {name: table for name, table in mode.damping.items() if name == Viscous.name}
-        mode = replace(mode, damping=own)
+    if simulate is not None:  # the user's function has its damping; the viscous part of the mode stands for it
+        viscous = {name: table for name, table in mode.damping.items() if name == Viscous.name}
+        mode = replace(mode, damping=viscous)
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     if rows.at_resonance and not mode.damping and simulate is None:
@@ -191,20 +191,20 @@ def explain(
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
     by_scatter = readings.stands_above(understated, leading.best)
-    dispersion, left = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
+    dispersion, rest = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
     enough = brief and (in_rows or of_levels)
-    outside, imitations, doubts, beyond, in_library = weigh_library(search, hypotheses, tests, dispersion, left, enough)
+    outside, imitations, doubts, beyond, in_library = weigh_library(search, hypotheses, tests, dispersion, rest, enough)
     cautions += describe_outside(outside, leading)
     if weighing.hides_state(leading.best):
         in_library = min(in_library, weighing.UNCONFIRMED)
         cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
     blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
     weighed = weighing.order_by_probability(blended)
-    found = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
-    return Explained(record, mode, *found, imitations, tuple(cautions), tuple(states), simulate, driven.unit)
+    results = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
+    return Explained(record, mode, *results, imitations, tuple(cautions), tuple(states), simulate, driven.unit)
 
 
-@np.errstate(all="ignore")  # as above
+@np.errstate(all="ignore")  # as for `explain`
 def diagnose(
     record: Record,
     mode: Mode,
@@ -214,7 +214,7 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose the gap between a simulation and a record; arguments and errors as of `explain`.
 
-    Beside what effects explain: doubts, levels held out, places, trends.
+    Adds doubts, levels held out, places and trends to what `explain` finds.
     """
     explained = explain(record, mode, effects, states, simulate)
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
@@ -252,27 +252,27 @@ def diagnose(
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
     """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
 
-    Where even the best explanation misses by more than noise, all are compared once more with noise as large as what it
-    leaves: among explanations of which none is the whole truth the one that leaves least is sought, not the one that
+    Where even the best explanation misses by more than noise, all are compared again with noise enlarged to its
+    residuals. If no explanation is the whole truth, the one with the smallest residuals should lead, not one that
     happens to agree with a part of the rows.
     """
     known, search = _with_noise(start, effects)
     if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
-        return known, search  # what so few rows leave open of the noise is wide enough
+        return known, search  # the noise prior of so few rows is wide enough
     for _ in range(MOST_DISPERSIONS):
         r = search.ranked()[0].best.measured
-        rest = spread(r)
-        if rest < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
+        excess = spread(r)
+        if excess < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break
-        known = replace(known, dispersion=known.dispersion * rest)
-        search = search.again(known.problem, known.unknowns, larger=rest**2)
+        known = replace(known, dispersion=known.dispersion * excess)
+        search = search.again(known.problem, known.unknowns, larger=excess**2)
     return known, search
 
 
 def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the noise as stated; else with that of what its own leading explanation leaves, until it stands.
+    """A search with the stated noise; else with noise from its leading explanation's residuals, iterated to stability.
 
-    It begins with the noise that the simulation alone leaves, too large of a wrong one, then of the best single effect.
+    The first estimate is from the simulation alone, too large if that is wrong; the next from the best single effect.
     """
     if start.noise_known:
         return start, Search(start.problem, effects, start.unknowns).run()

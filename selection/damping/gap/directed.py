@@ -1,20 +1,19 @@
-"""Is there more than noise left? Directed tests (Rao 1948) of what a fit leaves, and free-form curves that show it.
+"""Directed tests (Rao 1948) for more than noise in the residuals of a fit, and free-form curves that show it.
 
-Each test asks whether a free-form addition to the fitted model, with a handful of linear coefficients a, improves it:
-with the columns D of the change of the residuals r, freed of what the fitted variables can do,
+Each test asks whether a free-form addition to the fitted model, with a few linear coefficients a, improves it. With
+columns D, the change of the residuals r by a, projected free of the fitted variables,
 
     2 gain = g^T M^-1 g,   g = D^T W r,   M = D^T W D - D^T W J H^-1 J^T W D,
 
-which for noise alone is chi-square with as many degrees of freedom as coefficients. Families: stiffness k(A) and
+which under noise alone is chi-square with as many degrees of freedom as coefficients. Families: stiffness k(A) and
 damping c(A); a second path, any smooth complex function of frequency; gain and phase of the instrument with amplitude
 or with frequency; drift in the order of measurement. Two tests have no columns: of windows of frequency (a local
 disturbance) and of neighbours.
 
-What is missing, in free form: natural frequency and damping over amplitude as the record has them beside a fit.
-
-Both are those of the fit and quadratic splines of ln A, to first order; the coefficients are a = -M^-1 g with
-covariance M^-1, and the fitted variables y move with them, by -K a with K = H^-1 J^T W D: a curve c(y) + B a changes
-by B - c'(y) K with a. What a variable and a spline can both do is then no doubt about the curve.
+The free-form curves are natural frequency and damping over amplitude: those of the fit plus quadratic splines of ln A,
+to first order. The coefficients are a = -M^-1 g with covariance M^-1. The fitted variables y move with them by -K a,
+K = H^-1 J^T W D, so a curve c(y) + B a changes by B - c'(y) K with a. A change that a variable and a spline can both
+make therefore adds no uncertainty to the curve.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,9 +27,9 @@ from damping.effects.contract import Effect
 from damping.gap.fit import ModelFit, decorrelate
 from damping.gap.unknowns import CLIP
 
-#: Probability, under noise alone, of the smallest p-value times the number of tests below which an alarm is given.
+#: An alarm is given where the smallest p-value under noise alone, times the number of tests, is below this.
 ALARM = 0.003
-#: Most missing forces that an explanation may name and still count as one.
+#: Most missing forces that an explanation may blame; more can imitate a law that is not in the library.
 MOST_FORCES = 2
 #: Splines of stiffness, and of damping, with amplitude.
 SPLINES = 6
@@ -38,11 +37,11 @@ SPLINES = 6
 _WINDOWS = (4, 8, 16)
 #: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
 FREE = "stiffness and damping with amplitude"
-#: Combinations of splines that the record determines to less than this share of the best determined one are left out,
-#: and where they make more than a tenth of a curve none is drawn.
+#: Spline combinations with less than this share of the information of the best determined one are left out; no curve
+#: is drawn where they make more than a tenth of it.
 _SEEN = 1e-4
 _MOST_UNSEEN = 0.1
-#: Step of a fitted variable, whose prior has the standard deviation 1, by which the slope of a curve is taken.
+#: Step of a fitted variable (prior standard deviation 1) for the slope of a curve.
 _STEP = 1e-4
 _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 
@@ -51,7 +50,7 @@ _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 class Test:
     """One test: what it looks for, its chi-square gain, degrees of freedom, and probability under noise alone."""
 
-    __test__ = False  # no test case
+    __test__ = False  # not a pytest class
 
     name: str
     gain: float
@@ -60,20 +59,20 @@ class Test:
 
 
 def directed_tests(fit: ModelFit) -> list[Test]:
-    """All tests of what a fit leaves, in no order."""
-    own = _whiten(fit)
-    tests = [_linear(own, name, _whiten_columns(columns, fit)) for name, columns in list_columns(fit).items()]
-    return [*tests, _windows(own), _neighbours(own)]
+    """All tests of the residuals of a fit, in no particular order."""
+    white = _whiten(fit)
+    tests = [_linear(white, name, _whiten_columns(columns, fit)) for name, columns in list_columns(fit).items()]
+    return [*tests, _windows(white), _neighbours(white)]
 
 
 def _whiten(fit: ModelFit) -> ModelFit:
-    """The fit with residuals and Jacobian freed of the correlation of neighbours, as its covariance is."""
+    """The fit with residuals and Jacobian decorrelated along sweeps, as its covariance is."""
     r, J = (decorrelate(part, fit.model, fit.model.scatter.correlation)[0] for part in (fit.r, fit.J))
     return replace(fit, r=r, J=J)
 
 
 def _whiten_columns(D: FloatArray, fit: ModelFit) -> FloatArray:
-    """Columns (coefficients, m) freed of that correlation too."""
+    """Columns (coefficients, m) decorrelated along sweeps."""
     return decorrelate(D.T, fit.model, fit.model.scatter.correlation)[0].T
 
 
@@ -85,7 +84,7 @@ def smallest_p(tests: Sequence[Test]) -> float:
 def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     """``size`` quadratic B-splines over the range of x with knots at its quantiles, (size, n); they add to 1.
 
-    ``at``: where they are taken, x itself if not given.
+    ``at``: points of evaluation, x if not given.
     """
     inner = np.quantile(x, np.linspace(0.0, 1.0, size - 1))
     span = max(float(np.ptp(x)), 1e-12)
@@ -96,9 +95,9 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     values = [np.ones(len(place))]
     for degree in (1, 2):  # Cox and de Boor; scipy.interpolate takes a fifth of a second to import
         raised = [np.zeros(len(place))]
-        for k, own in enumerate(values):
+        for k, spline in enumerate(values):
             low, high = knots[interval + k + 1 - degree], knots[interval + k + 1]
-            share = own / np.maximum(high - low, np.finfo(float).tiny)  # 0 between knots at one place
+            share = spline / np.maximum(high - low, np.finfo(float).tiny)  # 0 between coincident knots
             raised[k] = raised[k] + share * (high - place)
             raised.append(share * (place - low))
         values = raised
@@ -108,7 +107,7 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
 
 
 def motion(fit: ModelFit) -> FloatArray:
-    """ln amplitudes at which the fit takes its predictions: the columns must not know the noise of the residuals."""
+    """ln amplitudes at which the fit takes its predictions, so that columns are free of the noise of the residuals."""
     return fit.model.problem.rows.u if fit.model.at is None else fit.model.at
 
 
@@ -118,7 +117,7 @@ def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
 
 
 def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
-    """Columns of every family at a fit, (coefficients, m): how its additions change the residuals."""
+    """Columns of every family at a fit, (coefficients, m): derivatives of the residuals by its coefficients."""
     rows, residuals = fit.model.problem.rows, fit.model.residuals(fit.y[np.newaxis])
     columns, by_frequency = residuals.sensitivity.columns, residuals.prediction.by_frequency
     of_amplitude = basis(motion(fit), SPLINES)
@@ -126,8 +125,8 @@ def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
     compliance = basis(rows.omega, 7) * np.exp(np.log(rows.F) - residuals.prediction.P)
     gain = basis(motion(fit), 4)
     within = np.zeros(len(rows))
-    for own in rows.runs:
-        within[own] = (rows.time[own] - rows.time[own].mean()) / max(float(np.ptp(rows.time[own])), 1e-9)
+    for run in rows.runs:
+        within[run] = (rows.time[run] - rows.time[run].mean()) / max(float(np.ptp(rows.time[run])), 1e-9)
     time = np.stack([rows.time, within])  # over the record and within sweeps
     return {
         "stiffness with amplitude": stiffness,
@@ -142,7 +141,7 @@ def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
 
 
 def information(fit: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """M and g of columns D (coefficients, m): what the residuals say of them beside the fitted variables."""
+    """M and g of columns D (coefficients, m): their information and gradient beside the fitted variables."""
     W = fit.weights
     weighted = fit.J * W[:, np.newaxis]
     along = D @ weighted
@@ -156,23 +155,23 @@ def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
     seen = norms > 1e-9 * norms.max()
     M, g = information(fit, D[seen] / norms[seen, np.newaxis])
     values, vectors = np.linalg.eigh(M)
-    seen = values > 1e-4  # what the fitted variables can do all but wholly is no addition
+    seen = values > 1e-4  # the fitted variables can do nearly all of the rest
     gain = float(np.sum((vectors[:, seen].T @ g) ** 2 / values[seen]))
     freedom = int(seen.sum())
     return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
 def _windows(fit: ModelFit) -> Test:
-    """The most disturbed window of frequency over all sweeps; window sums are about normal."""
+    """The most disturbed window of frequency over all sweeps; window sums are nearly normal."""
     rows = fit.model.problem.rows
     quantities = 1 + rows.has_phase
     x = np.linspace(-8.0, 8.0, 4001)
     p = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * (x[1] - x[0])
     clipped = np.minimum(x * x, CLIP**2)
-    mean = float(p @ clipped)  # of clipped squares under noise, with their standard deviation
+    mean = float(p @ clipped)  # of clipped squares under noise
     sd = float(np.sqrt(p @ clipped**2 - mean**2))
     squares = np.minimum(fit.r**2, CLIP**2)[: quantities * len(rows)]
-    # noise that is larger in some rows than in others is no local disturbance: their spread is that of all rows
+    # noise that is larger in some rows is no local disturbance: mean and spread are at least those of all rows
     excess = (squares - max(mean, squares.mean())) / max(sd, squares.std())
     excess = excess.reshape(-1, len(rows)).sum(axis=0)
     excess = excess[np.argsort(rows.omega)]
@@ -188,7 +187,7 @@ def _windows(fit: ModelFit) -> Test:
 
 
 def _neighbours(fit: ModelFit) -> Test:
-    """Whether neighbours along a sweep deviate alike."""
+    """Whether residuals of neighbours along a sweep are positively correlated."""
     rows = fit.model.problem.rows
     r = np.clip(fit.r, -CLIP, CLIP).reshape(-1, len(rows))
     same = rows.sweep[1:] == rows.sweep[:-1]
@@ -198,11 +197,11 @@ def _neighbours(fit: ModelFit) -> Test:
 
 
 def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
-    """Whether a fit leaves more than noise, or leaves none only by being a curve of free form itself.
+    """Whether a fit leaves more than noise, or avoids it only by being a free-form curve itself.
 
-    It does where some test is below ``ALARM``, all of them taken together, or too many points are wild. It is where it
-    needs more than ``MOST_FORCES`` missing forces at once: they can bend into the law of one that the library does not
-    have.
+    It leaves more where the smallest p-value of all tests together is below ``ALARM``, or too many points are wild. It
+    is a free-form curve with more than ``MOST_FORCES`` missing forces: together they can imitate a law that is not in
+    the library.
     """
     forces = sum(effects[name].kind == "force" for name in fit.effects)
     return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.many_wild
@@ -210,7 +209,7 @@ def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effe
 
 @dataclass(frozen=True)
 class FreeForm:
-    """Natural frequency (Hz) and damping ratio over amplitude A, (n,), and their sds; NaN where nothing tells them."""
+    """Natural frequency (Hz) and damping ratio over amplitude A, (n,), and their sds; NaN where undetermined."""
 
     A: FloatArray
     frequency: FloatArray
@@ -220,7 +219,7 @@ class FreeForm:
 
 
 def free_form(fit: ModelFit, trace: Callable[[ModelFit, FloatArray], FloatArray]) -> FreeForm:
-    """The curves of free form beside a fit, at amplitudes of the record.
+    """The free-form curves beside a fit, over the amplitudes of the record.
 
     ``trace``: natural frequency and damping ratio (2, n) of a fit at amplitudes (n,).
     """
@@ -234,14 +233,14 @@ def free_form(fit: ModelFit, trace: Callable[[ModelFit, FloatArray], FloatArray]
     settled = fit.covariance @ (weighted.T @ white.r + fit.y)
     at = np.linspace(u.min(), u.max(), _DRAWN)
     A, B = np.exp(at), basis(u, SPLINES, at).T
-    own, parts = trace(fit, A), []
-    moved = [trace(replace(fit, y=fit.y + step), A) - own for step in _STEP * np.eye(len(fit.y))]
+    curves, parts = trace(fit, A), []
+    moved = [trace(replace(fit, y=fit.y + step), A) - curves for step in _STEP * np.eye(len(fit.y))]
     slopes = np.moveaxis(np.array(moved), 0, -1) / _STEP
-    of_splines = np.hstack([own[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
-    for curve, slope, added in zip(own, slopes, of_splines, strict=True):
+    of_splines = np.hstack([curves[0, :, np.newaxis] * B, 0.0 * B]), np.hstack([0.0 * B, B])
+    for curve, slope, added in zip(curves, slopes, of_splines, strict=True):
         by = added - slope @ follow
         sd = np.sqrt(np.sum((by @ covariance) * by, axis=1) + np.sum((slope @ fit.covariance) * slope, axis=1))
         unseen = np.sum((by @ vectors[:, ~seen]) ** 2, axis=1) > _MOST_UNSEEN * np.sum(by**2, axis=1)
-        found = curve - slope @ settled - by @ covariance @ g
-        parts += [np.where(unseen, np.nan, value) for value in (found, sd)]
+        estimate = curve - slope @ settled - by @ covariance @ g
+        parts += [np.where(unseen, np.nan, value) for value in (estimate, sd)]
     return FreeForm(A, *parts)

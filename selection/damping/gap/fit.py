@@ -1,7 +1,7 @@
 """Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
 
 The weights are those of expectation maximisation for noise with wild points (`damping.gap.wild`; Dempster, Laird and
-Rubin 1977), the steps those of Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standard
+Rubin 1977). The steps are those of Marquardt (1963). The evidence is Laplace's (Kass and Raftery 1995): with standard
 normal priors on every variable
 
     ln Z = ln p(data | y) - |y|^2/2 - ln det(H)/2,   H = J^T W J + 1 at the mode.
@@ -16,27 +16,27 @@ from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
 from damping.gap.wild import WILD_WEIGHT, find_pattern, log_likelihood, robust_weights
 
-#: Most steps; decrease of -ln(posterior) at which a fit has settled; the same as a share of what it is too large: for a
-#: first look, which finds the same modes as a hundredth of it would, and where predictions are taken at the motion.
+#: Most steps. A fit has converged where -ln(posterior) decreases by less than this, plus a share of its excess over
+#: noise: for first fits, which find the same modes as at a hundredth of that share, and for polished ones.
 _MOST_STEPS = 40
 _SETTLED = 0.01
 _ROUGHLY = 1e-2
 _FINELY = 1e-3
-#: A step that promises less in ln p is not made; damping after one that was bad, at least: less changes nothing; and
-#: damping at which nothing better is near.
+#: Least promised gain in ln p of a step; least damping after a bad step, since less changes nothing; damping at which a
+#: fit stops.
 _NOTHING = 1e-3
 _DAMPED = 0.1
 _STUCK = 1e3
-#: Median residual, over that of noise, from which a fit is far off.
+#: Robust scale of the residuals, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
-#: So many of the starts are tried, those that begin best; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on.
+#: Number of starts tried, those of least cost; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on,
 _TRIED = 4
 _PATIENCE = 5
 _SURVIVORS = 2
-#: ... those whose cost is at most this factor, and whose ln p is at most this difference, from the best.
+#: ... whose cost is at most the best times the first plus the second; the second also bounds ln p behind the best mode.
 _HOPELESS = 1.3
 _BEHIND = 15.0
-#: Standard deviations of a variable by which fits of the same parts differ, at least.
+#: Least difference of two modes of the same parts, in standard deviations of a variable.
 _DIFFERENT = 0.5
 
 
@@ -45,9 +45,9 @@ class ModelFit:
     """A mode of the posterior of a model.
 
     Attributes:
-        model: what was fitted. y: variables at the mode (size + 2 sweeps,). r: residuals (m,), J: Jacobian (m, .),
-        weights (m,): robust weights, 1 for a regular point. log_posterior, log_evidence: natural logarithms.
-        covariance: of y. log_likelihood: without the prior.
+        model: what was fitted. y: variables at the mode (size + 2 sweeps,). r: residuals (m,). J: Jacobian (m, .).
+        weights: robust weights (m,), 1 for a regular point. log_posterior, log_evidence: natural logarithms.
+        covariance: of y.
     """
 
     model: Model
@@ -66,12 +66,12 @@ class ModelFit:
 
     @property
     def measured(self) -> FloatArray:
-        """The residuals of what was measured: the others are zero and say nothing."""
+        """Residuals of measured values; those of others are zero."""
         return self.r[self.model.problem.rows.seen]
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom left, at least 1: measured values less the variables that they, not priors, determine."""
+        """Residual degrees of freedom, at least 1: measured values less variables that data, not priors, determine."""
         return max(self.measured.size - len(self.y) + float(np.trace(self.covariance)), 1.0)
 
     @property
@@ -81,20 +81,20 @@ class ModelFit:
 
     @cached_property
     def wild_pattern(self) -> str:
-        """In words where wild values lie that are no stray readings; empty where they may be."""
+        """Where wild values lie that cannot be stray readings, in words; empty where all may be."""
         rows, noise = self.model.problem.rows, self.model.scatter.factor
         return find_pattern(rows, self.r, self.wild, noise * rows.sd_amplitude) if self.wild.any() else ""
 
     @property
     def many_wild(self) -> bool:
-        """Whether values are taken for wild that are no stray readings."""
+        """Whether some wild values cannot be stray readings."""
         return bool(self.wild_pattern)
 
 
 def fit_model(
     model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None
 ) -> list[ModelFit]:
-    """Distinct modes reached from starts x (starts, size), best first, with predictions at the motion found.
+    """Distinct modes reached from starts x (starts, size), best first, with predictions at the fitted motion.
 
     Args:
         z: deviations of the sweeps to start from, (starts, 2 sweeps); zero where not given.
@@ -106,7 +106,7 @@ def fit_model(
 def fit_roughly(
     model: Model, x: FloatArray, z: FloatArray | None = None, weights: FloatArray | None = None, rival: float = -np.inf
 ) -> list[ModelFit]:
-    """The same with predictions at the measured amplitudes; none where all stay far behind a ln posterior ``rival``."""
+    """`fit_model` with predictions at measured amplitudes; empty if all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
     weights = _regular(model) if weights is None else weights
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
@@ -114,27 +114,27 @@ def fit_roughly(
 
 
 def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> list[ModelFit]:
-    """Fits made again with predictions at the motion that they found: free of the noise of measured amplitudes."""
+    """Fits repeated with predictions at their own motion, which is free of the noise of measured amplitudes."""
     fits = []
     for fit in rough:
         model = fit.model.at_motion(fit.y)
-        own = _regular(model) if weights is None else weights
-        y, r, J = _climb(model, fit.y[np.newaxis].copy(), own, share=_FINELY)
-        fits.append(_fit(model, y[0], r[0], J[0], own))
+        fixed = _regular(model) if weights is None else weights
+        y, r, J = _climb(model, fit.y[np.newaxis].copy(), fixed, share=_FINELY)
+        fits.append(_fit(model, y[0], r[0], J[0], fixed))
     return _list_distinct(fits)
 
 
 def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray]:
     """The model of a fit without an effect, with variables and deviations of the sweeps to start from."""
     model, y = fit.model, fit.y[np.newaxis]
-    own = [x for part, x in model.own_variables(y) if part.form.effect != name]
-    x = np.hstack([y[:, : len(model.problem.simulation.names)], *own])
+    kept = [x for part, x in model.own_variables(y) if part.form.effect != name]
+    x = np.hstack([y[:, : len(model.problem.simulation.names)], *kept])
     parts = tuple(part for part in model.parts if part.form.effect != name)
     return replace(model, parts=parts, at=None), x, y[:, model.size :]
 
 
 def _regular(model: Model) -> FloatArray | None:
-    """Weights of 1 for peaks alone, two wild ones of which would leave three to any simulation; None for others."""
+    """Weights of 1 for peaks alone, since any simulation fits the three that two wild ones would leave; else None."""
     rows = model.problem.rows
     return np.ones(rows.seen.size) if rows.of_peaks else None
 
@@ -143,8 +143,8 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
     """Fits that differ, best first, without those that are far behind."""
     distinct: list[ModelFit] = []
     for fit in sorted(fits, key=lambda fit: -fit.log_posterior):
-        alike = [other for other in distinct if other.model.parts == fit.model.parts]
-        if all(np.max(np.abs(fit.y - own.y) / np.sqrt(np.diag(own.covariance))) > _DIFFERENT for own in alike):
+        same = [other for other in distinct if other.model.parts == fit.model.parts]
+        if all(np.max(np.abs(fit.y - other.y) / np.sqrt(np.diag(other.covariance))) > _DIFFERENT for other in same):
             distinct.append(fit)
     return [fit for fit in distinct if fit.log_posterior > distinct[0].log_posterior - _BEHIND]
 
@@ -152,11 +152,11 @@ def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
 def _climb(
     model: Model, y: FloatArray, weights: FloatArray | None, rival: float = np.inf, share: float = _ROUGHLY
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Damped Gauss-Newton steps on every start until all have settled; only the best go on to the end.
+    """Damped Gauss-Newton steps on every start until all have converged; only the best go on to the end.
 
-    Those are not far behind each other, nor behind the cost of a ``rival``. A fit has settled where a step gains no
-    more than ``share`` of what it costs beyond noise.
-    In the first steps what counts as wild is measured by the spread of the residuals themselves.
+    Those are not far behind each other, nor behind the cost of a ``rival``. A fit has converged where a step gains no
+    more than `_SETTLED` plus ``share`` of its cost beyond noise. In the first steps the spread of the residuals sets
+    the scale of wild points.
     """
     if len(y) > _TRIED:
         r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
@@ -173,8 +173,8 @@ def _climb(
         at = np.flatnonzero(active)
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
         moved, promised = _step(r[at], J[at], y[at], damping[at], scale, weights)
-        going = active[at] = (promised > _NOTHING) | (scale != 1.0)
-        at, scale, new = at[going], scale[going], (y[at] + moved)[going]
+        worth = active[at] = (promised > _NOTHING) | (scale != 1.0)
+        at, scale, new = at[worth], scale[worth], (y[at] + moved)[worth]
         if at.size == 0:
             break
         r_new, J_new = _white_jacobian(model, new)  # most steps are good: residuals alone would be one call more
@@ -192,7 +192,7 @@ def _climb(
 
 
 def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (batch, m) and their Jacobian (batch, m, .), freed of the correlation of neighbours."""
+    """Residuals (batch, m) and their Jacobian (batch, m, .), decorrelated along sweeps."""
     r, J = model.jacobian(y)
     if not model.scatter.correlation:
         return r, J
@@ -202,8 +202,8 @@ def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _spread(r: FloatArray) -> FloatArray:
-    """Scale of the residuals of each start, 1 unless it is far off: what counts as wild meanwhile."""
-    half = r.shape[1] // 2  # a median, without what numpy's looks after
+    """Scale of the residuals of each start for the detection of wild points, 1 unless the start is far off."""
+    half = r.shape[1] // 2  # a median, faster than np.median
     middle = np.partition(np.abs(r), (half - 1, half), axis=1)[:, half - 1 + r.shape[1] % 2 : half + 1]
     scale = 1.4826 * middle.mean(axis=1)
     return np.where(scale > _FAR_OFF, scale, 1.0)
@@ -220,7 +220,7 @@ def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray |
 def _step(
     r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """The damped step of each start, and about the decrease of minus the log posterior that a free one promises."""
+    """The damped step of each start, and about the decrease of minus the log posterior that an undamped one gives."""
     counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
     weighted = J * counts[..., np.newaxis]
     H = np.swapaxes(weighted, 1, 2) @ J
@@ -242,7 +242,7 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
 
 
 def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
-    """Columns (m, ..) as they are without the correlation of neighbours, and ln of the determinant of the change."""
+    """Columns (m, ..) freed of the correlation rho of neighbours, and ln of the determinant of that map."""
     if rho == 0.0:
         return columns, 0.0
     sweep = model.problem.rows.sweep_of_values

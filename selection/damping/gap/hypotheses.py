@@ -1,6 +1,6 @@
-"""Hypotheses that were fitted, the ways to further ones, and the order in which those are tried.
+"""Fitted hypotheses, the ways to further ones, and the order in which those are tried.
 
-And where to start the fit of one more effect, and how much it could gain: its direction at a fit already made.
+The derivative of the residuals by a further effect, at an existing fit, gives its start values and its linear gain.
 """
 
 from __future__ import annotations
@@ -19,29 +19,29 @@ from damping.gap.fit import ModelFit
 from damping.gap.model import SPREAD, TYPICAL_GAP, Part
 from damping.gap.unknowns import spread
 
-NEAR = 4.0  #: Log odds behind the most probable hypothesis from which another is far from it.
-#: A fit leaves no more than noise where the spread of its m residuals is at most 1 + ``FITTING``/sqrt(m), two standard
+NEAR = 4.0  #: A hypothesis within these log odds of the most probable one is near it.
+#: A fit leaves no more than noise where the spread of its m residuals is below 1 + ``FITTING``/sqrt(m), two standard
 #: errors above 1.
 FITTING = 1.6
-MOST_DOUBTING = 4  #: Fits beside a hypothesis that is doubted, or leaves noise.
-_MOST_OF_A_BASE = 4  #: Fits beside one hypothesis that come before those beside others.
+MOST_DOUBTING = 4  #: Combinations tried with a hypothesis that is doubted, or first with those that leave only noise.
+_MOST_OF_A_BASE = 4  #: Combinations with one base that are tried before those with others.
 #: An effect that alone gains as much as one of the leading explanation, within this share, is fitted in its place; most
-#: such fits, and leading explanations that are fitted from their other parts too.
+#: such fits, and most leading explanations that are fitted from other bases too.
 _AS_MUCH = 0.05
 MOST_SWAPPED = 3
-#: Strength, as a share of its natural size, at which the direction of an effect is taken; and one that is none.
+#: Strength, as a share of its natural size, for the derivative by an effect; ln of a strength that is practically zero.
 _SMALL = 1e-3
 _NONE = -60.0
-#: Standard normal variables of the strength from which forms that take the place of something are started, (sizes, 1).
+#: Standard normal variables of the strength from which forms that replace something are started, (sizes, 1).
 _SIZES = np.array([[0.0], [-1.2], [1.2], [-2.4], [2.4]])
-#: Range of start values of the gap an effect opens, in units of noise.
+#: Range of start values of the gap that an effect opens, in units of noise; its upper end for given gaps.
 _LOW = 0.3
 _HIGH = 60.0
 _FARTHEST = 3000.0
-#: Gap of the natural strength, in units of noise and to first order, below which an effect opens none at first.
+#: First-order gap of the natural strength, in units of noise, below which an effect has no first-order gap.
 _UNSEEN_GAP = 1e-3
-#: Forms are worth a fit whose linear gain is this share of the largest, less ``SURE``; near the noise only those that
-#: gain more than ``_SLIGHT``.
+#: A form is worth a fit if its linear gain exceeds this share of the largest, less ``SURE``; where the base fits nearly
+#: to the noise, also ``_SLIGHT``.
 _FAR = 0.2
 SURE = 50.0
 _SLIGHT = 0.2
@@ -62,10 +62,10 @@ class Hypothesis:
 
     Attributes:
         effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
-        plain: the best mode before scatter and noise were chosen, in which scatter cannot hide what an effect would
-            explain. others: the best plain modes of other forms that are about as good.
+        plain: the best mode before scatter and noise were chosen, where scatter cannot hide the gap of an effect.
+        others: the best plain modes of other forms that are about as good.
         log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
-        log_posterior: with the prior of the number of effects, not normalised.
+        log_posterior: log_evidence plus ln of the prior of the effects, not normalised.
         forms: number of forms of the last effect, over which the evidence is averaged.
     """
 
@@ -95,7 +95,7 @@ def leaves_noise(hypothesis: Hypothesis) -> bool:
 
 
 class Way(NamedTuple):
-    """One way to a combination: an effect added to a ``base`` from ``starts``; ``hope``: the log posterior promised."""
+    """A way to a combination: effect ``name`` added to a ``base`` from ``starts``; ``hope``: expected log posterior."""
 
     hope: float
     base: Hypothesis
@@ -106,8 +106,8 @@ class Way(NamedTuple):
 def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]:
     """Combinations in the order in which they are tried, by the first way of each.
 
-    Lines promise most to what fits worst: a few beside each hypothesis come first, and before them a few that are added
-    to one that leaves noise.
+    Linear gains are largest where the fit is worst. So a few combinations with each base come first, and before them a
+    few with a base that leaves only noise.
     """
     ordered = sorted(ways, key=lambda key: -ways[key][0].hope)
     of_base = Counter[frozenset[str]]()
@@ -123,18 +123,19 @@ def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]
 def list_swaps(
     leading: Hypothesis, hypotheses: Mapping[frozenset[str], Hypothesis]
 ) -> Iterator[tuple[frozenset[str], str]]:
-    """Explanations with another effect in the place of one that alone explains about as much; that effect of each.
+    """Explanations with one effect replaced by another that alone explains about as much; and that other effect.
 
-    Gains of lines are far apart beside another effect where fits are not: of displacement and of viscous damping.
+    Beside a third effect, linear gains of two effects can differ where their fits do not (displacement and viscous
+    damping).
     """
-    alone = {own.effects[0]: own.log_posterior for own in hypotheses.values() if len(own.effects) == 1}
-    none, swaps = hypotheses[frozenset()].log_posterior, []
-    for own, other in product(leading.effects, alone.keys() - leading.key):
-        rest = leading.key - {own}
-        if own in alone and rest in hypotheses and rest | {other} not in hypotheses:
-            apart = abs(alone[other] - alone[own])
-            if apart < NEAR + _AS_MUCH * (alone[own] - none):
-                swaps.append((apart, other, rest))
+    single = {fitted.effects[0]: fitted.log_posterior for fitted in hypotheses.values() if len(fitted.effects) == 1}
+    null, swaps = hypotheses[frozenset()].log_posterior, []
+    for replaced, other in product(leading.effects, single.keys() - leading.key):
+        rest = leading.key - {replaced}
+        if replaced in single and rest in hypotheses and rest | {other} not in hypotheses:
+            difference = abs(single[other] - single[replaced])
+            if difference < NEAR + _AS_MUCH * (single[replaced] - null):
+                swaps.append((difference, other, rest))
     for _, other, rest in sorted(swaps, key=lambda swap: swap[:2])[:MOST_SWAPPED]:
         yield rest | {other}, other
 
@@ -142,8 +143,8 @@ def list_swaps(
 def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:
     """Starts of one more effect beside those of a fit, for each of its ``forms``.
 
-    ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; found
-    here where it is not known. Of two forms that mirror each other one direction d is that of the other, turned.
+    ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; computed
+    here where missing. The derivatives d of two forms that mirror each other have opposite signs.
     """
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
     tried = []
@@ -167,8 +168,8 @@ def _starts(
 ) -> list[Start]:
     """Starts of a form, one for every start of its shapes, the best first.
 
-    The derivative d of the residuals r by the strength is freed of what the fitted variables can do (projected by
-    their posterior). The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d).
+    The derivative d of the residuals r by the strength is projected free of the fitted variables, by their posterior.
+    The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d).
     """
     squared, pull = _projected(base, form, r, d)
     strength = -pull / squared
@@ -176,7 +177,7 @@ def _starts(
     if unit is None:
         middle = int(np.argmin(np.sum(shapes**2, axis=1)))
         opened = form.natural * float(np.sqrt(squared[middle] / base.measured.size))
-        # an effect that begins beyond a threshold opens nothing at first: its natural size is then the typical one
+        # an effect with a threshold has no first-order gap: its natural strength then opens the typical gap
         unit = form.natural / (opened if opened > _UNSEEN_GAP else TYPICAL_GAP)
     s = np.log(np.clip(strength / unit, _LOW, _HIGH) / TYPICAL_GAP) / SPREAD
     part = Part(form, unit)
@@ -185,13 +186,13 @@ def _starts(
 
 
 def _list_whole_starts(base: ModelFit, form: Form) -> list[Start]:
-    """Starts of a form that takes the place of something, of several sizes, the best first: gains of the whole step."""
+    """Starts of a form that replaces something, of several sizes, the best first; gains are those of the whole step."""
     part, k = Part(form, form.natural / TYPICAL_GAP), base.model.size
     model, y = replace(base.model, parts=(*base.model.parts, part)), np.repeat(base.y[np.newaxis], len(_SIZES), axis=0)
     d = model.residuals(np.hstack([y[:, :k], _SIZES, y[:, k:]]), len(y)).r - base.r
     squared, pull = _projected(base, form, base.r[np.newaxis], d)
     gain = np.where(pull < 0.0, 0.5 * pull**2 / squared, 0.0)
-    starts = [Start(part, size, float(own)) for size, own in zip(_SIZES, gain, strict=True)]
+    starts = [Start(part, size, float(of_size)) for size, of_size in zip(_SIZES, gain, strict=True)]
     return sorted(starts, key=lambda start: -start.gain)
 
 
@@ -201,7 +202,7 @@ def at_gap(start: Start, gap: float) -> FloatArray:
 
 
 def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
-    """Forms worth a fit: ``most`` of the largest linear gain; where the gap is large those it says nothing of, too."""
+    """Forms worth a fit: ``most`` by linear gain and, where the gap is large, those with no useful linear gain."""
     ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
     least = ranked[0][0].gain * _FAR - SURE
     beyond_lines = [tried for tried in ranked[most:] if tried[0].part.form.sizes and rough]
@@ -210,7 +211,7 @@ def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[
 
 
 def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals with the form at strength zero, and their derivative by the strength, (starts, m) each."""
+    """Residuals with the form at strength zero, and their derivative by the strength, (1 or starts, m) each."""
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
     y = np.repeat(base.y[np.newaxis, :], len(shapes), axis=0)
@@ -219,12 +220,12 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
         x = np.full((len(shapes), 1), strength / SPREAD)
         return model.residuals(np.hstack([y[:, :k], x, shapes, y[:, k:]]), len(y)).r
 
-    none = residuals(_NONE) if form.replaces else base.r[np.newaxis]
-    return none, (residuals(float(np.log(_SMALL))) - none) / (_SMALL * form.natural)
+    zero = residuals(_NONE) if form.replaces else base.r[np.newaxis]
+    return zero, (residuals(float(np.log(_SMALL))) - zero) / (_SMALL * form.natural)
 
 
 def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """d.d and d.r with the robust weights, freed of the variables of the fit but one that the form replaces."""
+    """d.d and d.r with the robust weights, projected free of the fitted variables except one that the form replaces."""
     inverse = base.covariance
     if form.replaces:  # that variable held at zero
         k = base.model.problem.simulation.names.index(form.replaces)

@@ -4,12 +4,11 @@ Variables y = (x, z): x are the simulation's parameters in units of tolerance an
 z the deviations of gain and frequency of every sweep in units of repeatability. All have the prior N(0, 1).
 
 Residuals are those of ln amplitude and of phase in units of noise. The prediction P is taken at an ln amplitude u0: the
-measured one, or (``at``) where an earlier fit found the motion, which is free of noise. Its own steady amplitude
-u* = Re P(u*) is, to first order,
+measured one, or the noise-free one of an earlier fit (``at``). The steady amplitude u* = Re P(u*) is, to first order,
 
     u0 - u* = (u0 - Re P(u0))/d,   d = 1 - Re P'(u0),      phase* = -Im P(u0) + Im P'(u0) (u0 - u*).
 
-Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` bounds it there.
+Where a branch folds, d = 0 and the amplitude is infinitely sensitive; ``FOLD`` bounds the sensitivity there.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ from damping.effects.terms import Prediction, cross_motion, predict
 from damping.gap.rows import Rows, wrapped
 from damping.gap.simulation import Simulation
 
-#: Least |d| that counts: noise of force and frequency hides a sharper fold.
+#: Regularisation of |d|: noise of force and frequency hides a sharper fold.
 FOLD = 0.05
 #: Farthest from the measured amplitude, in units of noise, at which a prediction is taken.
 NEAR = 5.0
-#: Step of the difference quotients, in standard normal variables: relative 1e-4 of a parameter or less.
+#: Step of difference quotients in standard normal variables: a relative 1e-4 of a parameter or less.
 STEP = 1e-4
-#: The strength of an effect: ln of the gap it opens in units of noise, N(ln 3, 1.5^2): 0.15 to 60 are two sigma.
+#: Prior of the strength of an effect: ln of the gap it opens, in units of noise, is N(ln 3, 1.5^2); 2 sigma: .15 to 60.
 TYPICAL_GAP = 3.0
 SPREAD = 1.5
-#: Largest part of the motion that a channel across it picks up because it is not square to it.
+#: Largest share of the motion that a cross-axis channel picks up by misalignment.
 _SKEW = 0.1
-#: Newton's method for a steady state: most steps, longest step in ln A, and misfit in ln A at which it has converged.
+#: Newton's method for a steady state: most steps, longest step in ln A, misfit in ln A at convergence.
 _MOST_STEPS = 40
 _LONGEST = 0.5
 _CONVERGED = 1e-10
@@ -48,10 +47,10 @@ _CONVERGED = 1e-10
 
 @dataclass(frozen=True)
 class Scatter:
-    """Repeatability: relative standard deviation of gain and frequency from sweep to sweep; and factors on noise.
+    """Repeatability: relative standard deviations of gain and frequency from sweep to sweep; and factors on noise.
 
-    ``noise`` is by how much the noise itself is larger than it was estimated, ``dispersion`` by how much even the best
-    explanation misses by more than noise. ``correlation``: of the errors of neighbouring rows.
+    ``noise``: actual over estimated noise. ``dispersion``: residuals of even the best explanation over noise.
+    ``correlation``: of the errors of neighbouring rows.
     """
 
     amplitude: float
@@ -62,7 +61,7 @@ class Scatter:
 
     @property
     def factor(self) -> float:
-        """Both factors on noise."""
+        """Product of both factors on noise."""
         return self.noise * self.dispersion
 
 
@@ -77,7 +76,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Part:
-    """A form with the strength ``unit`` that opens a gap of one unit of noise."""
+    """A form of an effect; strength ``unit`` opens a gap of one unit of noise."""
 
     form: Form
     unit: float
@@ -97,10 +96,10 @@ class Part:
 
 
 class Sensitivity(NamedTuple):
-    """How residuals answer to small changes of ln(prediction), at each row, (batch, n) each.
+    """Sensitivity of residuals to small changes of ln(prediction), at each row, (batch, n) each.
 
-    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T;
-    ``further`` residuals of each row stay what they are: other channels say nothing of such a change.
+    A change T of P moves the residual of ln amplitude by -Re T ``per_sd`` and the phase by Im T + ``follow`` Re T. The
+    ``further`` residuals of each row, those of other channels, are taken not to change.
     """
 
     per_sd: FloatArray
@@ -120,8 +119,8 @@ class Sensitivity(NamedTuple):
 class Residuals:
     """Residuals r (batch, m) in units of noise, amplitudes first.
 
-    ``sensitivity`` says how they change with the ``prediction``, whose own ln amplitude u* is ``motion``. ``stride``:
-    stride of the models that have a derivative by ln omega_n.
+    ``sensitivity``: to changes of the ``prediction``, whose steady ln amplitude u* is ``motion``. ``stride``: of the
+    models in the batch that have a derivative by ln omega_n.
     """
 
     r: FloatArray
@@ -131,17 +130,17 @@ class Residuals:
     stride: int = 1
 
     def by_sweep(self) -> tuple[FloatArray, FloatArray]:
-        """Derivatives by ln of the gain and of omega_n, (batch, m) each, of models 0, k, 2k ..., k = ``stride``."""
-        own, step = self.sensitivity, self.stride
-        own = own._replace(per_sd=own.per_sd[::step], follow=own.follow[::step])
+        """Derivatives by ln of the gain and of omega_n, (batch/k, m) each, of models 0, k, 2k ..., k = ``stride``."""
+        strided, step = self.sensitivity, self.stride
+        strided = strided._replace(per_sd=strided.per_sd[::step], follow=strided.follow[::step])
         by_gain = np.zeros_like(self.r[::step])
-        by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * own.per_sd
-        return by_gain, own.columns(self.prediction.by_frequency)
+        by_gain[:, : self.motion.shape[1]] = (self.prediction.by_u[::step].real - 1.0) * strided.per_sd
+        return by_gain, strided.columns(self.prediction.by_frequency)
 
 
 @dataclass(frozen=True)
 class Model:
-    """The simulation with effects, on a record; ``at`` are the ln amplitudes (n,) at which predictions are taken."""
+    """The simulation with effects, on a record; ``at``: ln amplitudes (n,) at which predictions are taken."""
 
     problem: Problem
     parts: tuple[Part, ...]
@@ -159,7 +158,7 @@ class Model:
         return len(self.problem.rows.sweeps)
 
     def own_variables(self, x: FloatArray) -> Iterator[tuple[Part, FloatArray]]:
-        """Each part with its variables (batch, part.size) among those of the model (batch, size or more)."""
+        """Each part with its variables (batch, part.size), from those of the model (batch, size or more)."""
         start = len(self.problem.simulation.names)
         for part in self.parts:
             yield part, x[:, start : start + part.size]
@@ -169,8 +168,8 @@ class Model:
         """The terms at variables x (batch, size)."""
         simulation = self.problem.simulation
         terms = simulation.terms(x[:, : len(simulation.names)])
-        for part, own in self.own_variables(x):
-            terms = part.form.change(terms, *part.values(own))
+        for part, variables in self.own_variables(x):
+            terms = part.form.change(terms, *part.values(variables))
         return with_effects(terms, simulation.mode.effects)
 
     def residuals(self, y: FloatArray, stride: int = 1) -> Residuals:
@@ -179,22 +178,22 @@ class Model:
         return residuals(self.terms(y[:, : self.size]), self.problem.rows, z, self.scatter, self.at, stride)
 
     def at_motion(self, y: FloatArray) -> Model:
-        """The model with predictions taken at the motion that it predicts at y (size + 2 sweeps,), if that is near."""
+        """The model with predictions at the motion that it predicts at y (size + 2 sweeps,), at most ``NEAR`` away."""
         rows = self.problem.rows
-        own = self.residuals(y[np.newaxis])
-        near = np.clip(own.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
+        predicted = self.residuals(y[np.newaxis])
+        near = np.clip(predicted.motion[0], rows.u - NEAR * rows.sd_amplitude, rows.u + NEAR * rows.sd_amplitude)
         return replace(self, at=near)
 
     def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): differences by x, closed form by z."""
+        """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): by differences in x, in closed form in z."""
         batch, size = len(y), self.size
         points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
         points[:, np.arange(1, size + 1), np.arange(size)] += STEP
-        own = self.residuals(points.reshape(batch * (size + 1), -1), size + 1)
-        r = own.r.reshape(batch, size + 1, -1)
+        moved = self.residuals(points.reshape(batch * (size + 1), -1), size + 1)
+        r = moved.r.reshape(batch, size + 1, -1)
         J = np.zeros((batch, r.shape[2], y.shape[1]))
         J[:, :, :size] = np.swapaxes((r[:, 1:] - r[:, :1]) * (1.0 / STEP), 1, 2)
-        by_gain, by_frequency = own.by_sweep()
+        by_gain, by_frequency = moved.by_sweep()
         value, gain = np.arange(r.shape[2]), size + self.problem.rows.sweep_of_values
         J[:, value, gain] = by_gain * self.scatter.amplitude
         J[:, value, gain + self.sweeps] = by_frequency * self.scatter.frequency
@@ -206,8 +205,8 @@ def residuals(
 ) -> Residuals:
     """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
 
-    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``stride``:
-    stride of the models that are asked how they change by sweep.
+    ``at``: ln amplitudes (n,) at which the prediction is taken; the measured ones where not given. ``stride``: of the
+    models whose derivatives by sweep are needed.
     """
     u0 = rows.u if at is None else at
     prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, stride)
@@ -235,27 +234,27 @@ def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter
     parts: list[FloatArray] = []
     for channel in rows.channels:
         if channel == "third":
-            left = recorded_third(terms, u, phase, rows.drive) - rows.third
+            misfit = recorded_third(terms, u, phase, rows.drive) - rows.third
         else:
-            left = _cross(terms, rows, np.exp(u - terms.gain), phase)
-        left = left / (getattr(rows, f"sd_{channel}") * scatter.factor)
-        parts += [left.real, left.imag]
+            misfit = _cross(terms, rows, np.exp(u - terms.gain), phase)
+        misfit = misfit / (getattr(rows, f"sd_{channel}") * scatter.factor)
+        parts += [misfit.real, misfit.imag]
     return parts
 
 
 def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
-    """Measured less predicted motion across.
+    """Measured less predicted cross-axis motion.
 
-    Which way the planes are turned is not known, nor how far the channel across is from square: both are fitted.
+    The sense of the planes' rotation and the misalignment of the channel are unknown: both are fitted.
     """
-    seen = 1.0 / rows.sd_cross
-    across, along = cross_motion(terms, A, rows.drive) * seen, A * np.exp(-1j * phase) * seen
-    measured = rows.cross * seen
-    way = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-    left = measured - way * across
+    weight = 1.0 / rows.sd_cross
+    across, along = cross_motion(terms, A, rows.drive) * weight, A * np.exp(-1j * phase) * weight
+    measured = rows.cross * weight
+    sense = np.where(np.sum((across * measured.conj()).real, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    misfit = measured - sense * across
     size = np.maximum(np.sum(np.abs(along) ** 2, axis=-1, keepdims=True), 1e-300)
-    skew = np.clip(np.sum((left * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
-    return np.asarray((left - skew * along) * rows.sd_cross)
+    skew = np.clip(np.sum((misfit * along.conj()).real, axis=-1, keepdims=True) / size, -_SKEW, _SKEW)
+    return np.asarray((misfit - skew * along) * rows.sd_cross)
 
 
 def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
@@ -276,7 +275,7 @@ class Motion(NamedTuple):
 def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
     """The steady states nearest to ln amplitudes u, (n,): Newton's method on u = Re P(u), steps bounded.
 
-    ``terms`` holds values (1, 1) or (1, n). Where there is none near, the amplitude of least misfit on the way.
+    ``terms`` holds values (1, 1) or (1, n). Without convergence: the amplitude of least misfit among the iterates.
     """
     best, least = u.copy(), np.full(len(u), np.inf)
     for _ in range(_MOST_STEPS):

@@ -1,11 +1,11 @@
-"""What to test next: of the rows that a record can hold, those that should tell explanations still alive apart best.
+"""What to test next: of the tests that a record can hold, those that discriminate best between live explanations.
 
-Each candidate is simulated with the leading explanation and fitted by each rival to first order: half the squared
-distance of the two predictions, in units of all that the rival leaves open, is the log odds D to be expected (Chaloner
-and Verdinelli 1995, design for discrimination between models). How probable the leading explanation will then be, if it
-is true, follows by the rules of every answer, which trust most what is measured beyond first harmonics of one state
-(`damping.gap.weighing.blend_probabilities`). The test that comes first is the mildest of those that settle the case:
-one that leaves what was tested also shows what no model of it holds.
+Each candidate is simulated with the leading explanation and fitted by each rival to first order. Half the squared
+distance of the two predictions, in units of all that the rival leaves open, is the expected log odds D (Chaloner and
+Verdinelli 1995, design for discrimination between models). The probability that the leading explanation then has, if
+it is true, follows by the rules of every answer, which trust most what is measured beyond first harmonics of one state
+(`damping.gap.weighing.blend_probabilities`). The first test listed is the mildest of those that settle the case: a test
+outside the tested range also shows effects that no model of the record holds.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -32,32 +32,32 @@ from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
 from damping.gap.weighing import COVER, INDISTINCT, TOLD, Explanation, count_beyond, distance, foresee_probability
 
-#: Expected log odds D below which a test is not worth its time: what it gives scatters by sqrt(2 D), and of 6 it is
-#: above 3, 20 to 1, in four of five.
+#: Least expected log odds D of a test worth its time: the outcome scatters by sqrt(2 D), so for D = 6 it exceeds 3,
+#: 20 to 1, in four of five.
 WORTH = 6.0
-#: Standard deviations sqrt(2 D) below D at which a test is still to settle the case: it does so in 39 of 40.
+#: A test must settle the case this many standard deviations sqrt(2 D) below D: it then does in 39 of 40.
 SURELY = 2.0
 #: Least force of a proposed test over 4/pi times friction, the damping force at the smallest motion: below 1 there is
 #: no resonance, and close above 1 its amplitude is all but infinitely sensitive to the friction.
 LEAST_FORCE = 1.5
 STILL = 1e-6  #: the smallest motion at which damping is asked for, over the smallest that was measured
-#: Explanations compared with the leading one; of others nothing is foreseen: they keep their probability.
+#: Explanations compared with the leading one; for others no log odds are predicted.
 MOST_RIVALS = 6
-#: Log odds beyond which a number is not told: as good as certain by any model, and no model is that good.
+#: Largest log odds reported: beyond it any model is as good as certain, and no model is that good.
 CERTAIN = 100.0
 
 _SWEEP = ("force", "frequency", "amplitude")
-#: Columns of a record that further rows have to fill, or say nothing of what the others do.
+#: Columns of a record that further rows must fill too, to say as much as the others.
 _KEPT = ("phase", "energy", "amplitude_sd", "phase_sd", "force_sd", "sweep_rate", "time")
 
 
 @dataclass(frozen=True)
 class NextTest:
-    """A test with the log odds it is expected to give for the leading explanation, if that is true, against the rest.
+    """A test with its expected log odds for the leading explanation, if that is true, against the rest.
 
-    ``probability``: that this explanation then has, where the test gives ``SURELY`` standard deviations less.
-    ``columns``: those that the new rows fill. ``rows``: what is to be run, in numbers (force, Hz, added mass).
-    ``command`` reads them once they are appended.
+    ``probability``: of this explanation after the test, if it gives ``SURELY`` standard deviations less than expected.
+    ``columns``: those that the new rows fill. ``rows``: what to run, in numbers (force, Hz, added mass). ``command``
+    reads the record once the rows are appended.
     """
 
     what: str
@@ -70,35 +70,35 @@ class NextTest:
 
     @property
     def is_beyond(self) -> bool:
-        """Whether it gives more than first harmonics of one state (`damping.gap.weighing.count_beyond`)."""
+        """Whether it measures more than first harmonics of one state (`damping.gap.weighing.count_beyond`)."""
         return not {"added_mass", *THIRD}.isdisjoint(self.columns)
 
     @property
     def told(self) -> float:
-        """Expected log odds as they are told, ``CERTAIN`` at most."""
+        """Expected log odds as reported, ``CERTAIN`` at most."""
         return min(self.expected_log_odds, CERTAIN)
 
 
 def name_command(states: Sequence[State], simulate: Simulate | None) -> str:
-    """The command that reads records with their modes, and a simulator; what is no file is named in capitals."""
+    """The command that reads records with their modes, and a simulator; capitals stand for what is not in a file."""
     files = [
-        source if Path(source).suffix == ending else f"{what}{ending}"
+        source if Path(source).suffix == ending else f"{placeholder}{ending}"
         for record, mode in states
-        for source, what, ending in ((mode.source, "MODEL", ".toml"), (record.source, "RECORD", ".csv"))
+        for source, placeholder, ending in ((mode.source, "MODEL", ".toml"), (record.source, "RECORD", ".csv"))
     ]
     words = ["damping", "gap", *files[:2]]
     for model, record in zip(files[2::2], files[3::2], strict=True):
         words += ["--with", model, record]
     if simulate is not None:
         module, function = (getattr(simulate, name, "<") for name in ("__module__", "__qualname__"))
-        found = module != "__main__" and "<" not in function
-        words += ["--simulator", f"{module}:{function}" if found else "MODULE:FUNCTION"]
+        importable = module != "__main__" and "<" not in function
+        words += ["--simulator", f"{module}:{function}" if importable else "MODULE:FUNCTION"]
     return join(words)
 
 
 @dataclass(frozen=True)
 class _Run:
-    """A test with its rows as the leading explanation predicts them, and what each rival misses of them."""
+    """A test with its rows as the leading explanation predicts them, and each rival's misfit to them."""
 
     design: ProposedTest
     seen: Rows
@@ -107,14 +107,14 @@ class _Run:
 
 @dataclass(frozen=True)
 class _Missed:
-    """What a rival misses of m values in units of their noise, as its k parameters are now, and how that may change.
+    """Misfit of a rival to m values in units of their noise, at its k fitted parameters.
 
-    ``r`` (m,), ``J`` (k, m) by the parameters, ``own`` (m, m): covariance of noise and of the run's repeatability.
+    ``r``: misfit (m,). ``J``: its derivatives (k, m). ``noise``: covariance (m, m), with the run's repeatability.
     """
 
     r: FloatArray
     J: FloatArray
-    own: FloatArray
+    noise: FloatArray
 
 
 def rank_tests(
@@ -128,14 +128,17 @@ def rank_tests(
 ) -> tuple[NextTest, ...]:
     """Every test worth its time: those that settle the case, the mildest first, then the others, the surest first.
 
-    Where none does alone, the surest is also joined with each of the others, which may settle it together. Where none
-    tells all rivals, those that none tells are left aside.
-    ``alive``: the explanations that are listed, in order of probability, of all that were ``fitted``. The log odds are
-    those against all rivals; none are worth it where nothing rivals the first. ``in_library``: chance that the library
-    holds the cause. Where nothing is blamed, effects too small to be seen are none, and first harmonics of one state
-    say no more. ``unit``: of mass, in which the rows are counted; what is to be run is told as a record holds it.
-    ``columns``: of the record; further rows have some of them too. ``imitations``: explanations by causes without a
-    name that the record does not tell from the first: what is measured beyond counts once a test does.
+    If no single test settles the case, the surest is also joined with each of the others. If no test discriminates
+    against all rivals, rivals that none discriminates against are left out. Where no effect is blamed, rivals too small
+    to be seen do not count, and first harmonics of one state say no more.
+
+    Args:
+        alive: the listed explanations in order of probability; without a rival no test is worth it. fitted: all that
+            were fitted.
+        in_library: probability that the library holds the cause. unit: of mass, for the rows; ``rows`` of a test are
+            reported as a record holds them.
+        columns: of the record; further rows fill some of them too. imitations: explanations by causes outside the
+            library that the record does not tell from the first; further measurements count once a test tells them.
     """
     leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
     if not (blames := bool(alive[0].effects)):
@@ -143,7 +146,7 @@ def rank_tests(
     if not rivals:
         return ()
     named = {explanation.effects for explanation in (alive[0], *rivals)}
-    every = [alive[0], *rivals, *(own for own in fitted if own.effects not in named)]
+    every = [alive[0], *rivals, *(explanation for explanation in fitted if explanation.effects not in named)]
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
     def foresee(*runs: _Run) -> NextTest:
@@ -160,7 +163,7 @@ def rank_tests(
     runs = _predict_runs(leading, [rival.best for rival in (*compared, *imitations)])
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
-    if not worth:  # some rivals stay whatever is tested: the others may be told
+    if not worth:  # no test tells some rivals, but the others may be told
         told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
         if 0 < len(told) < len(rivals):
             return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns, imitations)
@@ -173,13 +176,13 @@ def rank_tests(
 
 
 def _by_probability(test: NextTest) -> float:
-    """Least for tests that settle the case, which stay in their order, then for the surest."""
+    """Sort key: least for tests that settle the case, which stay in their order, then for the surest."""
     return -min(test.probability, COVER)
 
 
 def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
-    """Every test, if the leading explanation is true."""
-    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # no sweep deviates by itself
+    """Every test that has a resonance, simulated by the leading explanation."""
+    expected = leading.model.terms(leading.y[np.newaxis, : leading.model.size])  # without deviations of sweeps
     runs = []
     for design in DESIGNS:
         if not _resonates(expected, design.plan(leading.model.problem)):
@@ -190,7 +193,7 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
 
 
 def _resonates(terms: Terms, rows: Rows) -> bool:
-    """Whether every force is ``LEAST_FORCE`` times what friction takes: a mode that sticks has no resonance."""
+    """Whether every force is at least ``LEAST_FORCE`` times 4/pi of friction: a mode that sticks has no resonance."""
     still = np.full(len(rows), STILL * float(np.exp(rows.u.min())))
     friction = complex_stiffness(terms.tuned(rows.drive), still, rows.drive)[0].imag * still
     return bool(np.all(LEAST_FORCE * friction <= rows.F))
@@ -199,40 +202,40 @@ def _resonates(terms: Terms, rows: Rows) -> bool:
 def _foresee(
     runs: Sequence[_Run], rivals: int, every: Sequence[Explanation], in_library: float, imitations: Sequence[Hypothesis]
 ) -> tuple[float, float]:
-    """Log odds to be expected of all runs together, and how probable the first explanation then is.
+    """Expected log odds of all runs together, and the probability of the first explanation after them.
 
-    ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that settles the case
-    against one rival only leaves the others where they are: the log odds are -ln sum p e^-D.
+    ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that discriminates against
+    one rival only leaves the others as they are: the log odds are -ln sum p e^-D.
     """
     among = len(runs[0].missed) - len(imitations)
-    compared = [*(own.hypothesis for own in every[1 : 1 + among]), *imitations]
-    odds = np.array([_odds([run.missed[at] for run in runs], own.best) for at, own in enumerate(compared)])
+    compared = [*(rival.hypothesis for rival in every[1 : 1 + among]), *imitations]
+    odds = np.array([_odds([run.missed[at] for run in runs], rival.best) for at, rival in enumerate(compared)])
     surely = odds - SURELY * np.sqrt(2.0 * odds)
-    gained = np.zeros(len(every))  # of those that are not compared nothing is foreseen
+    gained = np.zeros(len(every))  # nothing is predicted for those not compared
     gained[1 : 1 + among] = surely[:among]
-    p = np.array([own.probability for own in every[1 : 1 + rivals]])
+    p = np.array([rival.probability for rival in every[1 : 1 + rivals]])
     alive, first = every[: 1 + rivals], every[0].hypothesis
-    behind = [first.log_posterior - own.log_posterior for own in imitations]
-    told_alike = bool(np.all(behind + surely[among:] > TOLD))
+    behind = [first.log_posterior - imitation.log_posterior for imitation in imitations]
+    excluded = bool(np.all(behind + surely[among:] > TOLD))
     now = 0 if imitations else count_beyond(alive)
-    beyond = count_beyond(alive, *(run.seen for run in runs)) if told_alike else 0
-    told = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
-    return told, foresee_probability(every, gained, in_library, now, beyond)
+    beyond = count_beyond(alive, *(run.seen for run in runs)) if excluded else 0
+    expected = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
+    return expected, foresee_probability(every, gained, in_library, now, beyond)
 
 
 def _describe_test(
     runs: Sequence[_Run], odds: float, probability: float, filled: Sequence[str], unit: float, command: str
 ) -> NextTest:
-    """The runs in words and numbers; ``filled``: columns that any further row fills."""
+    """The runs as one proposed test; ``filled``: columns that any further row fills."""
     what = "; and ".join(run.design.what for run in runs)
     why = "; ".join(dict.fromkeys(run.design.why for run in runs))
     columns = dict.fromkeys((*filled, *chain.from_iterable(run.design.columns for run in runs)))
-    rows = tuple(_tell_run(run.seen, unit) for run in runs)
+    rows = tuple(_describe_run(run.seen, unit) for run in runs)
     return NextTest(what, why, odds, probability, tuple(columns), rows, command)
 
 
-def _tell_run(rows: Rows, unit: float) -> dict[str, float]:
-    """What is to be run, in numbers, as a record holds it; ``unit``: see `rank_tests`."""
+def _describe_run(rows: Rows, unit: float) -> dict[str, float]:
+    """What to run, in numbers, as a record holds it; ``unit``: see `rank_tests`."""
     shaken = float(rows.shaken[0] + rows.added[0]) if rows.shaken[0] else 0.0
     return {
         "force": float(rows.F[0]) / shaken if shaken else float(rows.F[0]) * unit,
@@ -244,35 +247,35 @@ def _tell_run(rows: Rows, unit: float) -> dict[str, float]:
 
 
 def _miss(seen: Rows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
-    """What a rival misses of what is ``seen``."""
+    """Misfit of a rival to the rows ``seen``."""
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
     terms = change(rival.model.terms(rival.y[:k] + steps))
     scatter = rival.model.scatter
-    left = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), scatter)
-    by_gain, by_frequency = left.by_sweep()
+    misfit = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), scatter)
+    by_gain, by_frequency = misfit.by_sweep()
     C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
-    return _Missed(left.r[0], (left.r[1:] - left.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
+    return _Missed(misfit.r[0], (misfit.r[1:] - misfit.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
 
 
 def _best_odds(runs: Sequence[_Run], at: int, rival: ModelFit) -> float:
-    """The most that one run tells of a rival, the ``at``-th of those compared."""
+    """The largest log odds of a single run against a rival, the ``at``-th of those compared."""
     return max(_odds([run.missed[at]], rival) for run in runs)
 
 
 def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
-    """Half the squared distance of a rival's prediction to what is seen, in units of all that it leaves open.
+    """Half the squared distance of a rival's prediction from the rows seen, in units of all that it leaves open.
 
-    These are noise, repeatability, and the rival's parameters as far as the record has fixed them.
+    These are noise, repeatability, and the covariance of the rival's parameters given the record.
     """
     r, J = np.hstack([run.r for run in missed]), np.hstack([run.J for run in missed])
     k = rival.model.size
-    V = block_diag(*(run.own for run in missed)) + J.T @ rival.covariance[:k, :k] @ J
+    V = block_diag(*(run.noise for run in missed)) + J.T @ rival.covariance[:k, :k] @ J
     return 0.5 * float(r @ np.linalg.solve(V, r))
 
 
 def _simulate(terms: Terms, rows: Rows) -> Rows:
-    """The rows as terms, values (1, 1), predict them."""
+    """The rows as predicted by terms of values (1, 1)."""
     motion = steady(terms, rows, rows.u)
     seen = replace(rows, u=motion.u, phase=motion.phase)
     if not rows.channels:

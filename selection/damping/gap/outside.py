@@ -1,6 +1,6 @@
-"""Causes that have no name in the library, weighed against the leading explanation.
+"""Causes outside the library, weighed against the leading explanation.
 
-Forces and parts of `damping.effects.foreign`, and amplitudes that are those of another quantity.
+These are the forces and parts of `damping.effects.foreign`, and amplitudes of another quantity than displacement.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,13 +26,13 @@ from damping.gap.weighing import (
     estimate_in_library,
 )
 
-#: Causes without a name that are fitted in the place of each of several effects.
+#: Causes outside the library that are fitted in the place of each of several effects.
 MOST_FOREIGN = 4
-#: Causes that have the first harmonics of a spring at one mass, whatever their size: rows of such tell nothing of them.
+#: Causes that at one mass have the first harmonics of a spring, whatever their size: such rows cannot exclude them.
 IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
-#: Log odds that are told as none.
+#: Log odds above minus this are reported as even.
 _EVEN = 0.05
-#: What was entered as a displacement, or a force as constant, where amplitudes go with a power of frequency beside it.
+#: Wrongly entered quantity, by the power of frequency by which its amplitudes exceed those of displacement.
 QUANTITIES = {
     1: "velocity entered as displacement",
     2: "acceleration entered as displacement, or the force of a rotating mass as constant",
@@ -40,9 +40,9 @@ QUANTITIES = {
 
 
 def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
-    """Log odds against the leading explanation of causes that have no name in the library, by what they are.
+    """Log odds, against the leading explanation, of causes outside the library, by description.
 
-    And those explanations by ``IMITATIONS`` that the record does not tell from it.
+    Also the explanations by ``IMITATIONS`` that the record does not tell from the leading one.
     """
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
     if foreign:
@@ -50,15 +50,15 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
         cause = " with ".join(FOREIGN[name].sentence for name in first.effects if name in FOREIGN)
         beside = " and ".join(name for name in first.effects if name not in FOREIGN)
         odds[f"{cause} beside {beside}" if beside else cause] = first.log_posterior - leading.log_posterior
-    alike = (own for own in foreign if own.key & IMITATIONS)
-    return odds, tuple(own for own in alike if own.log_posterior > leading.log_posterior - TOLD)
+    imitations = (other for other in foreign if other.key & IMITATIONS)
+    return odds, tuple(other for other in imitations if other.log_posterior > leading.log_posterior - TOLD)
 
 
 def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
-    """Log odds against the leading effects of amplitudes that are A (omega/omega_n)^k, by what was entered wrongly.
+    """Log odds, against the leading effects, of amplitudes that are A (omega/omega_n)^k, by the quantity entered.
 
-    k = 1 of a velocity, 2 of an acceleration (over omega_n^k), or where a force of that power was entered as constant.
-    Only where the simulation alone fits amplitudes freed of it to the noise, at the price of one effect.
+    k = 1 of a velocity, 2 of an acceleration (over omega_n^k) or of a force of that power entered as constant. Only
+    where the simulation alone fits the converted amplitudes to the noise, with the prior of one effect.
     """
     rows, odds = search.problem.rows, dict[str, float]()
     for k, what in QUANTITIES.items() if leading.effects and not rows.at_resonance else ():
@@ -71,25 +71,25 @@ def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
 
 
 def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
-    """Explanations by causes that have no name in the library, the most probable first; none where nothing is blamed.
+    """Explanations by causes outside the library, the most probable first; none where nothing is blamed.
 
-    Each is fitted alone and, where lines promise most, in the place of each of several effects, with the same prior. A
-    mass is off together with what was taken from it: it is fitted beside the most probable other parameters too.
+    Each is fitted alone and, those of the largest linear gain, in the place of each of several effects, with the same
+    prior. A wrong mass makes parameters derived from it wrong: it is fitted beside the most probable of these too.
     """
     if not leading.effects:
         return []
     masses = np.ptp(search.problem.rows.added)
     of_simulation = {name for name, effect in search.effects.items() if effect.corrects and masses}
     parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
-    fitted = {key: own for key, own in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
-    own = {name: search.effects[name] for name in frozenset().union(*fitted)}
-    beside = Search(search.problem, {**FOREIGN, **own}, search.unknown, fitted, choices=search.choices)
-    beside.singles()
+    fitted = {key: old for key, old in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
+    named = {name: search.effects[name] for name in frozenset().union(*fitted)}
+    foreign = Search(search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices)
+    foreign.singles()
     for replaced in leading.effects if len(leading.effects) > 1 else ():
-        beside.extend_by_gain(beside.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
+        foreign.extend_by_gain(foreign.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
     if parameters:
-        beside.extend(parameters[0], OTHER_MASS.name)
-    return [hypothesis for hypothesis in beside.ranked() if hypothesis.key & FOREIGN.keys()]
+        foreign.extend(parameters[0], OTHER_MASS.name)
+    return [hypothesis for hypothesis in foreign.ranked() if hypothesis.key & FOREIGN.keys()]
 
 
 def weigh_library(
@@ -100,10 +100,10 @@ def weigh_library(
     left: bool,
     enough: bool,
 ) -> tuple[dict[str, float], tuple[Hypothesis, ...], FloatArray, int, float]:
-    """Causes without a name and those not told, doubts, what is beyond, and the chance of a cause in the library.
+    """Log odds of causes outside the library, imitations, doubts, `count_beyond`, probability of a cause inside it.
 
-    ``left``: whether more than noise is left. ``enough``: whether causes without a name, which only lessen that chance,
-    are not weighed where it is below ``KNOWN`` already.
+    ``left``: whether more than noise is left. ``enough``: skip causes outside the library, which only lower that
+    probability, where it is already below ``KNOWN``.
     """
 
     def estimate(outside: Mapping[str, float], beyond: int) -> tuple[FloatArray, float]:
@@ -119,7 +119,7 @@ def weigh_library(
 
 
 def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:
-    """Cautions of causes ``outside`` the library, by log odds, that the leading explanation does not exclude."""
+    """Cautions for causes ``outside`` the library (log odds by cause) that the leading explanation does not exclude."""
     alive = {cause: odds for cause, odds in outside.items() if odds >= np.log(LEAST_ODDS)}
     return [f"{cause} {_compare_odds(odds, leading)}, and has no name in the library" for cause, odds in alive.items()]
 

@@ -1,6 +1,6 @@
 """A record and a mode as a problem: rows, simulation, the scales of both, what is known of noise and repeatability.
 
-What a record cannot say, and inputs that look wrong: found before any fit, said in plain words.
+Also, before any fit: cautions about what a record cannot say, and errors for inputs that are plainly wrong.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Rows that are diagnosed at most: it takes minutes, not hours.
+#: Most rows of a diagnosis, so that it takes minutes, not hours.
 MOST_ROWS = 5_000
-#: Standard deviation of the ln of a noise that was estimated from roughness, at least.
+#: Least standard deviation of the ln of a noise that was estimated from roughness.
 NOISE_ERROR = 0.2
-#: A resonance farther from the simulated one than this, relative, is that of another mode ...
+#: A resonance at a larger relative distance from the simulated one is that of another mode ...
 _ANOTHER_MODE = 0.12
 #: ... unless the response between the two stays above this share of the largest, at more than ``_BROAD_ROWS`` rows.
 _BROAD = 0.5
 _BROAD_ROWS = 2
-#: Rows without which a sweep says nothing of a resonance.
+#: Fewest rows of a sweep that can show a resonance.
 _FEW_ROWS = 3
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A problem with what is known about it.
+    """A problem with its noise and repeatability.
 
     Attributes:
         scatter: repeatability from sweep to sweep as stated; None where it is to be estimated.
         amplitude_noise, phase_noise: whether the record states them.
-        dispersion: by how much the best explanation of the library misses by more than noise.
+        dispersion: residuals of the best explanation over noise, 1 where it fits.
     """
 
     problem: Problem
@@ -56,24 +56,24 @@ class Setting:
     def noise_error(self) -> float:
         """Standard deviation of the ln of the noise; one estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
-        of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # there it is no more than a guess
+        of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # at resonance it is a mere guess
         return 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
 
     @property
     def unknowns(self) -> Unknowns:
-        """What repeatability and noise may be."""
+        """Candidates of repeatability and noise."""
         return list_unknowns(self.scatter, self.problem.scales.bandwidth, self.noise_error, self.dispersion)
 
     @property
     def noise_known(self) -> bool:
-        """Whether all noise that counts is stated."""
+        """Whether the noise of all measured quantities is stated."""
         return self.amplitude_noise and (self.phase_noise or not self.problem.rows.has_phase)
 
     def with_noise_of(self, reference: ModelFit) -> Setting:
-        """The setting with noise that is not stated taken from the roughness of a fit's residuals.
+        """The setting with unstated noise estimated from the roughness of a fit's residuals.
 
-        They are smaller than the noise by what the fit takes in of it: their mean square by 1 - k/m, of k variables
-        that m values determine.
+        The fit absorbs part of the noise: with k variables determined by m values the mean square residual is 1 - k/m
+        of it.
         """
         rows, n = reference.model.problem.rows, len(reference.model.problem.rows)
         factor = reference.model.scatter.factor * np.sqrt(reference.measured.size / reference.freedom)
@@ -85,7 +85,7 @@ class Setting:
         return replace(self, problem=replace(self.problem, rows=rows))
 
     def has_noise_of(self, other: Setting) -> bool:
-        """Whether the noise is that of another setting, within what is integrated over anyway."""
+        """Whether the noise is that of another setting within `noise_error`, over which the evidence integrates."""
         a, b = self.problem.rows, other.problem.rows
         changes = np.log([a.sd_amplitude / b.sd_amplitude, a.sd_phase / b.sd_phase])
         return bool(np.sqrt(np.mean(changes**2)) < self.noise_error)
@@ -112,27 +112,27 @@ def setting(
     Raises:
         AnalysisError: states that simulate different damping forces.
     """
-    rows = [stated_noise(read_rows(own, state), own) for own, state in ((record, mode), *states)]
+    rows = [stated_noise(read_rows(measured, state), measured) for measured, state in ((record, mode), *states)]
     if shaken:
-        rows = [on_base(own, masses[own.row]) for own, masses in zip(rows, shaken, strict=True)]
+        rows = [on_base(of_state, masses[of_state.row]) for of_state, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
-    swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # the law of a rate that a column has is its own
+    swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # a column of rates needs no law
     simulation = Simulation(mode, list_of_states(joined), swept if np.any(joined.rate) else (), simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
-    stated = [is_stated(own) for own, _ in ((record, mode), *states)]
-    own = mode.repeatability
-    scatter: Scatter | None = Scatter(own.amplitude or NO_SCATTER, own.frequency or NO_SCATTER)
-    if own.amplitude is None and own.frequency is None and len(joined.sweeps) > 1:  # seen in several sweeps alone
+    stated = [is_stated(measured) for measured, _ in ((record, mode), *states)]
+    given = mode.repeatability
+    scatter: Scatter | None = Scatter(given.amplitude or NO_SCATTER, given.frequency or NO_SCATTER)
+    if given.amplitude is None and given.frequency is None and len(joined.sweeps) > 1:  # one sweep shows none
         scatter = None
     return Setting(problem, scatter, *(all(part) for part in zip(*stated, strict=True)))
 
 
 def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
-    """The library without what is known of the rig, and what the simulation claims no knowledge of."""
+    """The library without effects that the rig is known not to have, or whose parameter the record itself gave."""
     on_one_base = bool(rows.shaken.all()) and not np.ptp(rows.state) and not rows.added.any()
     known = {
-        "amplitude-scale": on_one_base,  # a gain is a participation, which the rows themselves tell
+        "amplitude-scale": on_one_base,  # a gain is equivalent to the participation, estimated from the rows
         "planar-coupling": mode.rig.planes == 1,
         "force-dropout": mode.rig.force == "measured",
         "sweep-rate": mode.rig.rate is not None or bool(np.any(rows.rate != 0.0)),
@@ -147,7 +147,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
     A_high = float(rows.A.max())
     stiffness = mode.mass * mode.omega_n**2
     simulated = float(from_damping(mode.damping).quadrature(A_high, mode.omega_n)) / A_high
-    measured = float((rows.F / rows.A).min())  # the dynamic stiffness at resonance is that of the damping
+    measured = float((rows.F / rows.A).min())  # at resonance the dynamic stiffness is C/A
     return Scales(
         A_low=float(np.quantile(rows.A, 0.1)),
         A_high=A_high,
@@ -165,7 +165,7 @@ def scales(rows: Rows, mode: Mode) -> Scales:
 
 
 def refuse_rows(states: Sequence[State]) -> None:
-    """AnalysisError for more rows than are diagnosed, and for a record of another mode than its model's."""
+    """AnalysisError for more than ``MOST_ROWS`` rows, or a record of another mode than its model's."""
     count = sum(len(record) for record, _ in states)
     if count > MOST_ROWS:
         raise AnalysisError(
@@ -176,12 +176,12 @@ def refuse_rows(states: Sequence[State]) -> None:
 
 
 def refuse_other_mode(rows: Rows, mode: Mode) -> None:
-    """AnalysisError for a record that was plainly not made of the mode.
+    """AnalysisError for a record that is plainly of another mode.
 
     Its frequencies, or the largest amplitudes per force of all its sweeps, lie far from the mode's frequency, and no
     response as broad as a heavily damped resonance joins the two.
     """
-    # where the row would lie without its added mass
+    # frequency of the row without its added mass
     hertz = rows.omega / RAD_S_PER_HZ * np.sqrt(1.0 + rows.added / mode.mass)
     response = rows.A / rows.F
     peak = float(hertz[np.argmax(response)])
@@ -189,8 +189,8 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
     edge = peak in (hertz.min(), hertz.max())
     between = (hertz - peak) * (hertz - mode.frequency) <= 0.0
     broad = len(np.unique(hertz[between])) > _BROAD_ROWS and bool(response[between].min() > _BROAD * response.max())
-    # one level near it is enough: joints and rubber move the resonance of the others far
-    of_sweeps = np.array([hertz[own[np.argmax(response[own])]] for own in rows.runs])
+    # one sweep near it is enough: joints and rubber move the resonance of other levels far
+    of_sweeps = np.array([hertz[run[np.argmax(response[run])]] for run in rows.runs])
     if inside and (edge or broad or np.abs(of_sweeps / mode.frequency - 1.0).min() < _ANOTHER_MODE):
         return
     message = (
@@ -204,7 +204,7 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
 
 
 def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
-    """What this record cannot say."""
+    """Cautions about what this record cannot say."""
     cautions = []
     if rows.at_resonance:
         cautions.append(
@@ -219,7 +219,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append(
             "one force level: dependence on amplitude is seen only along the sweep; nothing can be held out"
         )
-    few = [sweep for sweep, own in zip(rows.sweeps, rows.runs, strict=True) if len(own) < _FEW_ROWS]
+    few = [sweep for sweep, run in zip(rows.sweeps, rows.runs, strict=True) if len(run) < _FEW_ROWS]
     if few and not rows.at_resonance:
         cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
     cautions += _list_resonance_cautions(rows)
@@ -237,7 +237,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
 
 
 def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
-    """How noise was taken where the record states none, or 0, which no measurement has."""
+    """Cautions about noise that the record does not state, or states as 0, which no measurement has."""
     cautions, zero = [], {name: record.column(name, 1.0) == 0.0 for name in ("amplitude_sd", "phase_sd")}
     if not is_stated(record)[0]:
         of_rows = "estimated from the roughness along each sweep"
@@ -245,17 +245,17 @@ def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
         cautions.append(
             f"noise is not stated{' (amplitude_sd is 0)' if zero['amplitude_sd'].all() else ''}: it was {taken}"
         )
-    for name, own in zero.items():
-        if own.any() and not own.all():
+    for name, is_zero in zero.items():
+        if is_zero.any() and not is_zero.all():
             of_others = "there it is taken to be the median of the others"
-            cautions.append(f"{name} is 0 in {own.sum()} of {len(record)} rows, which states none: {of_others}")
-        elif own.all() and name == "phase_sd":
+            cautions.append(f"{name} is 0 in {is_zero.sum()} of {len(record)} rows, which states none: {of_others}")
+        elif is_zero.all() and name == "phase_sd":
             cautions.append("phase_sd is 0, which states none: it was estimated from the roughness along each sweep")
     return cautions
 
 
 def list_unread(states: Sequence[State]) -> list[str]:
-    """Further channels that are in the records and count for nothing: half of their phasors is missing, or all is 0."""
+    """Cautions about further channels of records that are not used: half of a phasor is missing, or it is 0."""
     cautions = []
     for number, (record, _) in enumerate(states, 1):
         for channel in FURTHER_CHANNELS:
@@ -274,26 +274,26 @@ def list_unread(states: Sequence[State]) -> list[str]:
 
 
 def _is_filled(record: Record, name: str) -> BoolArray:
-    """Which rows hold a number in a column, (n,)."""
+    """Whether each row holds a number in a column, (n,)."""
     return np.isfinite(record.column(name, np.nan))
 
 
 def _list_resonance_cautions(rows: Rows) -> list[str]:
-    """Sweeps that hold the amplitude constant, and those that do not reach resonance."""
-    constant, beside = [], []
-    for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
-        if len(own) < _FEW_ROWS:
+    """Cautions about sweeps of constant amplitude, and those that do not reach resonance."""
+    constant, off_resonance = [], []
+    for sweep, run in zip(rows.sweeps, rows.runs, strict=True):
+        if len(run) < _FEW_ROWS:
             continue
-        if np.ptp(rows.u[own]) < 0.05:
+        if np.ptp(rows.u[run]) < 0.05:
             constant.append(sweep)
-        peak = int(np.argmax((rows.u - np.log(rows.F))[own]))
-        passed = rows.has_phase and rows.phase[own].min() < 0.5 * pi < rows.phase[own].max()
-        if peak in (0, len(own) - 1) and not passed:
-            beside.append(sweep)
+        peak = int(np.argmax((rows.u - np.log(rows.F))[run]))
+        passed = rows.has_phase and rows.phase[run].min() < 0.5 * pi < rows.phase[run].max()
+        if peak in (0, len(run) - 1) and not passed:
+            off_resonance.append(sweep)
     cautions = []
     if constant:
         why = "its peak is in the force, not the amplitude"
         cautions.append(f"constant amplitude in sweep {', '.join(constant)}: {why}")
-    if beside:
-        cautions.append(f"sweep {', '.join(beside)} never reaches resonance: damping there is hardly seen")
+    if off_resonance:
+        cautions.append(f"sweep {', '.join(off_resonance)} never reaches resonance: damping there is hardly seen")
     return cautions

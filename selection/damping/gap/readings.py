@@ -13,18 +13,18 @@ from damping.gap.problem import Setting
 from damping.gap.size import measure_gap, regular_values, root_mean_square
 from damping.gap.unknowns import roughness, spread
 
-#: What an explanation leaves, with two standard errors of it, over a noise that is plainly too large.
+#: The noise is plainly too large where the residuals, plus two standard errors, are below this share of it.
 _QUIET = 0.8
-#: Scatter from neighbour to neighbour over all that is left, from which that is white: half of its mean square is new
-#: at every row. Errors that go together by .8 from row to row have .4 to .5.
+#: Roughness over spread of residuals from which they count as white: half of their mean square is independent from row
+#: to row. Errors of correlation .8 from row to row have .4 to .5.
 _WHITE = 0.7
-#: Neighbours that annul what is smooth: with fewer a resonance is taken for scatter.
+#: Neighbours combined to cancel what is smooth: with fewer a resonance would count as scatter.
 _COMBINED = 4
-#: Share of the gap that effects close beside scatter that is larger than stated from which they are seen beside it.
+#: Share of the gap that effects must close to be visible beside scatter larger than stated.
 _SEEN = 0.5
-#: Readings that a caution names.
+#: Most readings that a caution names.
 _MOST_NAMED = 3
-#: What a directed test found, where its name does not say it.
+#: Findings of directed tests whose names do not say them.
 _FOUND = {
     "neighbours alike": "neighbouring rows deviate alike",
     "local disturbance": "rows side by side deviate more than others",
@@ -33,7 +33,7 @@ _FOUND = {
 
 @dataclass(frozen=True)
 class FarReading:
-    """A reading that lies ``sigma`` units of noise above what a fit says; frequency in Hz."""
+    """A reading that lies ``sigma`` units of noise above a fit; frequency in Hz."""
 
     sweep: str
     frequency: float
@@ -45,7 +45,7 @@ class FarReading:
 
 
 def list_far_readings(fit: ModelFit) -> tuple[FarReading, ...]:
-    """Readings that a fit takes for wild, the farthest first."""
+    """Readings that a fit treats as wild, the farthest first."""
     rows = fit.model.problem.rows
     r = fit.r * np.where(fit.wild, fit.model.scatter.dispersion, 0.0)
     quantities = {"amplitude": r[: len(rows)]}
@@ -64,7 +64,7 @@ def list_far_readings(fit: ModelFit) -> tuple[FarReading, ...]:
 
 
 def describe_far_readings(fit: ModelFit) -> list[str]:
-    """The caution that names readings that a fit does not follow, and whether the numbers of the gap hold them."""
+    """The caution that names wild readings, and says whether the numbers of the gap include them."""
     readings = list_far_readings(fit)
     if not readings:
         return []
@@ -76,7 +76,7 @@ def describe_far_readings(fit: ModelFit) -> list[str]:
 
 
 def describe_rest(fit: ModelFit, tests: Sequence[Test]) -> str:
-    """What shows that a fit leaves more than noise, beside its size; empty where nothing does."""
+    """Evidence, other than its size, that a fit leaves more than noise, in words; empty where there is none."""
     if fit.many_wild:
         readings = list_far_readings(fit)
         count, most = ("1 reading", "") if len(readings) == 1 else (f"{len(readings)} readings", "most of all ")
@@ -90,7 +90,7 @@ def describe_rest(fit: ModelFit, tests: Sequence[Test]) -> str:
 
 @dataclass(frozen=True)
 class RowScatter:
-    """Standard deviations of what rows leave, new at every row, over the stated ones; None: no phases."""
+    """Standard deviations of white residuals over the stated ones; ``phase`` is None without phases."""
 
     amplitude: float
     phase: float | None
@@ -103,45 +103,45 @@ class RowScatter:
 def measure_scatter(
     setting: Setting, fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]
 ) -> RowScatter | None:
-    """The scatter of rows whose stated noise is too small, where that scatter is all that a fit leaves; else None.
+    """The scatter of rows whose stated noise is too small, where a fit leaves only that scatter; else None.
 
-    It is so where it is as rough as what noise is taken from that is not stated (`damping.gap.unknowns.roughness`), and
-    where nothing else is seen in the rows (`damping.gap.directed`).
+    The residuals must be white by `damping.gap.unknowns.roughness`, the measure that estimates unstated noise, and
+    `damping.gap.directed` must see nothing else in the rows.
     """
     rows = fit.model.problem.rows
     if not setting.noise_known or setting.dispersion == 1.0 or unexplained(fit, tests, effects):
         return None
     kept = (rows.seen & ~fit.wild).reshape(-1, len(rows))[: 1 + rows.has_phase]
-    compared = [_compare_roughness(fit, r, own) for r, own in zip(fit.r.reshape(-1, len(rows)), kept, strict=False)]
-    rough, left = np.array(compared).T
-    if not np.sqrt(np.mean((rough / left) ** 2)) > _WHITE:
+    compared = [_compare_roughness(fit, r, keep) for r, keep in zip(fit.r.reshape(-1, len(rows)), kept, strict=False)]
+    rough, total = np.array(compared).T
+    if not np.sqrt(np.mean((rough / total) ** 2)) > _WHITE:
         return None
-    return RowScatter(*(float(value) for value in left), *([] if rows.has_phase else [None]))
+    return RowScatter(*(float(value) for value in total), *([] if rows.has_phase else [None]))
 
 
 def stands_above(scatter: RowScatter | None, fit: ModelFit) -> bool:
-    """Whether a fit is judged by the scatter that its rows have and not by the noise that is stated, which is smaller.
+    """Whether a fit is judged by the actual scatter of its rows instead of the smaller stated noise.
 
-    Errors that are no noise, as of rounding, have effects that fit them a little; those are judged by what is stated.
+    Effects can fit errors that are no noise, such as rounding, a little; these are judged by the stated noise.
     """
     return scatter is not None and (not fit.effects or (measure_gap(fit).shrinkage or 0.0) > _SEEN)
 
 
 def _compare_roughness(fit: ModelFit, r: FloatArray, keep: BoolArray) -> tuple[float, float]:
-    """Scatter of residuals (n,) from neighbour to neighbour, and in all, in units of noise; NaN for too few rows."""
-    own = fit.model.problem.rows.where(keep)
-    if max(map(len, own.runs), default=0) < _COMBINED:
+    """Roughness and spread of residuals (n,) in units of stated noise; NaN for too few rows."""
+    rows = fit.model.problem.rows.where(keep)
+    if max(map(len, rows.runs), default=0) < _COMBINED:
         return np.nan, np.nan
     factor = fit.model.scatter.factor
-    return factor * float(roughness(own, r[keep], (0.0,))[0]), factor * spread(r[keep])
+    return factor * float(roughness(rows, r[keep], (0.0,))[0]), factor * spread(r[keep])
 
 
 def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None = None) -> list[str]:
-    """The caution where rows scatter more than is stated, or where a fit leaves less than noise."""
+    """The caution where rows scatter more than stated, or where a fit leaves less than noise."""
     if scatter is not None:
         return [f"the {scatter}: is the stated noise right?"]
-    left = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
-    if setting.problem.rows.at_resonance or left * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
+    rms = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
+    if setting.problem.rows.at_resonance or rms * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
         return []
     how = "stated" if setting.noise_known else "estimated"
-    return [f"the noise is {how} too large: rows scatter {left:.2g} of it, and effects as small as the rest are hidden"]
+    return [f"the noise is {how} too large: rows scatter {rms:.2g} of it, and effects as small as the rest are hidden"]

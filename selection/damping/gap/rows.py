@@ -1,6 +1,6 @@
-"""The measured phasors of a record as arrays: what every prediction is compared with, row by row.
+"""The measured phasors of a record as arrays, with which every prediction is compared row by row.
 
-Noise of every row: as stated, else from how roughly the residuals of a reference run along each sweep.
+Noise that is not stated is estimated in `damping.gap.unknowns`.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
-#: Standard uncertainty of what was not measured: it says nothing, and residuals stay finite.
+#: Standard uncertainty of what was not measured: no information, and residuals stay finite.
 UNSEEN = 1e9
-#: Ends of the names of the columns of further phasors: third harmonics, the motion across.
+#: Column suffixes of further phasors: third harmonic, cross-axis motion.
 FURTHER_CHANNELS = ("3", "y")
-#: States whose stiffness M omega_n^2 is the same within this differ by a known mass.
+#: Relative difference of M omega_n^2 below which states have one stiffness and differ by a known mass.
 SAME_STIFFNESS = 1e-3
 
 
 @dataclass(frozen=True)
 class Rows:
-    """One entry for each measured steady state, by sweep and within a sweep by frequency; shapes (n,) unless said.
+    """One entry for each measured steady state, by sweep and within a sweep by frequency; shapes (n,) unless stated.
 
     Attributes:
         row: row of the record. sweep: number of the sweep, an index of ``sweeps``. level: number of the force level of
             each sweep, (sweeps,), lowest first; repeats of one level share it. u: ln of the amplitude. phase: lag, rad
             (pi/2 where none was measured).
-        F, omega, mass, resonant, time, label, up, rate, added, state, ratio, own, shaken: what the rig does there, see
-            `Drive` (``label`` is its ``sweep``: the number in the whole record, from 1). Rows are ``resonant`` where
-            their sweep has no other and no phase.
+        F, omega, mass, resonant, time, label, up, rate, added, state, ratio, own, shaken: see `Drive` (``label`` is its
+            ``sweep``: the number in the whole record, from 1). A row is ``resonant`` if it is its whole sweep and the
+            record has no phases.
         sd_amplitude: relative standard uncertainty of the amplitude, that of the force included; sd_phase: rad,
             ``UNSEEN`` where no phase was measured.
-        third, cross: phasors of the third harmonic, and of the motion across the measured axis, at the phase of the
-            force; sd_third, sd_cross: their noise, ``UNSEEN`` where there are none.
-        has_phase: whether phases are compared. channels: further phasors that are, of ``third`` and ``cross``.
+        third, cross: phasors of the third harmonic, and of the motion across the measured axis, relative to the phase
+            of the force; sd_third, sd_cross: their noise, ``UNSEEN`` where not measured.
+        has_phase: whether phases are compared. channels: further phasors compared, of ``third`` and ``cross``.
     """
 
     row: IntArray
@@ -83,36 +83,36 @@ class Rows:
 
     @cached_property
     def drive(self) -> Drive:
-        """What the rig does at each row; what is the same at all rows is a number."""
+        """Excitation and state at each row; a value that all rows share is a number."""
         values = {name: getattr(self, name) for name in ("F", "omega", "time")} | {"sweep": self.label}
         for name in ("mass", "resonant", "up", "rate", "added", "state", "ratio", "own", "shaken"):
-            own = getattr(self, name)
-            values[name] = own[0].item() if len(own) and np.all(own == own[0]) else own
+            column = getattr(self, name)
+            values[name] = column[0].item() if len(column) and np.all(column == column[0]) else column
         return Drive(**values)
 
     @property
     def bare_force(self) -> FloatArray:
-        """Force on the structure without what is added to it, which a base shakes too."""
+        """Force on the structure alone: a base also shakes added masses."""
         return self.F * np.where(self.shaken > 0.0, self.shaken / np.maximum(self.shaken + self.added, 1e-300), 1.0)
 
     @cached_property
     def runs(self) -> list[IntArray]:
-        """Places of the rows of each sweep."""
+        """Indices of the rows of each sweep."""
         return [np.flatnonzero(self.sweep == number) for number in range(len(self.sweeps))]
 
     @property
     def at_resonance(self) -> bool:
-        """Whether every row is at phase resonance: none lies beside it."""
+        """Whether every row is at phase resonance."""
         return bool(self.resonant.all())
 
     @property
     def of_peaks(self) -> bool:
-        """Whether every sweep is one row at phase resonance, so that an error of a row is one of its sweep."""
+        """Whether every sweep is one row at phase resonance: an error of a row is then one of its sweep."""
         return self.at_resonance and len(self) == len(self.sweeps)
 
     @property
     def seen(self) -> BoolArray:
-        """Which residuals (values,) are measured at all."""
+        """Whether each residual (values,) was measured."""
         parts = [self.sd_amplitude]
         parts += [self.sd_phase] if self.has_phase else []
         parts += [getattr(self, f"sd_{channel}") for channel in self.channels for _ in range(2)]
@@ -124,7 +124,7 @@ class Rows:
         return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
 
     def places(self, channel: str) -> slice:
-        """Places of a further phasor among the residuals, real parts first."""
+        """Slice of a further phasor among the residuals, real parts first."""
         first = len(self) * (1 + self.has_phase + 2 * self.channels.index(channel))
         return slice(first, first + 2 * len(self))
 
@@ -134,25 +134,25 @@ class Rows:
         return len(np.unique(self.level))
 
     def where(self, keep: BoolArray) -> Rows:
-        """The rows marked in ``keep``, sweeps without any row dropped and numbered anew."""
+        """The rows marked in ``keep``; sweeps without rows are dropped and the others renumbered."""
         kept, sweep = np.unique(self.sweep[keep], return_inverse=True)
         rows = self.taken(np.flatnonzero(keep))
         return replace(rows, sweep=sweep, sweeps=tuple(self.sweeps[k] for k in kept), level=self.level[kept])
 
     def taken(self, index: IntArray, **changed: FloatArray) -> Rows:
-        """Rows by their places (k,), which may repeat, some of their fields ``changed``."""
+        """Rows at indices (k,), which may repeat, with some fields ``changed``."""
         chosen = {name: getattr(self, name)[index] for name in (*BY_ROW, "sweep")}
         return replace(self, **(chosen | changed))
 
 
-#: Fields of `Rows` with one entry for each row, but for its sweep.
+#: Fields of `Rows` with one entry for each row, except ``sweep``.
 BY_ROW = tuple(
     field.name for field in fields(Rows) if field.name not in ("sweep", "sweeps", "level", "has_phase", "channels")
 )
 
 
 def read_rows(record: Record, mode: Mode) -> Rows:
-    """The rows of a record, noise not yet known (ones): see `damping.gap.rows`."""
+    """The rows of a record, with standard uncertainties of 1 until noise is known."""
     sweeps, n = record.sweeps, len(record)
     names = record.frame["sweep"].astype(str).to_numpy()
     sweep = np.array([sweeps.index(str(s)) for s in names])
@@ -165,7 +165,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
 
     def phasor(channel: str) -> ComplexArray:
         A = optional(f"amplitude_{channel}", np.nan)
-        # an amplitude of exactly 0 is none that was read: any analyser has noise
+        # an amplitude of exactly 0 was not measured: any analyser has noise
         return np.asarray(np.where(A > 0.0, A, np.nan) * np.exp(-1j * optional(f"phase_{channel}", np.nan)))
 
     third, cross = map(phasor, FURTHER_CHANNELS)
@@ -202,31 +202,31 @@ def read_rows(record: Record, mode: Mode) -> Rows:
 
 
 def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> FloatArray:
-    """1 in sweeps whose frequency rises in the order taken, -1 where it falls."""
+    """1 in sweeps whose frequency rises in the order measured, -1 where it falls."""
     up = np.ones(len(sweep))
     for number in range(int(sweep.max()) + 1):
-        own = sweep == number
-        up[own] = np.sign(np.sum((time[own] - time[own].mean()) * (omega[own] - omega[own].mean()))) or 1.0
+        at = sweep == number
+        up[at] = np.sign(np.sum((time[at] - time[at].mean()) * (omega[at] - omega[at].mean()))) or 1.0
     return up
 
 
 def is_same_structure(mode: Mode, first: Mode) -> bool:
-    """Whether a state has the stiffness of the first: then it differs by a known mass."""
+    """Whether a state has the stiffness of the first, and so differs by a known mass."""
     return abs(mode.mass * mode.omega_n**2 / (first.mass * first.omega_n**2) - 1.0) < SAME_STIFFNESS
 
 
 def on_base(rows: Rows, shaken: FloatArray) -> Rows:
-    """The rows of a base whose acceleration acts on masses ``shaken`` (n,) and what is added; levels are its own."""
+    """The rows with a base acceleration acting on masses ``shaken`` (n,) and added masses; levels by acceleration."""
     rows = replace(rows, shaken=shaken)
     if not np.any(shaken * rows.added):
         return rows
-    return replace(rows, level=number_levels(np.array([float(np.median(rows.bare_force[own])) for own in rows.runs])))
+    return replace(rows, level=number_levels(np.array([float(np.median(rows.bare_force[run])) for run in rows.runs])))
 
 
 def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
-    """The rows of several states of one structure, each beside the mode that simulates it, as one record.
+    """The rows of several states of one structure as one record; ``states`` are rows and the mode that simulates them.
 
-    States of one stiffness differ by a known mass: their frequencies follow from it.
+    States of one stiffness differ by a known mass, from which their frequencies follow.
 
     Raises:
         AnalysisError: states with damping forces that the first one does not simulate.
@@ -235,24 +235,24 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     if len(states) == 1:
         return first
     parts = [first]
-    for number, (own, mode) in enumerate(states[1:], 1):
+    for number, (further, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
             raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
-        n = len(own)
-        place: dict[str, FloatArray] = {"state": np.full(n, float(number))}
+        n = len(further)
+        changed: dict[str, FloatArray] = {"state": np.full(n, float(number))}
         if is_same_structure(mode, base):
-            place["added"] = own.added + (mode.mass - base.mass)
+            changed["added"] = further.added + (mode.mass - base.mass)
         else:
-            place |= {"mass": own.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
-        for name in list(base.damping)[:1]:  # damping of the state over that of the first, by its first force
+            changed |= {"mass": further.mass * mode.mass / base.mass, "ratio": np.full(n, mode.omega_n / base.omega_n)}
+        for name in list(base.damping)[:1]:  # relative to the first state, by the first force
             leading = next(iter(base.damping[name]))
-            place["own"] = np.full(n, mode.damping[name][leading] / base.damping[name][leading])
-        parts.append(own.taken(np.arange(n), **place))
-    # one after the other; sweeps are named by their state too
+            changed["own"] = np.full(n, mode.damping[name][leading] / base.damping[name][leading])
+        parts.append(further.taken(np.arange(n), **changed))
+    # concatenate; names of sweeps include the state
     before = np.cumsum([0, *(len(rows.sweeps) for rows in parts)])
     numbered = [replace(rows, label=rows.label + k) for rows, k in zip(parts, before, strict=False)]
     names = tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps)
-    forces = np.array([float(np.median(rows.bare_force[own])) for rows in parts for own in rows.runs])
+    forces = np.array([float(np.median(rows.bare_force[run])) for rows in parts for run in rows.runs])
     return replace(
         parts[0],
         **{name: np.concatenate([getattr(rows, name) for rows in numbered]) for name in BY_ROW},
@@ -265,7 +265,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
 
 
 def _order_taken(record: Record) -> FloatArray:
-    """When each row was taken, -1/2 to 1/2 over the record; by the order of the rows where no time is given."""
+    """Time of each row, -1/2 to 1/2 over the record; the order of the rows where no time is given."""
     time = np.arange(len(record), dtype=float)
     if "time" in record.frame.columns and np.isfinite(record.column("time")).all():
         time = record.column("time")

@@ -1,4 +1,4 @@
-"""The search for explanations: the simulation alone, with each effect, with combinations as far as data demand them."""
+"""The search for explanations: the simulation alone, with each effect, and with combinations that the data demand."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from damping.gap.hypotheses import (
 )
 from damping.gap.model import Model
 
-#: A further effect is fitted where its linear gain in ln p is at least the first and, times the second (gains of fits
-#: are larger than lines say), brings the hypothesis within ``NEAR`` of the most probable.
+#: A further effect is fitted where its linear gain in ln p exceeds the first and, times the second (fits gain more than
+#: linear estimates), brings the hypothesis within ``NEAR`` of the most probable.
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
-#: The gain beside an explanation that leaves no more than noise.
+#: The first of these where the base leaves no more than noise.
 _GAIN_BEYOND_NOISE = 4.5
-#: Most effects of an explanation, and rows that each of them takes.
+#: Most effects of an explanation, and fewest rows for each of them.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
-#: Most fits of each number of effects beyond one, and explanations that effects are added to.
+#: Most combinations tried for each number of effects beyond one, and most explanations that effects are added to.
 _MOST_FITS = 10
 _MOST_EXTENDED = 6
-_PROMISES = 0.25  #: Another law is tried where lines promise this share of what the effect in its place gains.
-_HOPELESS = 0.01  #: An effect whose linear gain is this share of the largest, less ``SURE``, is not worth a fit.
+_PROMISES = 0.25  #: Another law is tried if its linear gain exceeds this share of the gain of the effect it replaces.
+_HOPELESS = 0.01  #: An effect is worth a fit if its linear gain exceeds this share of the largest less ``SURE``.
 
 
 class Search(Fits):
-    """Hypotheses in the order in which they promise most; what was fitted stays, whatever a search asks for next."""
+    """Search over hypotheses, by expected log posterior; fitted hypotheses are kept for every later step."""
 
     def run(self) -> Search:
         """Fit the simulation alone, every effect, and combinations."""
@@ -51,7 +51,7 @@ class Search(Fits):
         return self
 
     def combine(self) -> None:
-        """Add effects to what was fitted as long as the data demand them."""
+        """Add effects to fitted hypotheses as long as the data demand them."""
         self._combine_parameters()
         for size in range(1, self._most_effects()):
             before = len(self.hypotheses)
@@ -64,9 +64,9 @@ class Search(Fits):
         self._shorten()
 
     def _combine_parameters(self) -> None:
-        """Fit the parameters of the simulation together: where several are wrong, none leads to the others alone.
+        """Fit the parameters of the simulation together: where several are wrong, a single one may gain too little.
 
-        A mass that is off, with stiffness and damping in its ratio, is read as a gain.
+        A wrong mass, with stiffness and damping in its ratio, reads as a gain.
         """
         names = [name for name in reversed(self.forms) if self.effects[name].corrects]
         names += [AMPLITUDE_SCALE.name] * (AMPLITUDE_SCALE.name in self.forms)
@@ -77,9 +77,9 @@ class Search(Fits):
                 self.extend(base, last)
 
     def _shorten(self) -> None:
-        """Fit the most probable explanation without each of its effects, and go on from what is more probable so.
+        """Fit the most probable explanation without each of its effects; repeat if a shorter one is more probable.
 
-        An effect that was added first may have stood for those that came later.
+        An effect that was added early may have stood in for later ones.
         """
         leading = self.ranked()[0]
         for name in leading.effects[:-1]:
@@ -88,39 +88,39 @@ class Search(Fits):
             self._shorten()
 
     def singles(self) -> None:
-        """Fit the simulation alone, which sets the units of strength, and every effect that could explain something."""
+        """Fit the simulation alone, which sets the units of strength, and every effect with a linear gain worth it."""
         null = self.hypotheses.get(frozenset())
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
             null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1], 1)
-        tried = {name: list_starts(null.plain, own, {}) for name, own in self.forms.items()}
-        self.units |= {some[0].part.form: some[0].part.unit for some in chain.from_iterable(tried.values())}
-        gains = {name: max(start.gain for start in chain.from_iterable(some)) for name, some in tried.items()}
-        for name in sorted(gains, key=lambda name: -gains[name]):  # what is far behind the best is left rough
+        tried = {name: list_starts(null.plain, forms, {}) for name, forms in self.forms.items()}
+        self.units |= {starts[0].part.form: starts[0].part.unit for starts in chain.from_iterable(tried.values())}
+        gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
+        for name in sorted(gains, key=lambda name: -gains[name]):  # best first: fits far behind are not polished
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
                 self.extend(null, name, tried[name])
 
     def _most_effects(self) -> int:
-        """Most effects that the rows can carry; at phase resonance only, one fewer than there are levels."""
+        """Most effects that the rows support; with phase resonances only, one fewer than there are levels."""
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
-        """Add one effect to hypotheses of ``size`` effects, those first that could gain most.
+        """Add one effect to hypotheses of ``size`` effects, those of the largest expected log posterior first.
 
-        Beside a ``doubted`` explanation, which fits but for a little, a few are tried that lines say cannot reach it:
-        it may imitate what two do together.
+        Beside a ``doubted`` explanation, which nearly fits, a few are tried although linear gains say they cannot reach
+        it: it may imitate two effects together.
         """
         ways = self._list_ways(size, doubted)
         ordered = order_ways(ways)
         for key in ordered[: MOST_DOUBTING if doubted else _MOST_FITS]:
             for way in ways[key]:
-                near = way.hope > self.ranked()[0].log_posterior - NEAR or not leaves_noise(way.base)
-                if near and key not in self.hypotheses:  # the next way where a fit has lost the motion
+                worth = way.hope > self.ranked()[0].log_posterior - NEAR or not leaves_noise(way.base)
+                if worth and key not in self.hypotheses:  # the next way if a fit lost the motion
                     self.extend(way.base, way.name, way.starts)
         leading = self.ranked()[0]
         shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
-        for key in ordered:  # what made it lead is added to bases about as good
+        for key in ordered:  # add the last effect of the leading explanation to bases about as good
             base, name = ways[key][0].base, ways[key][0].name
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - NEAR
             if twin and name in leading.effects[-1:] and key not in self.hypotheses:
@@ -130,22 +130,22 @@ class Search(Fits):
                 self.extend(self.hypotheses[key - {name}], name)
         self._try_other_laws()
         leading, *others = self.ranked()[:MOST_SWAPPED]
-        for own in (leading, *(other for other in others if other.log_posterior > leading.log_posterior - NEAR)):
-            for way in ways.get(own.key, []):  # another way may lead to a better mode
-                kept = self.hypotheses[own.key]
+        for near in (leading, *(other for other in others if other.log_posterior > leading.log_posterior - NEAR)):
+            for way in ways.get(near.key, []):  # another way may lead to a better mode
+                kept = self.hypotheses[near.key]
                 if (*way.base.effects, way.name) != kept.effects:
                     self.extend(way.base, way.name, way.starts)
-                    if kept.log_posterior >= self.hypotheses[own.key].log_posterior:
-                        self.hypotheses[own.key] = kept
+                    if kept.log_posterior >= self.hypotheses[near.key].log_posterior:
+                        self.hypotheses[near.key] = kept
 
     def _try_other_laws(self) -> None:
-        """Fit another law in the place of the simulated one for each effect of the leading explanation of several.
+        """Where the leading explanation has several effects, fit another law of damping in the place of each.
 
-        Beside the others such a law is seldom reached from modes in which the simulated one is kept.
+        Beside the others such a law is seldom reached from modes in which the simulated law is kept.
         """
         leading = self.ranked()[0]
-        whole = [name for name, own in self.forms.items() if any(form.whole for form in own)]
-        bases = [self.hypotheses.get(leading.key - {own}) for own in leading.effects if len(leading.effects) > 1]
+        whole = [name for name, forms in self.forms.items() if any(form.whole for form in forms)]
+        bases = [self.hypotheses.get(leading.key - {effect}) for effect in leading.effects if len(leading.effects) > 1]
         for base, name in product(filter(None, bases), (name for name in whole if name not in leading.key)):
             starts = list_starts(base.plain, self.forms[name], self.units)
             gain = max(start.gain for start in chain.from_iterable(starts) if start.part.form.whole)
@@ -156,29 +156,29 @@ class Search(Fits):
                     self.hypotheses[kept.key] = kept
 
     def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
-        """The ways to each combination that is worth a fit, those that promise most first."""
+        """The ways to each combination that is worth a fit, those of the largest expected log posterior first."""
         best = -np.inf if doubted else self.ranked()[0].log_posterior - NEAR
         price, passed = np.log(self.choices + 1.0), doubted.key if doubted else frozenset()
         ways: dict[frozenset[str], list[Way]] = {}
-        quiet = {key: own.log_posterior for key, own in self.hypotheses.items() if key and leaves_noise(own)}
+        quiet = {key: old.log_posterior for key, old in self.hypotheses.items() if key and leaves_noise(old)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_EXTENDED]:
             least = _GAIN_BEYOND_NOISE if leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
                 if name in base.effects or key in self.hypotheses or key & (self.effects[name].denies | passed):
                     continue
-                if any(own <= key and p > base.log_posterior for own, p in quiet.items()):
-                    continue  # that one says what more could be gained
+                if any(part <= key and p > base.log_posterior for part, p in quiet.items()):
+                    continue  # the linear gain beside that part is the one to trust
                 starts = list_starts(base.plain, self.forms[name], self.units)
                 gain = max(start.gain for start in chain.from_iterable(starts))
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best:
                     ways.setdefault(key, []).append(Way(hope, base, name, starts))
-        return {key: sorted(own, key=lambda way: -way.hope) for key, own in ways.items()}
+        return {key: sorted(to_key, key=lambda way: -way.hope) for key, to_key in ways.items()}
 
     def extend_by_gain(self, base: Hypothesis, names: Collection[str], most: int) -> None:
-        """Fit a hypothesis with each of those effects of ``names`` that promise most."""
-        tried = {name: list_starts(base.plain, own, self.units) for name, own in self.forms.items() if name in names}
+        """Fit a hypothesis with each of the ``most`` effects of ``names`` of the largest linear gain."""
+        tried = {name: list_starts(base.plain, self.forms[name], self.units) for name in self.forms if name in names}
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name])[:most]:
             self.extend(base, name, tried[name])

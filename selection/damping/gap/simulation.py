@@ -1,4 +1,4 @@
-"""The simulation that is judged: a mode within its tolerances, several states of it, or a user's own function."""
+"""The simulation under test: a mode within its tolerances, several states of it, or a user's own function."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Largest deviation, in tolerances; one beyond is an effect of its own (natural-frequency, viscous-coefficient).
+#: Largest deviation, in tolerances; a larger one is an effect (natural-frequency, viscous-coefficient).
 MOST_TOLERANCES = 3.0
 _SHARPNESS = 8
 
 
-#: Stands for none, where one divides by it.
+#: Scatter or tolerance of zero, safe to divide by.
 NO_SCATTER = 1e-9
-#: Tolerances of a simulation whose values were taken from the record itself, at least: they are no knowledge.
+#: Least tolerances of a simulation whose values were taken from the record itself: they are no prior knowledge.
 NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
 
 
 def within_tolerance(x: FloatArray) -> FloatArray:
-    """x where it is small, and never beyond +-``MOST_TOLERANCES``: x/(1 + |x/3|^8)^(1/8)."""
+    """x/(1 + |x/3|^8)^(1/8): x where it is small, and never beyond +-``MOST_TOLERANCES``."""
     return np.asarray(x / (1.0 + np.abs(x / MOST_TOLERANCES) ** _SHARPNESS) ** (1.0 / _SHARPNESS))
 
 
 class OfState(NamedTuple):
-    """A ``quantity`` (frequency, mass, damping) of one ``state``, from 0, and by how much it is ``apart``, |ln|."""
+    """A ``quantity`` (frequency, mass, damping) of one ``state``, from 0; ``apart``: |ln| of its ratio to the first."""
 
     quantity: str
     state: int
@@ -47,16 +47,16 @@ class OfState(NamedTuple):
 
 
 def list_of_states(rows: Rows) -> tuple[OfState, ...]:
-    """What is uncertain of each further state by itself, beside what all share.
+    """Quantities of each further state that are uncertain by themselves, besides those that all states share.
 
-    Frequency and mass where the stiffness is its own too; mass and damping by no more than the files differ: files that
-    say the same say that nothing has changed.
+    Frequency and mass, where the stiffness differs too, and damping. Mass and damping by no more than the files differ:
+    equal values state that nothing has changed.
     """
     values = []
     for state in np.unique(rows.state[rows.state > 0.0]).astype(int):
-        ratio, own, mass = (float(getattr(rows, name)[rows.state == state][0]) for name in ("ratio", "own", "mass"))
+        ratio, damping, mass = (float(getattr(rows, name)[rows.state == state][0]) for name in ("ratio", "own", "mass"))
         values += [OfState("frequency", state, np.inf), OfState("mass", state, abs(np.log(mass)))] * (ratio != 1.0)
-        values.append(OfState("damping", state, abs(np.log(own))))
+        values.append(OfState("damping", state, abs(np.log(damping))))
     return tuple(value for value in values if value.apart > 0.0)
 
 
@@ -65,10 +65,9 @@ class Simulation:
     """A mode as terms of standard normal variables x; ln(value/nominal) = tolerance times `within_tolerance` (x).
 
     The variables are those of ``names``: ``frequency``, ``mass``, the damping forces of the mode by name (their
-    leading coefficient; all have the tolerance of ``viscous``, the one that is stated for damping), what is uncertain
-    ``of_states`` each by itself, the participation of each group of states (numbers from 0) that a base has ``shaken``,
-    what is not known of a ``swept`` record's rates (fields of `Terms`, see `damping.effects.course.BETWEEN`), and the
-    parameters of a simulator.
+    leading coefficient; all with the tolerance of ``viscous``, the one stated for damping), the uncertain quantities
+    ``of_states``, the participation of each group of base-``shaken`` states (numbers from 0), unknowns of a ``swept``
+    record's rates (fields of `Terms`, see `damping.effects.course.BETWEEN`), and the parameters of a simulator.
     """
 
     mode: Mode
@@ -80,30 +79,30 @@ class Simulation:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the variables."""
-        own = () if self.simulator is None else tuple(self.simulator.values)
+        parameters = () if self.simulator is None else tuple(self.simulator.values)
         states = (f"{value.quantity} of state {value.state + 1}" for value in self.of_states)
         shaken = ("participation of state " + "+".join(str(number + 1) for number in group) for group in self.shaken)
-        return ("frequency", "mass", *self.mode.damping, *states, *shaken, *self.swept, *own)
+        return ("frequency", "mass", *self.mode.damping, *states, *shaken, *self.swept, *parameters)
 
     @cached_property
     def tolerance(self) -> FloatArray:
-        """Standard uncertainty of each variable: relative, but for those of ``swept``."""
+        """Standard uncertainty of each variable, relative except for those of ``swept``."""
         stated = self.mode.tolerance
         frequency, mass, damping = stated.frequency, stated.mass, stated.viscous
         if stated.from_record:
             frequency, mass, damping = map(max, (frequency, mass, damping), NO_KNOWLEDGE.values())
-        own = [] if self.simulator is None else list(self.simulator.tolerances.values())
-        if own:  # what the simulator's own parameters leave open is theirs
+        parameters = [] if self.simulator is None else list(self.simulator.tolerances.values())
+        if parameters:  # the simulator's parameters carry all its uncertainty
             frequency, mass, damping = NO_SCATTER, NO_SCATTER, NO_SCATTER
         stated_of = {"frequency": frequency, "mass": mass, "damping": damping}
         states = [min(stated_of[value.quantity], value.apart) for value in self.of_states]
         swept = [BETWEEN.width] * len(self.swept)
-        shaken = [UNKNOWN_SPREAD] * len(self.shaken)  # it was taken from these very rows
-        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *shaken, *swept, *own])
+        shaken = [UNKNOWN_SPREAD] * len(self.shaken)  # it was estimated from these rows
+        return np.array([frequency, mass, *[damping] * len(self.mode.damping), *states, *shaken, *swept, *parameters])
 
     @cached_property
     def _damping(self) -> list[tuple[Callable[..., Force], str, Mapping[str, float]]]:
-        """Damping forces of the mode, the parameter that each is proportional to, and all of them."""
+        """Damping forces of the mode: class, the parameter that each is proportional to, all parameters."""
         table = self.mode.damping
         return [(force_class(name), list_parameter_names(name)[0], table[name]) for name in table]
 
@@ -146,20 +145,20 @@ def _deviate(state: int, deviation: FloatArray, drive: Drive) -> FloatArray:
 
 
 def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
-    """ln of the force in states on a base, over that of the participation as first estimated; ln deviation (batch, 1).
+    """ln of the force in base-shaken states over that at the estimated participation p; ln deviation of p (batch, 1).
 
-    The base shakes p m of the structure, and all of a mass that is added.
+    The base shakes p m of the structure, and all of an added mass.
     """
 
     def part(drive: Drive) -> FloatArray:
-        whole = np.maximum(drive.shaken + drive.added, 1e-300)
-        share = np.where(np.isin(drive.state, states), drive.shaken / whole, 0.0)
+        total = np.maximum(drive.shaken + drive.added, 1e-300)
+        share = np.where(np.isin(drive.state, states), drive.shaken / total, 0.0)
         return np.asarray(np.log1p(share * np.expm1(deviation)))
 
     return part
 
 
-#: Checks of the audit whose refusal is of the answer of a simulation itself, and not of where it was asked.
+#: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
 NONSENSE = ("units", "phase-unit", "phase-sign")
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
 Simulate = Callable[..., tuple[FloatArray, FloatArray]]
@@ -167,14 +166,14 @@ Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True)
 class Simulator:
-    """A user's own simulation, as what its complex stiffness has beside that of the mode that stands for it.
+    """A user's own simulation, as the difference of its complex stiffness from that of the mode that stands for it.
 
-    Z = F exp(i phase)/A of a simulation changes evenly with its parameters where its resonance does not: Z is taken at
-    their nominal values and, for differences, one tolerance away in each.
+    Z = F exp(i phase)/A is smooth in the parameters even where the resonance is not. Z is evaluated at the nominal
+    values and, for differences, one tolerance away in each.
 
     Attributes:
-        function: the simulation; values, tolerances: of its parameters by name, tolerances relative. mode: what
-            stands for it where an effect needs a mass, a frequency, a damping.
+        function: the simulation. values, tolerances: of its parameters by name, tolerances relative. mode: stands for
+            it where an effect needs a mass, a frequency, a damping.
     """
 
     function: Simulate
@@ -218,7 +217,7 @@ class Simulator:
         return Simulator(function, values, tolerances, mode)
 
     def beside(self, deviation: FloatArray) -> OfDrive:
-        """Z less that of the mode at ln deviations (batch, parameters, 1) of the parameters."""
+        """Z less that of the mode, at ln deviations (batch, parameters, 1) of the parameters."""
 
         def part(drive: Drive) -> ComplexArray:
             nominal, by_parameter = self._linear(drive)
@@ -244,16 +243,16 @@ class Simulator:
         """Amplitude and Z of the simulation with some parameters changed.
 
         Raises:
-            InputError: it fails, or does not return an amplitude and a phase for every row.
+            InputError: the function fails, or does not return an amplitude and a phase for every row.
         """
         A, phase = self._answer(drive.F, drive.omega / RAD_S_PER_HZ, changed)
         return A, np.asarray(drive.F * np.exp(1j * phase) / A)
 
     def require_sense(self, record: Record) -> None:
-        """Look at what the simulation answers to the forces and frequencies of a record as the audit does at a record.
+        """Audit the answer of the simulation to the forces and frequencies of a record.
 
         Raises:
-            InputError: units that are not those of the mode that stands for it, a phase that is no lag in radians.
+            InputError: units that are not those of the mode, a phase that is no lag in radians.
         """
         asked = record.frame[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
         force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T

@@ -1,6 +1,6 @@
 """How large the gap is: residuals whitened by noise and repeatability, and their root mean square.
 
-How far the gap shrinks on levels that neither chose nor fitted the explanation.
+Also how far it shrinks on held-out levels, which neither chose nor fitted the explanation.
 """
 
 from dataclasses import dataclass, replace
@@ -17,14 +17,14 @@ from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
 
-#: Deviation of a sweep, in units of repeatability, that is none: one in a thousand sweeps.
+#: Deviation of a sweep, in units of repeatability, from which it is outlying: one in a thousand sweeps.
 OUTLYING = 3.3
 #: Most levels held out, the highest first.
 MOST_FOLDS = 3
-#: Shares of the gap closed on the record, and on levels held out, between which a held-out level fails.
+#: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
 _CLOSED = 0.8
 _FAILED = 0.5
-#: Effects that speak of single sweeps, or of one state: a level that is held out of them may not be predicted.
+#: Effects of single sweeps or of one state, which cannot predict a level that is held out.
 _OF_ONE_SWEEP = {"drift", "level-offset"}
 
 
@@ -48,14 +48,14 @@ def measure_gap(leading: ModelFit) -> Gap:
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
     after = root_mean_square(leading, regular)
-    # a robust fit, or one that stopped on its way, may leave more of all values than their least squares
+    # a robust fit, or one that did not converge, may leave more than least squares
     before = after if not leading.effects and after <= nominal else root_mean_square(refitted(leading), regular)
     after = after if leading.effects else before
     return Gap(nominal, before, after, shrinkage(before, after, int(regular.sum())))
 
 
 def regular_values(fit: ModelFit) -> BoolArray:
-    """Values (m,) that are measured and that a fit does not take for stray readings."""
+    """Whether values (m,) are measured and not treated as stray readings by a fit."""
     seen = fit.model.problem.rows.seen
     return seen if fit.many_wild else seen & ~fit.wild
 
@@ -68,26 +68,26 @@ def shrinkage(before: float, after: float, values: int) -> float | None:
 
 
 def root_mean_square(fit: ModelFit, regular: BoolArray) -> float:
-    """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode this is the residual whitened by noise and repeatability."""
+    """sqrt((|r|^2 + |z|^2)/n) of a fit: at its mode, that of residuals whitened by noise and repeatability."""
     z = fit.y[fit.model.size :]
     r = fit.r[regular] * fit.model.scatter.dispersion
     return float(np.sqrt((r @ r + z @ z) / regular.sum()))
 
 
 def refitted(leading: ModelFit) -> ModelFit:
-    """The simulation alone, refitted within its tolerance by least squares to the regular points of a fit."""
+    """The simulation alone, refitted within its tolerance by least squares to the regular values of a fit."""
     model = _alone(leading)
     weights = regular_values(leading).astype(float)
     r, J = model.jacobian(np.zeros((1, model.size + 2 * model.sweeps)))
     C = J[0, :, model.size :]
     z = -np.linalg.solve(C.T @ (C * weights[:, np.newaxis]) + np.eye(2 * model.sweeps), C.T @ (weights * r[0]))
-    far = np.where(np.abs(z) > OUTLYING, z, 0.0)  # where steps of a fit from nothing are too short to end
+    far = np.where(np.abs(z) > OUTLYING, z, 0.0)  # too far for the bounded steps of a fit from zero
     starts = np.vstack([np.zeros_like(far), far])[: 1 + far.any()]
     return fit_model(model, np.zeros((len(starts), model.size)), starts, weights)[0]
 
 
 def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -> Terms:
-    """Terms of a fit, values (1, n): with or without its effects, with or without each sweep's own deviation."""
+    """Terms of a fit, values (1, n), with or without its effects and the deviations of its sweeps."""
     names = fit.model.problem.simulation.names
     model, x = fit.model, fit.y[: fit.model.size]
     if not effects:
@@ -99,13 +99,13 @@ def fitted_terms(fit: ModelFit, effects: bool = True, deviations: bool = True) -
 
 
 def nominal_residuals(leading: ModelFit) -> FloatArray:
-    """Residuals (m,) of the simulation as given, whitened by noise and by the leading fit's repeatability."""
+    """Residuals (m,) of the nominal simulation, whitened by noise and the leading fit's repeatability."""
     model = _alone(leading)
     return _whiten_residuals(model, np.zeros(model.size))
 
 
 def _alone(leading: ModelFit) -> Model:
-    """The simulation alone, with the leading fit's repeatability and the noise as it is."""
+    """The simulation alone, with the leading fit's repeatability and noise without dispersion."""
     return Model(leading.model.problem, (), replace(leading.model.scatter, dispersion=1.0))
 
 
@@ -116,10 +116,10 @@ def _whiten_residuals(model: Model, x: FloatArray) -> FloatArray:
 
 
 def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
-    """(1 + C C^T)^(-1/2) r, the symmetric root: each entry stays as near to its own row as it can.
+    """(1 + C C^T)^(-1/2) r with the symmetric root, for which entries stay closest to their rows.
 
     Args:
-        r: residuals in units of noise, (m,). C: their changes by the deviations of sweeps in units of repeatability.
+        r: residuals in units of noise, (m,). C: their derivatives by deviations of sweeps in units of repeatability.
     """
     U, S, _ = np.linalg.svd(C, full_matrices=False)
     return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))
@@ -127,7 +127,7 @@ def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LevelDeviation:
-    """What was taken as repeatability of one sweep: relative deviations of gain and frequency, and in their units."""
+    """Deviations of one sweep ascribed to repeatability: of gain and frequency, relative and in units of their sd."""
 
     sweep: str
     gain: float
@@ -146,7 +146,7 @@ def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
 
 
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
-    """What the deviations of the sweeps say: levels that are outlying, estimates that end at the edge of their grid."""
+    """Cautions about deviations of sweeps: outlying levels, and estimates at the edge of their grid."""
     repeatability, levels = [], list_levels(fit)
     for level in levels:
         for what, size, sigma in (
@@ -158,19 +158,19 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
                     f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
                 )
     hidden = "the edge of what is usual, {}: a fault of one level, or another cause, may hide there"
-    return repeatability + _tell_scatters(setting, fit, 1, hidden)
+    return repeatability + _describe_scatters(setting, fit, 1, hidden)
 
 
 def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
-    """What was taken as repeatability of gain or frequency where one rig in ten has as much: next to the edge."""
+    """Cautions about repeatability of gain or frequency one step below the edge, which one rig in ten reaches."""
     taken = "{}, which was taken as repeatability; where that is known to be better, another cause hides there"
-    return _tell_scatters(setting, fit, 2, taken)
+    return _describe_scatters(setting, fit, 2, taken)
 
 
-def _tell_scatters(setting: Setting, fit: ModelFit, rank: int, told: str) -> list[str]:
-    """Of gain and frequency, where they scatter by the ``rank``-th largest size tried; ``told`` of the span."""
-    levels, own, tried = list_levels(fit), fit.model.scatter, np.transpose(setting.unknowns.scatters)
-    of_kinds = (("readings", "gain", own.amplitude), ("frequencies", "frequency", own.frequency))
+def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) -> list[str]:
+    """Cautions for gain and frequency with the ``rank``-th largest scatter tried; ``ending`` formats the span."""
+    levels, fitted, tried = list_levels(fit), fit.model.scatter, np.transpose(setting.unknowns.scatters)
+    of_kinds = (("readings", "gain", fitted.amplitude), ("frequencies", "frequency", fitted.frequency))
     scatters = []
     for (what, name, scatter), sizes in zip(of_kinds, map(np.unique, tried), strict=True):
         if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
@@ -178,13 +178,13 @@ def _tell_scatters(setting: Setting, fit: ModelFit, rank: int, told: str) -> lis
             span = f"from {first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}"
             side = "above" if first[0] > 0.0 else "below"
             lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
-            scatters.append(f"the {what} of its levels {lie} {scatter:.2%}, {told.format(span)}")
+            scatters.append(f"the {what} of its levels {lie} {scatter:.2%}, {ending.format(span)}")
     return scatters
 
 
 @dataclass(frozen=True)
 class HeldOutFold:
-    """One level held out: what the others chose, and sums of the ``count`` squared whitened residuals of the level."""
+    """One level held out: the effects chosen without it, and sums of its ``count`` squared whitened residuals."""
 
     sweeps: tuple[str, ...]
     effects: tuple[str, ...]
@@ -196,9 +196,9 @@ class HeldOutFold:
 
 @dataclass(frozen=True)
 class HeldOut(Gap):
-    """The gap on levels held out over all folds, refitted and explained by the others; ``scheme`` in words.
+    """The gap over all held-out levels, refitted and explained by the others; ``scheme`` in words.
 
-    ``low``, ``high``: interval of the shrinkage; None where that is.
+    ``low``, ``high``: interval of the shrinkage, of content `CONTENT`; None where the shrinkage is.
     """
 
     low: float | None
@@ -208,7 +208,7 @@ class HeldOut(Gap):
 
 
 def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
-    """The caution where an explanation that closes the gap does not on levels that did not choose it."""
+    """The caution where an explanation closes the gap, but not on levels that did not choose it."""
     if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
         return []
     if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
@@ -224,8 +224,8 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
     """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
 
-    Every hypothesis of ``search`` is fitted again to the other levels, and the most probable of them is chosen there.
-    ``leading`` is the fit to the whole record: its wild points are left out of the comparison, and nothing else.
+    The best hypotheses of ``search`` are fitted again to the other levels, and the most probable one there is chosen.
+    ``leading``: the fit to the whole record, whose wild points are left out of the comparison.
     """
     rows = setting.problem.rows
     levels = np.unique(rows.level)[::-1][:MOST_FOLDS]
@@ -244,7 +244,7 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
 
 
 def _interval(before: float, after: float, values: int) -> tuple[float | None, float | None, float | None]:
-    """Shrinkage with the interval from the sampling errors of the two mean squares."""
+    """Shrinkage with its interval, from the sampling errors of the two mean squares."""
     middle = shrinkage(before, after, values)
     if middle is None:
         return None, None, None
@@ -256,11 +256,11 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
 
 
 def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> HeldOutFold:
-    """Choose and fit without a level, and predict it."""
-    whole = setting.problem
-    out = whole.rows.level[whole.rows.sweep] == level
-    train = replace(whole, rows=whole.rows.where(~out))
-    test = replace(whole, rows=whole.rows.where(out))
+    """Choose and fit a hypothesis without a level, and predict that level."""
+    problem = setting.problem
+    out = problem.rows.level[problem.rows.sweep] == level
+    train = replace(problem, rows=problem.rows.where(~out))
+    test = replace(problem, rows=problem.rows.where(out))
     chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
     after = _predicted(chosen, test)
@@ -271,6 +271,6 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
 
 
 def _predicted(chosen: ModelFit, test: Problem) -> FloatArray:
-    """Whitened residuals of rows that a fit has not seen."""
+    """Whitened residuals of held-out rows."""
     model = Model(test, chosen.model.parts, replace(chosen.model.scatter, dispersion=1.0))
     return _whiten_residuals(model, chosen.y[: chosen.model.size])

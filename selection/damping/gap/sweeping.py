@@ -1,4 +1,4 @@
-"""Steady-state sweeps of a model at given force levels: the record that a test of it would give."""
+"""Steady-state sweeps of a model at given force levels: the record that a test of the model would give."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
-#: Frequencies of a sweep that is read as a test would be, at most: some tens between its half-power points.
+#: Most frequencies of a sweep that is read as a test would be: some tens between its half-power points.
 _READ = 400
 #: Amplitudes searched: 8 decades about the static deflection, 50 points in each.
 _GRID = np.linspace(-3.0, 5.0, 401) * np.log(10.0)
@@ -44,12 +44,12 @@ def simulate_sweeps(
     """Sweep a model through ``frequencies`` (n,), Hz and rising, at each force.
 
     Sweeps are labelled A, B, C, ... in the order of ``forces``; rows are in the order swept. ``method`` is ``ritz``
-    (first-harmonic averages) or ``time`` (integration in time to the steady state). Of a model that a base shakes
-    ``forces`` are accelerations a, which drive with M a: a participation of 1.
+    (first-harmonic averages) or ``time`` (integration in time to the steady state). For a base-driven model ``forces``
+    are accelerations a, which act as M a: a participation of 1.
 
     Raises:
-        InputError: an argument that is not what it should be, before any work.
-        AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
+        InputError: an invalid argument, before any work.
+        AnalysisError: an effect that ``method`` cannot simulate, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
     order = frequencies if direction == "up" else frequencies[::-1]
@@ -59,20 +59,20 @@ def simulate_sweeps(
         for number, level in enumerate(forces):
             rows: list[tuple[float, float]] = []
             if method == "ritz":
-                coming = _averaged(level * excited, frequencies, mode, direction)
+                readings = _averaged(level * excited, frequencies, mode, direction)
             else:
                 hertz, force = RAD_S_PER_HZ * frequencies, simulated_force(mode)
                 steady = sweep_in_time(force, level * excited, hertz, mode.mass, mode.omega_n, direction)
-                coming = ((state.amplitude, state.phase) for state in steady)
+                readings = ((state.amplitude, state.phase) for state in steady)
             for part in np.array_split(order, 4):
-                rows += list(islice(coming, part.size))
+                rows += list(islice(readings, part.size))
                 advance(f"force {level:g}", part.size)
             tables.append(_tabulate_table(_label(number), level, order, rows))
     return Record.trusted(pd.concat(tables, ignore_index=True), f"sweeps of {mode.name}")
 
 
 def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, method: str) -> None:
-    """InputError for the first argument that is not what it should be."""
+    """InputError for the first invalid argument."""
     bad = next((force for force in forces if not (math.isfinite(force) and force > 0.0)), None)
     if not forces or bad is not None:
         raise InputError(f"force {bad}" if forces else "no force", expected="positive numbers")
@@ -88,10 +88,10 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
 
 
 def simulated_force(mode: Mode) -> Force:
-    """The forces of a model that is integrated: its damping, and those that its effects add.
+    """The forces of a model for integration in time: its damping, and those that its effects add.
 
     Raises:
-        AnalysisError: an effect that is no force, so that it is not integrated in time.
+        AnalysisError: an effect that is no force, and so cannot be integrated.
     """
     added: list[Force] = []
     for name, table in mode.effects.items():
@@ -106,14 +106,14 @@ def simulated_force(mode: Mode) -> Force:
     return Sum((*from_damping(mode.damping).forces, *added))
 
 
-def _averaged(F: float, hertz: FloatArray, mode: Mode, way: Direction) -> Iterator[tuple[float, float]]:
-    """Amplitude and phase as they are read, in the order swept, by averages and with the effects of the model."""
-    omega, step = RAD_S_PER_HZ * hertz, 1 if way == "up" else -1
+def _averaged(F: float, hertz: FloatArray, mode: Mode, direction: Direction) -> Iterator[tuple[float, float]]:
+    """Amplitude and phase readings in the order swept, by first-harmonic averages, with the effects of the model."""
+    omega, step = RAD_S_PER_HZ * hertz, 1 if direction == "up" else -1
     if mode.effects:
-        passed = swept(mode, F, omega, way)
+        response = swept(mode, F, omega, direction)
     else:
-        passed = sweep(from_damping(mode.damping), F, omega, mode.mass, mode.omega_n, way)
-    yield from zip(passed.amplitude[::step].tolist(), passed.phase[::step].tolist(), strict=True)
+        response = sweep(from_damping(mode.damping), F, omega, mode.mass, mode.omega_n, direction)
+    yield from zip(response.amplitude[::step].tolist(), response.phase[::step].tolist(), strict=True)
 
 
 def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tuple[float, float]]) -> pd.DataFrame:
@@ -136,28 +136,28 @@ def _label(number: int) -> str:
 
 
 def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "down"] = "up") -> SteadyState:
-    """The readings of a slow sweep of a mode with its effects at ``omega`` (increasing, rad/s, (n,)), with its jumps.
+    """The readings of a slow sweep of a mode with its effects at ``omega`` (increasing, rad/s, (n,)), jumps included.
 
-    Force F is the recorded one. NaN where there is no stable steady state.
+    F is the recorded force. NaN where there is no stable steady state.
 
     Raises:
-        InputError: an effect that is not known, or its table is not.
+        InputError: an unknown effect, or an invalid table of one.
     """
     fine, between = finely(np.asarray(omega, dtype=float))
     return followed(states(_simulate_terms(mode), F, fine), between, direction)
 
 
 def read_resonance(mode: Mode, F: float, omega: FloatArray, has_phase: bool) -> float:
-    """Resonant amplitude as :func:`damping.records.resonance.find_resonance` reads it of a slow sweep; NaN of none.
+    """Resonant amplitude of a slow sweep by :func:`damping.records.resonance.find_resonance`; NaN without stable state.
 
-    The sweep is read at ``omega`` (increasing, rad/s, (n,)), on the largest stable state of each frequency.
+    The sweep is read at ``omega`` (increasing, rad/s, (n,)), thinned, on the largest stable state at each frequency.
     """
     thin = np.unique(np.linspace(0, omega.size - 1, _READ).astype(np.int64))
-    found = states(_simulate_terms(mode), F, omega[thin])
-    largest = np.argmax(np.where(found.stable, found.amplitude, -np.inf), axis=1)
-    rows = np.flatnonzero(found.stable.any(axis=1))
-    columns = {"force": np.full(len(rows), F), "frequency": found.omega[rows] / RAD_S_PER_HZ}
-    columns |= {name: getattr(found, name)[rows, largest[rows]] for name in ("amplitude", "phase")[: 1 + has_phase]}
+    branches = states(_simulate_terms(mode), F, omega[thin])
+    largest = np.argmax(np.where(branches.stable, branches.amplitude, -np.inf), axis=1)
+    rows = np.flatnonzero(branches.stable.any(axis=1))
+    columns = {"force": np.full(len(rows), F), "frequency": branches.omega[rows] / RAD_S_PER_HZ}
+    columns |= {name: getattr(branches, name)[rows, largest[rows]] for name in ("amplitude", "phase")[: 1 + has_phase]}
     return find_resonance("", pd.DataFrame(columns)).amplitude if len(rows) else np.nan
 
 
@@ -168,7 +168,7 @@ def _simulate_terms(mode: Mode) -> Terms:
 
 
 def states(terms: Terms, F: float, omega: FloatArray) -> Branches:
-    """All roots of u = Re P(u), u = ln A, at each frequency; stable where the left side grows faster."""
+    """All roots of u = Re P(u), u = ln A, at each frequency; stable where d(u - Re P)/du > 0."""
     u = np.log(F / (float(np.ravel(terms.M)[0]) * float(np.ravel(terms.omega_n)[0]) ** 2)) + _GRID
 
     def predicted(points: FloatArray, rows: IntArray) -> Prediction:

@@ -1,10 +1,10 @@
-"""What is not stated: noise from how roughly residuals run along a sweep, and evidence over every scatter and noise.
+"""Unstated noise and repeatability: noise from the roughness of residuals, and evidence over every scatter and noise.
 
-Differences of neighbours free residuals of what is smooth (Hall, Kay and Titterington 1990). Gain and frequency of each
-sweep deviate by b = scatter z, z ~ N(0, 1), the noise is a factor s times its estimate, and errors of neighbours go
-together as rho (Prais and Winsten 1954). Around the mode of a fit the residuals are linear in (x, b), so the evidence
-of any scatter, correlation and noise is a Gaussian integral in closed form, with the fit's robust weights; every
-hypothesis is averaged over all of them by itself.
+Differences of neighbours cancel the smooth part of residuals (Hall, Kay and Titterington 1990). Gain and frequency of
+each sweep deviate by b = scatter z, z ~ N(0, 1); the noise is a factor s times its estimate; errors of neighbours have
+correlation rho (Prais and Winsten 1954). Near the mode of a fit the residuals are linear in (x, b), so the evidence of
+any scatter, correlation and noise is a Gaussian integral in closed form, with the fit's robust weights. Each hypothesis
+is averaged over all of them separately.
 """
 
 from collections.abc import Sequence
@@ -21,39 +21,39 @@ from damping.gap.rows import UNSEEN, Rows
 from damping.gap.wild import WILD_WEIGHT, log_likelihood
 from damping.records.record import Record
 
-#: Share of the largest differences that are left out, and the root mean square of the others for a normal variable.
+#: Share of the largest values that a spread leaves out, and the root mean square of the others for a normal variable.
 _TRIMMED = 0.15
 _OF_NORMAL = 0.7215
-#: Constant noise over noise in proportion, at the 10 % point of the amplitudes; price in ln p of having one at all.
+#: Constant over proportional noise at the 10 % quantile of the amplitudes; penalty in ln p of a constant part.
 SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
-#: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set once for each.
+#: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set per sweep.
 RANGED = np.inf
 _PRICE = 2.0
-#: A deviation beyond this many standard deviations counts as if it were this large: wild points say nothing of a model.
+#: Deviations are clipped at this many standard deviations, against wild points.
 CLIP = 3.0
-#: Noise that is assumed before anything is known: of the order of a careful sine test.
+#: Noise assumed before anything is known, relative: of the order of a careful sine test.
 FIRST_GUESS = 0.02
-#: Smallest noise that is believed, so that computed records do not divide by zero.
+#: Smallest noise, so that computed records do not divide by zero.
 LEAST = 1e-6
-#: Part of a further channel that first harmonics do not predict: the third feeds back on itself, axes are not square.
+#: Share of a further channel that the model cannot predict: the third harmonic feeds back, axes are not square.
 FURTHER_ERROR = 0.05
-#: Largest reading of a channel across, over its roughness, up to which it reads its floor alone: noise exceeds 3.5 in
-#: one of 460 readings, and hum and cross-talk of any phase are in it too.
+#: Largest reading of a cross-axis channel, over its roughness, that may be noise floor alone: noise exceeds 3.5 in one
+#: of 460 readings, and the floor has hum and cross-talk of any phase too.
 _FLOOR = 4.0
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
 AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
 FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.1), (0.03, 0.1), (0.06, 0.1), (0.12, 0.09), (0.2, 0.01))
 #: Nodes of ln noise, in units of its standard deviation.
 _NODES = np.linspace(-2.5, 2.5, 11)
-#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: what is not
-#: known of a test is as often a smooth error (a mode shape, a reference) as one that is new at every row.
+#: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: unknown errors
+#: of a test are as often smooth (a mode shape, a reference) as independent at every row.
 CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
-#: Fits at a scatter and noise that is the most probable one of the fit before.
+#: Most refits, each at the most probable scatter and noise of the fit before.
 _MOST_ROUNDS = 3
 
 
 def stated_noise(rows: Rows, record: Record) -> Rows:
-    """The rows with the record's standard uncertainties; ``FIRST_GUESS`` for those that it does not state."""
+    """The rows with the record's standard uncertainties, ``FIRST_GUESS`` where it states none."""
     amplitude, force = (record.relative_sd(name)[rows.row] for name in ("amplitude", "force"))
     sd_phase = np.where(rows.sd_phase < UNSEEN, _fill(record.column("phase_sd", 0.0)[rows.row]), UNSEEN)
     rows = replace(rows, sd_amplitude=np.hypot(_fill(amplitude), force), sd_phase=sd_phase)
@@ -61,20 +61,20 @@ def stated_noise(rows: Rows, record: Record) -> Rows:
 
 
 def further_noise(rows: Rows) -> Rows:
-    """Noise of further channels: the roughness along sweeps, and a share of the phasor that is beyond the model.
+    """Noise of further channels: the roughness along sweeps, and the share `FURTHER_ERROR` of the phasor.
 
-    Each channel's roughness is that of the rows that measure it, which may be one sweep of several.
+    The roughness is that of the rows that measure the channel, which may be one sweep of several.
     """
 
     def noise(phasor: ComplexArray, sd: FloatArray, hum: float) -> FloatArray:
         measured = sd < UNSEEN
         if not measured.any():
             return sd
-        own, phasor = rows.where(measured), phasor[measured]
+        subset, phasor = rows.where(measured), phasor[measured]
         floor = float(np.min(rows.sd_amplitude * rows.A))
-        if not own.at_resonance:
-            parts = (roughness(own, part / own.A, (*SHARES, RANGED)) for part in (phasor.real, phasor.imag))
-            rough = own.A * np.hypot(*parts) / np.sqrt(2.0)
+        if not subset.at_resonance:
+            parts = (roughness(subset, part / subset.A, (*SHARES, RANGED)) for part in (phasor.real, phasor.imag))
+            rough = subset.A * np.hypot(*parts) / np.sqrt(2.0)
             floor = rough if np.max(rough) < np.max(np.abs(phasor)) else np.minimum(rough, floor)
             if np.max(np.abs(phasor)) < hum * np.max(rough):
                 floor = np.maximum(floor, np.sqrt(0.5 * np.mean(np.abs(phasor) ** 2)))
@@ -88,7 +88,7 @@ def further_noise(rows: Rows) -> Rows:
 
 
 def is_stated(record: Record) -> tuple[bool, bool]:
-    """Whether the noise of amplitudes, and of phases, is stated."""
+    """Whether the record states the noise of amplitudes, and of phases."""
     names = ("amplitude_sd", "phase_sd")
     amplitude, phase = (name in record.frame.columns and bool(np.any(record.column(name) > 0.0)) for name in names)
     return amplitude, phase
@@ -97,17 +97,17 @@ def is_stated(record: Record) -> tuple[bool, bool]:
 def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES) -> FloatArray:
     """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
 
-    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); with
-    fewer than four rows in every sweep, two. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude beside
-    a constant part, or one of its sweep's largest (``RANGED``): rho is the most likely of ``shares``, s the root mean
-    square without the largest, since a wild point is in four combinations. Rows at phase resonance only say nothing of
-    it: ``FIRST_GUESS``.
+    Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); two
+    where every sweep has fewer than four rows. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude plus
+    a constant part, or a share of the sweep's largest (``RANGED``). rho is the most likely of ``shares``. s is the root
+    mean square without the largest, since a wild point is in four combinations. Rows at phase resonance alone give no
+    estimate: ``FIRST_GUESS``.
     """
     width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
     if rows.at_resonance or width == 1:
         return np.full(len(rows), FIRST_GUESS)
     weights, places = zip(
-        *(_combinations(rows.omega[own], own, width) for own in rows.runs if len(own) >= width), strict=True
+        *(_combinations(rows.omega[run], run, width) for run in rows.runs if len(run) >= width), strict=True
     )
     w, at = np.concatenate(weights), np.concatenate(places)
     combined = np.sum(w * residual[at], axis=1)
@@ -115,7 +115,7 @@ def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES
     for rho in shares:
         shape = np.sqrt(1.0 + (rho * np.quantile(rows.A, 0.1) / rows.A) ** 2)
         if rho == RANGED:
-            shape = np.array([rows.A[own].max() for own in rows.runs])[rows.sweep] / rows.A
+            shape = np.array([rows.A[run].max() for run in rows.runs])[rows.sweep] / rows.A
         of_shape = np.sqrt(np.sum(w**2 * shape[at] ** 2, axis=1))
         s = max(spread(combined / of_shape), LEAST)
         squares = np.minimum((combined / of_shape / s) ** 2, CLIP**2)
@@ -125,35 +125,34 @@ def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES
 
 
 def spread(values: FloatArray) -> float:
-    """Standard deviation of normal values of which some are wild."""
+    """Standard deviation of normal values, robust to some wild ones."""
     dropped = int(_TRIMMED * len(values))
     kept = np.sort(values**2)[: len(values) - dropped]
     return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
 
 
-def _combinations(x: FloatArray, own: IntArray, width: int) -> tuple[FloatArray, IntArray]:
-    """Weights of unit norm that annul every polynomial of degree width - 2 over ``width`` neighbours; their rows."""
+def _combinations(x: FloatArray, run: IntArray, width: int) -> tuple[FloatArray, IntArray]:
+    """Unit-norm weights that cancel every polynomial of degree width - 2 over ``width`` neighbours; their rows."""
     places = np.arange(len(x) - width + 1)[:, np.newaxis] + np.arange(width)
     t = x[places]
     t = (t - t.mean(axis=1, keepdims=True)) / max(float(np.ptp(x)), 1e-300)
     vandermonde = np.stack([t**k for k in range(width - 1)], axis=1)
-    return np.linalg.svd(vandermonde)[2][:, -1, :], own[places]  # orthogonal to all rows
+    return np.linalg.svd(vandermonde)[2][:, -1, :], run[places]  # orthogonal to all rows
 
 
 def _fill(sd: FloatArray) -> FloatArray:
-    """Uncertainties that are not stated (0) replaced by the median of the others, or by ``FIRST_GUESS``."""
+    """Uncertainties with unstated ones (0) replaced by the median of the others, or by ``FIRST_GUESS``."""
     stated = sd > 0.0
     return np.where(stated, sd, np.median(sd[stated]) if stated.any() else FIRST_GUESS)
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Every scatter, correlation and noise considered with its prior probability; one of each where all are stated.
+    """Candidates of scatter, correlation and noise with prior probabilities; one of each where all are stated.
 
     Attributes:
         scatters: candidates (amplitude, frequency). correlations: of neighbours. noises: factors on the noise.
-        log_prior: logarithms of their probabilities, (scatters, correlations, noises). first: what a search begins
-            with.
+        log_prior: ln prior probabilities, (scatters, correlations, noises). first: the start of a search.
     """
 
     scatters: tuple[tuple[float, float], ...]
@@ -174,7 +173,7 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
     Args:
         scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
         noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
-        dispersion: by how much every explanation misses the record by more than noise.
+        dispersion: residuals of the best explanation over noise.
     """
     noises, p_noise = [1.0], np.ones(1)
     correlations: tuple[tuple[float, float], ...] = ((0.0, 1.0),)
@@ -198,16 +197,16 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
 def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
-    Without ``wild`` points every value counts in full: what is wild at one noise is none at another. Errors e of
-    neighbours along a sweep with correlation rho are those of (e_i - rho e_(i-1))/sqrt(1 - rho^2) without.
+    Without ``wild`` points every value counts in full, since a point that is wild at one noise is regular at another.
+    Errors e along a sweep of correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
     """
     k, sweeps = fit.model.size, fit.model.sweeps
-    own = _scales(fit.model.scatter, k, sweeps)
+    scale = _scales(fit.model.scatter, k, sweeps)
     wild = wild and not fit.model.problem.rows.of_peaks
     weights = fit.weights if wild else np.ones(len(fit.r))
     root = np.sqrt(weights)
-    J = fit.J / own * root[:, np.newaxis]
-    start = fit.r * root - J @ (fit.y * own)  # residuals at x = 0, b = 0
+    J = fit.J / scale * root[:, np.newaxis]
+    start = fit.r * root - J @ (fit.y * scale)  # residuals at x = 0, b = 0
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
     regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
@@ -224,47 +223,47 @@ def _integrate(
 ) -> FloatArray:
     """ln of the Gaussian integral over variables and deviations of sweeps, (scatters, noises).
 
-    That is -(p r.r - g^T H^-1 g + ln det H)/2, g = p D J^T r, H = 1 + p D J^T J D, of the ``products`` of (J, r) with
-    itself: D is 1 for variables, else the scatter of gain or frequency, p each ``precision`` (noises,). A row lies in
-    one sweep, so that the deviations make blocks of two by two; these are eliminated first, then the variables one by
+    That is -(p r.r - g^T H^-1 g + ln det H)/2, g = p D J^T r, H = 1 + p D J^T J D, from the ``products`` of (J, r) with
+    itself. D is 1 for variables, else the scatter of gain or frequency; p is each ``precision`` (noises,). A row lies
+    in one sweep, so the deviations make blocks of two by two. These are eliminated first, then the variables one by
     one, for all scatters and noises at once.
     """
     k = len(products) - 1 - 2 * sweeps
-    own, gain = np.array([*range(k), -1]), slice(k, k + sweeps)  # variables and residuals; gains
+    kept, gain = np.array([*range(k), -1]), slice(k, k + sweeps)  # variables and residuals; gains
     frequency = slice(k + sweeps, k + 2 * sweeps)
     a, f = np.array(scatters).T[:, np.newaxis, :, np.newaxis] * np.sqrt(precision)  # (1, scatters, noises) each
     of_gain, of_frequency, of_both = (
-        np.diagonal(products[one, other])[:, np.newaxis, np.newaxis]
-        for one, other in ((gain, gain), (frequency, frequency), (gain, frequency))
+        np.diagonal(products[rows, columns])[:, np.newaxis, np.newaxis]
+        for rows, columns in ((gain, gain), (frequency, frequency), (gain, frequency))
     )
     first, second, both = 1.0 + a * a * of_gain, 1.0 + f * f * of_frequency, a * f * of_both
     det = first * second - both * both
     inverse = np.concatenate([a * a * second / det, f * f * first / det, -a * f * both / det])
-    u, v = products[gain][:, own], products[frequency][:, own]
+    u, v = products[gain][:, kept], products[frequency][:, kept]
     outer = np.concatenate(
         [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)]
     )
     eliminated = np.tensordot(outer, inverse, axes=(0, 0))  # (variables and residuals, the same, scatters, noises)
-    left = (products[np.ix_(own, own)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
-    left[range(k), range(k)] += 1.0
+    reduced = (products[np.ix_(kept, kept)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
+    reduced[range(k), range(k)] += 1.0
     log_det = np.sum(np.log(det), axis=0)
     for j in range(k):
-        column = left[j + 1 :, j]
-        log_det += np.log(left[j, j])
-        left[j + 1 :, j + 1 :] -= column[:, np.newaxis] * (column / left[j, j])
-    return np.asarray(-0.5 * (left[k, k] + log_det))
+        column = reduced[j + 1 :, j]
+        log_det += np.log(reduced[j, j])
+        reduced[j + 1 :, j + 1 :] -= column[:, np.newaxis] * (column / reduced[j, j])
+    return np.asarray(-0.5 * (reduced[k, k] + log_det))
 
 
 def _multiply_outer(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Products of every entry of each row of u with every one of that of v, (rows, entries, entries)."""
+    """Outer product of each row of u with the same row of v, (rows, entries, entries)."""
     return u[:, :, np.newaxis] * v[:, np.newaxis, :]
 
 
 def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
-    """The fit at the most probable scatter and noise, its evidence averaged over all of them.
+    """The fit at the most probable scatter and noise, with its evidence averaged over all of them.
 
-    It is made again at these where its evidence comes up to ``least``: others do not matter. Where the noise is not
-    stated every point may be regular at one that is larger: the answer must not hang on the noise that came first.
+    It is repeated there if its ln evidence reaches ``least``; other hypotheses do not matter. Where noise is not
+    stated, every point may be regular at a larger noise: the answer must not depend on the first estimate.
     """
     if unknown.log_prior.size == 1:
         return fit  # there is nothing to choose

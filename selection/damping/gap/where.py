@@ -1,13 +1,12 @@
 """Where the gap lies: cells of contiguous rows of one sweep, by residual and by footprint of the explanation.
 
-Local estimates: natural frequency and damping ratio from each row alone, gathered by level and amplitude.
+Local estimates are natural frequency and damping ratio from each row alone, averaged by sweep and band of amplitude.
+A row with a phase measures Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. With the simulation's mass it gives
 
-Every row with a phase measures Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. With the simulation's mass it gives
+    omega_local^2 = (Re Y)/M + omega^2,    zeta_local = Im Y/(2 M omega omega_n)
 
-    omega_local^2 = (Re Y)/M + omega^2,    zeta_local = Im Y/(2 M omega omega_n),
-
-whatever the law. A constant zeta is viscous damping; a change with amplitude as A^p is a force C ~ A^(p + 1), and the
-same for the stiffness: p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
+for any law. Constant zeta is viscous damping; zeta ~ A^p is a force C ~ A^(p + 1), and likewise for the stiffness:
+p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
 """
 
 from collections.abc import Sequence
@@ -28,11 +27,11 @@ MOST_CELLS = 8
 FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.
 VISIBLE = 1.0
-#: How near to phase resonance a row is taken that stands for it, rad.
+#: Standard uncertainty of the phase pi/2 of a row taken at phase resonance, rad.
 RESONANCE_FOUND = 0.1
 #: Bands of amplitude in every sweep.
 BANDS = 4
-#: With fewer values only growth in proportion is tried.
+#: With fewer values only power 1 is tried.
 FEW = 6
 #: Powers of amplitude that are tried.
 POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
@@ -64,27 +63,27 @@ class FootprintCell(RowSpan):
 
 
 def residual_cells(leading: ModelFit) -> tuple[ResidualCell, ...]:
-    """All cells by share of the squared residual of the simulation as given, largest first; shares add to 1.
+    """All cells by share of the squared residual of the nominal simulation, largest first; shares add to 1.
 
-    Wild points do not count.
+    Wild points are left out.
     """
     rows = leading.model.problem.rows
     regular = regular_values(leading).astype(float)
     squares = by_quantity(rows, nominal_residuals(leading) ** 2 * regular)
     counts = by_quantity(rows, regular)
     total = max(sum(float(values.sum()) for values in squares.values()), 1e-300)
-    parts = [np.array_split(own, min(MOST_CELLS, max(1, len(own) // FEWEST_ROWS))) for own in rows.runs]
+    parts = [np.array_split(run, min(MOST_CELLS, max(1, len(run) // FEWEST_ROWS))) for run in rows.runs]
     cells = []
     for quantity, values in squares.items():
-        for own in chain.from_iterable(parts):
-            n, sum_of_squares = counts[quantity][own].sum(), values[own].sum()
+        for cell_rows in chain.from_iterable(parts):
+            n, sum_of_squares = counts[quantity][cell_rows].sum(), values[cell_rows].sum()
             z = (sum_of_squares - n) / np.sqrt(2.0 * max(n, 1.0))
-            cells.append(ResidualCell(*_place(rows, own, quantity), float(sum_of_squares / total), float(z)))
+            cells.append(ResidualCell(*_place(rows, cell_rows, quantity), float(sum_of_squares / total), float(z)))
     return tuple(sorted(cells, key=lambda cell: -cell.share))
 
 
 def footprint(leading: ModelFit) -> dict[str, FloatArray]:
-    """Change of the prediction by the explanation, in units of noise, (n,) by quantity; all else the same."""
+    """Change of the prediction by the explanation, all else equal, in units of noise, (n,) by quantity."""
     rows = leading.model.problem.rows
     with_effects = steady(fitted_terms(leading), rows, rows.u)
     without = steady(fitted_terms(leading, effects=False), rows, with_effects.u)
@@ -95,29 +94,29 @@ def footprint(leading: ModelFit) -> dict[str, FloatArray]:
 
 
 def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
-    """Runs of rows that the explanation changes visibly, largest first; none without an explanation."""
+    """Contiguous rows that the explanation changes visibly, largest first; none without an explanation."""
     if not leading.model.parts:
         return ()
     rows = leading.model.problem.rows
     cells = []
     for quantity, change in footprint(leading).items():
-        seen = np.abs(change) > VISIBLE
-        cuts = [np.split(own, np.flatnonzero(np.diff(seen[own].astype(int))) + 1) for own in rows.runs]
-        for own in (part for part in chain.from_iterable(cuts) if len(part) and seen[part[0]]):
-            size = float(np.sqrt(np.mean(change[own] ** 2)))
-            cells.append(FootprintCell(*_place(rows, own, quantity), size))
+        visible = np.abs(change) > VISIBLE
+        cuts = [np.split(run, np.flatnonzero(np.diff(visible[run].astype(int))) + 1) for run in rows.runs]
+        for cell_rows in (part for part in chain.from_iterable(cuts) if len(part) and visible[part[0]]):
+            size = float(np.sqrt(np.mean(change[cell_rows] ** 2)))
+            cells.append(FootprintCell(*_place(rows, cell_rows, quantity), size))
     return tuple(sorted(cells, key=lambda cell: -cell.size))
 
 
 def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
-    """Values (m,) split into amplitude and, where there are any, phase."""
+    """Values (m,) split into amplitude and, where measured, phase."""
     names = ["amplitude", *(["phase"] if rows.has_phase else [])]
     return dict(zip(names, values.reshape(-1, len(rows)), strict=False))
 
 
-def _place(rows: Rows, own: IntArray, quantity: str) -> tuple[str, float, float, str]:
-    hertz = rows.omega[own] / RAD_S_PER_HZ
-    return rows.sweeps[rows.sweep[own[0]]], float(hertz.min()), float(hertz.max()), quantity
+def _place(rows: Rows, cell_rows: IntArray, quantity: str) -> tuple[str, float, float, str]:
+    hertz = rows.omega[cell_rows] / RAD_S_PER_HZ
+    return rows.sweeps[rows.sweep[cell_rows[0]]], float(hertz.min()), float(hertz.max()), quantity
 
 
 @dataclass(frozen=True)
@@ -134,10 +133,10 @@ class LocalEstimate:
 
 @dataclass(frozen=True)
 class PowerTrend:
-    """How an estimate depends on amplitude: as A^``power``, better than a constant by ``gain`` in chi-square.
+    """Dependence of an estimate on amplitude, as A^``power``.
 
-    ``share``: the gain over the chi-square that a constant leaves. ``change`` is what it changes by from the smallest
-    to the largest amplitude.
+    ``gain``: chi-square of a constant less that of the power. ``change``: of the estimate from the smallest to the
+    largest amplitude. ``share``: gain over the chi-square of a constant.
     """
 
     power: float
@@ -149,7 +148,7 @@ class PowerTrend:
 def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases.
 
-    A row that is at phase resonance has a phase, pi/2; it is taken to be found within 0.1 rad.
+    A row at phase resonance has the phase pi/2 within `RESONANCE_FOUND`.
     """
     if not (rows.has_phase or rows.at_resonance):
         return ()
@@ -162,36 +161,36 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
     sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)
     estimates = []
-    for sweep, own in zip(rows.sweeps, rows.runs, strict=True):
-        for band in np.array_split(own[np.argsort(rows.u[own])], min(BANDS, max(1, len(own) // 4))):
+    for sweep, run in zip(rows.sweeps, rows.runs, strict=True):
+        for band in np.array_split(run[np.argsort(rows.u[run])], min(BANDS, max(1, len(run) // 4))):
             omega2, omega2_sd, _ = _mean(squared[band], (sd_real / M)[band])
             damping, damping_sd, weights = _mean(
                 zeta[band], (sd_imaginary / (2.0 * M * rows.omega * mode.omega_n))[band]
             )
             omega = float(np.sqrt(max(omega2, 0.0)))
             frequency_sd = omega2_sd / max(2.0 * omega, 1e-300) / RAD_S_PER_HZ
-            amplitude = float(weights @ rows.A[band] / weights.sum())  # where the mean damping is that of a law
+            amplitude = float(weights @ rows.A[band] / weights.sum())  # weighted as the damping is
             estimates.append(LocalEstimate(sweep, amplitude, omega / RAD_S_PER_HZ, frequency_sd, damping, damping_sd))
     return tuple(estimates)
 
 
 def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTrend | None:
-    """The power of amplitude with which values (n,) go, by weighted least squares of 1 and A^p; None below 3 values."""
+    """The best of `POWERS` for values (n,) by weighted least squares on 1 and A^p; None below 3 values."""
     if len(value) < 3:
         return None
     relative = amplitude / amplitude.max()
     constant = _chi_square(np.ones((len(value), 1)), value, sd)[0]
-    whole = constant or np.inf  # of equal values no share is a power's
+    total = constant or np.inf  # equal values: the share is 0
     trends = []
     for power in POWERS if len(value) >= FEW else [1.0]:
         chi_square, coefficients = _chi_square(np.column_stack([np.ones(len(value)), relative**power]), value, sd)
         change = coefficients[1] * float(relative.max() ** power - relative.min() ** power)
-        trends.append(PowerTrend(float(power), constant - chi_square, float(change), (constant - chi_square) / whole))
+        trends.append(PowerTrend(float(power), constant - chi_square, float(change), (constant - chi_square) / total))
     return max(trends, key=lambda trend: trend.gain)
 
 
 def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:
-    """Weighted mean, its sd and the weights; values beyond 4 sd from the median, wild ones, are left out."""
+    """Weighted mean, its sd and the weights; wild values, beyond 4 sd from the median, are left out."""
     near = np.abs(values - np.median(values)) < 4.0 * np.hypot(sd, np.median(sd))
     weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
     return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5), weights
@@ -204,6 +203,6 @@ def _chi_square(design: FloatArray, value: FloatArray, sd: FloatArray) -> tuple[
 
 
 def trend_of(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None:
-    """How local estimates of a quantity go with amplitude."""
+    """Trend of local estimates of a quantity with amplitude."""
     columns = ("amplitude", quantity, f"{quantity}_sd")
     return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))

@@ -1,6 +1,6 @@
 """Noise with wild points: its likelihood, the weights of residuals, and which wild points are no stray readings.
 
-The noise of a residual is N(0, 1) but for a share ``WILD`` of wild points, N(0, ``WIDE``^2) (Box and Tiao 1968).
+A residual is N(0, 1), or with probability ``WILD`` a wild point, N(0, ``WIDE``^2) (Box and Tiao 1968).
 """
 
 import numpy as np
@@ -16,13 +16,12 @@ _INLIER = np.log(1.0 - WILD)
 _OUTLIER = np.log(WILD / WIDE)
 #: Robust weight below which a residual is taken for wild.
 WILD_WEIGHT = 0.5
-#: Largest share of wild values of one quantity that are stray readings, and how many more a short record may have.
+#: Largest share of one quantity's values that may be stray readings; extra number allowed in a short record.
 MOST_WILD = 0.05
 _FEW_WILD = 2.0
-#: So many neighbours are wild by chance in one of 2000 sweeps of 60 rows; two in one of 40.
+#: Three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40.
 _NEIGHBOURS = 3
-#: A wild amplitude at the peak of a sweep is no stray reading where chance puts one as large there with less than this
-#: probability.
+#: A wild amplitude at the peak of a sweep is no stray reading if one as large there is less probable than this.
 _BY_CHANCE = 0.003
 
 
@@ -30,7 +29,7 @@ def log_likelihood(r: FloatArray) -> FloatArray:
     """ln p of residuals (..., m) less that of m residuals of zero without wild points: sum over the last axis."""
     squared = r * r
     log_odds = _log_odds(squared)
-    # numpy's own logaddexp takes ten times as long
+    # np.logaddexp takes ten times as long
     added = np.maximum(log_odds, 0.0) + np.log1p(np.exp(-np.abs(log_odds)))
     return np.asarray(_INLIER * r.shape[-1] + np.sum(added - 0.5 * squared, axis=-1))
 
@@ -47,26 +46,28 @@ def _log_odds(squared: FloatArray) -> FloatArray:
 
 
 def find_pattern(rows: Rows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
-    """In words where wild values (m,) lie that are no stray readings; empty where they may be.
+    """Where wild values (m,) lie that cannot be stray readings, in words; empty where all may be.
 
-    Stray readings are few and lie at random places. Three wild neighbours in a sweep are no stray readings. Nor is a
-    wild amplitude at the peak of its sweep, where a sensor clips, unless chance puts one as large there in at least
-    one record of 300.
+    Stray readings are few and lie at random places. Three wild neighbours in a sweep are not stray. Nor is a wild
+    amplitude at the peak of its sweep, where a sensor clips, unless chance puts one as large there in at least one
+    record of 300.
 
     Args:
-        r: residuals (m,). sd_amplitude: the noise that they are in units of, relative, (n,).
+        r: residuals (m,). sd_amplitude: noise in whose units the amplitude residuals are, relative, (n,).
     """
     n = len(rows)
-    of_quantities, seen = wild.reshape(-1, n), rows.seen.reshape(-1, n).sum(axis=1)
-    touched = np.asarray(of_quantities.any(axis=0))
-    if np.any(of_quantities.sum(axis=1) > np.minimum(MOST_WILD * seen + _FEW_WILD, 0.5 * seen)):
-        return f"in {touched.sum()} of {n} rows, too many to be stray"
-    beside = [touched[own][k : k + _NEIGHBOURS].all() for own in rows.runs for k in range(len(own) - _NEIGHBOURS + 1)]
-    if any(beside):
+    by_quantity, seen = wild.reshape(-1, n), rows.seen.reshape(-1, n).sum(axis=1)
+    wild_rows = np.asarray(by_quantity.any(axis=0))
+    if np.any(by_quantity.sum(axis=1) > np.minimum(MOST_WILD * seen + _FEW_WILD, 0.5 * seen)):
+        return f"in {wild_rows.sum()} of {n} rows, too many to be stray"
+    adjacent = [
+        wild_rows[run][k : k + _NEIGHBOURS].all() for run in rows.runs for k in range(len(run) - _NEIGHBOURS + 1)
+    ]
+    if any(adjacent):
         return "side by side, too close together to be stray"
-    u = rows.u - r[:n] * sd_amplitude - np.log(rows.F)  # as the fit has them
-    peaks = [own[np.argmax(u[own])] for own in rows.runs]
-    by_chance = min(1.0, of_quantities[0].sum() * len(peaks) / n)
-    if any(of_quantities[0][k] and by_chance * erfc(abs(r[k]) / (WIDE * np.sqrt(2.0))) < _BY_CHANCE for k in peaks):
+    u = rows.u - r[:n] * sd_amplitude - np.log(rows.F)  # fitted ln amplitude per force
+    peaks = [run[np.argmax(u[run])] for run in rows.runs]
+    chance = min(1.0, by_quantity[0].sum() * len(peaks) / n)
+    if any(by_quantity[0][k] and chance * erfc(abs(r[k]) / (WIDE * np.sqrt(2.0))) < _BY_CHANCE for k in peaks):
         return "at the peak of a sweep, too far to be there by chance"
     return ""

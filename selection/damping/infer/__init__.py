@@ -1,7 +1,7 @@
 """Posteriors of damping laws: observations, laws, likelihood, evidence, chains, diagnostics.
 
-Here least squares with coefficients >= 0, of many problems at once: of few terms every set is tried, and of those whose
-coefficients are >= 0 the best is taken; of many Lawson and Hanson's method (1974).
+This module has least squares with coefficients >= 0 of many problems at once. With few terms all subsets are tried and
+the best with coefficients >= 0 is taken; with many, the method of Lawson and Hanson (1974).
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 
 from damping.arrays import FloatArray
 
-#: Seed of everything sampled where none is stated, that of the command line.
+#: Default seed of all sampling, also on the command line.
 SEED = 1970
-#: Terms up to which all sets of them are tried.
+#: Most terms of which all subsets are tried.
 FEW_TERMS = 3
-#: Relative ridge of normal equations, which keeps columns that are multiples of each other apart from an error.
+#: Relative ridge of the normal equations, so that collinear columns cause no error.
 DEPENDENT = 1e-13
 
 
 def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Least squares with coefficients >= 0 of many problems, (k, terms); NaN where none exist.
+    """Coefficients >= 0 of least squares for many problems, (k, terms); NaN where none exist.
 
     Args:
         columns: (k, rows, terms). target: (k, rows).
@@ -41,7 +41,7 @@ def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArr
             fit = np.linalg.solve(product[:, among][:, :, among] + ridge, moment[:, among, None])[..., 0]
             explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
             better = explained > most
-            if size == terms and better.all():  # the best of all, wherever its coefficients are >= 0
+            if size == terms and better.all():  # with coefficients >= 0 the full set is best
                 return np.asarray(fit, dtype=np.float64)
             most = np.where(better, explained, most)
             best[better] = 0.0

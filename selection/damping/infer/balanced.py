@@ -1,13 +1,14 @@
-"""The posterior of a law over variables in which a few ellipsoids cover it: what importance draws and chains move in.
+"""The posterior of a law over variables in which a few ellipsoids cover it, for importance sampling and chains.
 
-Data fix the total force to within what levels scatter and stray by, whatever the other parameters are: a thin bent
-sheet over the variables x of a law (:mod:`damping.infer.law`), a straight one over z, which is x but for the first:
+For any other parameters, data fix the total force to within the scatter and straying of the levels. Over the variables
+x of a law (:mod:`damping.infer.law`) the posterior is therefore a thin curved sheet. It is flat over z, which equals x
+except for the first variable:
 
     x_1 = t + s z_1,      t = sum_l a_l t_l,     a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
 
-At x_1 = t_l the law carries the measured forces of level l as nearly as it can, sum w C D/sum w C^2 = 1 over its rows,
-w = 1/(D^2 + R^2). S is the covariance of the levels, scatter and straying of the slope (generalised least squares):
-where a law strays, the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
+At x_1 = t_l the law fits the measured forces of level l, sum w C D/sum w C^2 = 1 over its rows, w = 1/(D^2 + R^2). S is
+the covariance of the levels from scatter and straying of the slope (generalised least squares): where a law strays,
+the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
 """
 
 from dataclasses import dataclass
@@ -29,13 +30,13 @@ from damping.infer.likelihood import (
 )
 from damping.infer.observations import Observations
 
-#: ln of the force by which a level may move t: one that the law misses by more says nothing of the others.
+#: Largest deviation of a level, in ln force, that enters t: a level that the law misses by more is no guide.
 FARTHEST = 3.0
 
 
 @dataclass(frozen=True)
 class _Balance:
-    """x but for x_1 = 0; the law's parts there, which lack exp(x_1); doubt; a (points, levels) and s (points,)."""
+    """x with x_1 = 0; the law's parts there, without exp(x_1); doubt; a (points, levels) and s (points,)."""
 
     x: FloatArray
     parts: list[Part]
@@ -72,7 +73,7 @@ class Balanced:
 
     def find_points(self, z: FloatArray) -> FloatArray:
         """x at z, (points, dimension)."""
-        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # draws that were resampled stand several times
+        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # resampled draws repeat
         x, s = self._find_sheet(z[new])
         x[:, 0] += s * z[new, 0]
         return np.asarray(x[np.cumsum(new) - 1])
@@ -83,7 +84,7 @@ class Balanced:
         return np.column_stack([(x[:, 0] - sheet[:, 0]) / s, x[:, 1:]])
 
     def _find_sheet(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x at z (points, dimension) but for z_1, which is taken to be 0; and s (points,)."""
+        """x at z (points, dimension) with z_1 = 0; and s (points,)."""
         balance = self._balance_around(z)
 
         def find_total(points: slice) -> FloatArray:
@@ -94,7 +95,7 @@ class Balanced:
         return balance.x, balance.s
 
     def _balance_around(self, z: FloatArray) -> _Balance:
-        """What is the same for every z_1."""
+        """All that does not depend on z_1."""
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
         parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
@@ -102,25 +103,29 @@ class Balanced:
         strays, directions = self._of_levels
         variance = (level**2 + self._per_level * (row**2 + self._known))[:, None] + doubt[:, None] ** 2 * strays
         of_direction = directions.sum(axis=0) / variance
-        told = of_direction @ directions.sum(axis=0)
+        precision = of_direction @ directions.sum(axis=0)
         return _Balance(
-            x, parts, doubt, of_direction @ directions.T / told[:, None], np.sqrt(len(strays) / told) / SCATTER_MEDIAN
+            x,
+            parts,
+            doubt,
+            of_direction @ directions.T / precision[:, None],
+            np.sqrt(len(strays) / precision) / SCATTER_MEDIAN,
         )
 
     @cached_property
     def _of_levels(self) -> tuple[FloatArray, FloatArray]:
-        """Principal variances and directions of levels that stray, (levels,) and (levels, levels)."""
+        """Principal variances and directions of the straying of levels, (levels,) and (levels, levels)."""
         variance, directions = np.linalg.eigh(stray_levels(self.coordinates, self.data))
         return np.maximum(variance, 0.0), directions
 
     @cached_property
     def _per_level(self) -> float:
-        """Mean over levels of one over their rows."""
+        """Mean over levels of 1/(number of rows)."""
         return float(np.mean(1.0 / np.bincount(self.data.sweep, minlength=len(self.data.sweeps))))
 
     @cached_property
     def _known(self) -> float:
-        """Mean variance of a row that the record states."""
+        """Mean stated variance of a row."""
         return float(np.mean(self.data.sd_amplitude**2 + self.data.sd_force**2 + self.data.sd_phase**2))
 
     def _find_total(self, C: FloatArray, a: FloatArray) -> FloatArray:
@@ -129,8 +134,8 @@ class Balanced:
         weight = 1.0 / (data.D**2 + data.R**2)
         with np.errstate(all="ignore"):
             over, under = by_sweep(C * (weight * data.D), data), by_sweep(C * C * weight, data)
-            whole = np.log(over.sum(axis=1) / under.sum(axis=1))
-            beside = np.nan_to_num(np.log(over / under) - whole[:, None])
-            t = (whole + np.sum(a * np.clip(beside, -FARTHEST, FARTHEST), axis=1)) / TOTAL_LOG_SD
+            total = np.log(over.sum(axis=1) / under.sum(axis=1))
+            deviation = np.nan_to_num(np.log(over / under) - total[:, None])
+            t = (total + np.sum(a * np.clip(deviation, -FARTHEST, FARTHEST), axis=1)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0
         return np.asarray(np.clip(t, -REACH, REACH))

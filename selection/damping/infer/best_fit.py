@@ -5,9 +5,8 @@ from it (:func:`damping.infer.likelihood.residuals`) is
 
     n_i = (D_i - C_i)/sqrt(g_i^2 + R_i^2),      g = dC/d ln A.
 
-Its sum of squares over the variance of each row is minimised over c >= 0 by least squares on every set of terms (of
-those whose coefficients are >= 0 the best), or by Lawson and Hanson's method (1974) where there are many terms; the
-weights are taken again from the fit until they stay. Shapes are searched over their prior's range, many at once.
+The sum of n_i^2 over the variance of each row is minimised over c >= 0 by iteratively reweighted least squares
+(:func:`damping.infer.solve_nonnegative_batch`). Shapes are searched over the range of their prior, many at once.
 """
 
 from __future__ import annotations
@@ -30,28 +29,27 @@ from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
 
-#: Passes of reweighting: weights follow the fit quadratically, so that a dozen reach rounding.
+#: Passes of reweighting, which converges quadratically: a dozen reach rounding.
 REWEIGHTINGS = 12
-#: Share of the force below which a coefficient is rounding.
+#: Share of the force below which a coefficient is taken as rounding.
 NOTHING = 1e-12
-#: Relative change of the sum of squares at which reweighting stops, at the end and while shapes are searched.
+#: Relative change of the sum of squares at which reweighting stops: in the final fit, and while shapes are searched.
 STEADY = 1e-12
 SEARCHED = 1e-7
-#: Binary digits of the squares by which points are compared in that search: of equal ones the most probable before the
-#: test, whichever way the rows stand.
+#: Binary digits of the squares compared in that search. Of equal points that of largest prior is taken, so that the
+#: result does not depend on the order of the rows.
 SEARCHED_BITS = 20
-#: Squares that are rounding: of a row that is 1e-8 off. Many shapes of a law leave no more where it can pass through
-#: every point.
+#: Squares taken as rounding: of a row that is 1e-8 off. Many shapes leave no more where a law can fit every point.
 EXACT = 1e-12
-#: Prior probabilities at which a shape parameter is tried before it is refined: its range in 24 equal parts.
+#: Prior quantiles at which a shape parameter is tried before it is refined: 24 of equal probability.
 SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
-#: Prior probabilities between which a shape is refined; width at which its search ends, standard
-#: normal variables: squares are then known to a millionth.
+#: Prior quantiles between which a shape is refined; width at which the search ends, in standard normal variables:
+#: squares are then known to a millionth.
 EXTREME = (0.001, 0.999)
 SHAPE_STEP = 2e-3
-#: Points of each axis that a refinement tries at once, from one neighbour of the best to the other.
+#: Points of each axis in a refinement, from one neighbour of the best point to the other.
 REFINED_POINTS = 9
-#: Rows times points of shapes that are solved at once: their arrays stay within tens of megabytes.
+#: Most rows times shape points solved at once: arrays stay within tens of megabytes.
 MOST = 250_000
 
 
@@ -60,8 +58,8 @@ class BestFit:
     """A law at its best coefficients >= 0.
 
     Attributes:
-        coordinates: the law on its record. coefficients: (components,). shapes: of each component by name, ``point``
-        the same as standard normal variables (shapes,).
+        coordinates: the law on its record. coefficients: (components,). shapes: of each component by name. point: the
+        shapes as standard normal variables (shapes,).
         n: residual of each row, relative amplitude or rad (rows,). squares: sum of n^2 over the variance of the rows.
         parameters: coefficients above 0 and shapes.
     """
@@ -80,17 +78,17 @@ class BestFit:
 
     @property
     def force(self) -> Sum:
-        """Its damping force."""
+        """The fitted damping force."""
         return build_force(self.law, self.coefficients, self.shapes)
 
     @property
     def variables(self) -> FloatArray:
-        """The standard normal variables x (dimension,) of this fit: where a search for the posterior's mode begins."""
+        """The standard normal variables x (dimension,) of this fit, the start of a search for the posterior's mode."""
         return self.coordinates.find_variables(self.coefficients, self.point, float(np.sqrt(np.mean(self.n**2))))
 
     @property
     def parameters(self) -> int:
-        """Numbers that were fitted and are not at their bound."""
+        """Number of fitted parameters that are not at their bound."""
         present = self.coefficients > 0.0
         return int(present.sum()) + sum(len(s) for s, there in zip(self.shapes, present, strict=True) if there)
 
@@ -114,48 +112,48 @@ def fit_law(law: Law, data: Observations) -> BestFit:
 
 
 def fit_laws(laws: Sequence[Law], *records: Observations) -> list[BestFit | AnalysisError]:
-    """The best fit of each law to each record, or why there is none: a part is never met at the tested amplitudes.
+    """The best fit of each law to each record, or the error that a part is never met at the tested amplitudes.
 
-    All laws to the first record, then to the next. Those with as many terms and shapes on as many rows are searched
-    together; without dimension, so that units cannot move a fit. Fits of one record alone are remembered.
+    In order of records, then of laws. Problems with equal numbers of terms, shapes and rows are searched together. They
+    are dimensionless, so that units cannot change a fit. Fits of a single record are cached.
     """
     bare = [record.scaled(FITTED_BITS) for record in records]
-    found = [_remember_fits(bare[0].content)] if len(bare) == 1 else [dict[_Key, Searched | None]() for _ in bare]
+    fits = [_remember_fits(bare[0].content)] if len(bare) == 1 else [dict[_Key, Searched | None]() for _ in bare]
     groups: dict[tuple[int, int, int], list[tuple[int, Coordinates]]] = {}
     for i, scaled in enumerate(bare):
         for law in laws:
-            if (law, law.parts) not in found[i]:
-                alike = len(law.parts), len(law.free_shapes), len(scaled.A)
-                groups.setdefault(alike, []).append((i, Coordinates.of(law, scaled)))
+            if (law, law.parts) not in fits[i]:
+                sizes = len(law.parts), len(law.free_shapes), len(scaled.A)
+                groups.setdefault(sizes, []).append((i, Coordinates.of(law, scaled)))
     for members in groups.values():
         searched = _search_shapes([(pure, bare[i]) for i, pure in members])
         for (i, pure), fit in zip(members, searched, strict=True):
-            found[i][pure.law, pure.law.parts] = fit
+            fits[i][pure.law, pure.law.parts] = fit
     return [
         _restore_units(Coordinates.of(law, scaled), known[law, law.parts], record)
-        for record, scaled, known in zip(records, bare, found, strict=True)
+        for record, scaled, known in zip(records, bare, fits, strict=True)
         for law in laws
     ]
 
 
-#: A law with its forces, which the library may have under the same name later than others.
+#: A law with its forces: a force registered later may reuse a name.
 _Key: TypeAlias = tuple[Law, tuple[Component, ...]]
 
 
 @lru_cache(maxsize=4)
 def _remember_fits(record: tuple[object, ...]) -> dict[_Key, Searched | None]:
-    """Fits of a record without dimension, empty at first: a ranking and predictions of loads ask for the same ones."""
+    """Cache of the fits of a dimensionless record, empty at first: rankings and load predictions need the same fits."""
     return {}
 
 
-#: A law and a record, both without dimension.
+#: A law and a record, both dimensionless.
 Problem = tuple[Coordinates, Observations]
-#: Shapes of a best fit as standard normal variables (shapes,), its coefficients (parts,), and the squares it leaves.
+#: Shapes of a best fit as standard normal variables (shapes,), its coefficients (parts,), and the sum of squares.
 Searched = tuple[FloatArray, FloatArray, float]
 
 
 def _restore_units(pure: Coordinates, searched: Searched | None, data: Observations) -> BestFit | AnalysisError:
-    """A fit that was sought without dimension."""
+    """A dimensionless fit in the units of the record."""
     if searched is None:
         return AnalysisError(f"{pure.law.name}: a part of it does not act at the tested amplitudes")
     point, solved, squares = searched
@@ -170,9 +168,9 @@ def _restore_units(pure: Coordinates, searched: Searched | None, data: Observati
 
 
 def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
-    """The shapes of least squares of laws with as many terms, shapes and rows; None of one with a part never met.
+    """Least-squares shapes of laws with equal numbers of terms, shapes and rows; None for a part that is never met.
 
-    The best of a grid over the prior; then grids around the best, each a neighbour's distance wide.
+    The search starts on a grid over the prior. Each further grid spans the neighbours of the best point.
     """
     free = len(problems[0][0].law.free_shapes)
     axes = {i: [ndtri(SHAPE_GRID)] * free for i in range(len(problems))}
@@ -187,12 +185,12 @@ def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
                 del axes[i]
                 continue
             before, rounded = best.get(i), round_bits(np.maximum(squares, EXACT), SEARCHED_BITS)
-            alike = np.flatnonzero(rounded == rounded.min())
-            k = int(alike[np.argmin(np.sum(points[i][alike] ** 2, axis=1))])
+            equal = np.flatnonzero(rounded == rounded.min())
+            k = int(equal[np.argmin(np.sum(points[i][equal] ** 2, axis=1))])
             if before is None or rounded[k] < least[i]:
                 best[i] = before = points[i][k], solved[k], float(squares[k])
                 least[i] = float(rounded[k])
-            # the neighbours of the best on each axis, and how far off the farther is
+            # the neighbours of the best point on each axis
             spans = [
                 (axis[axis < value].max(initial=low), axis[axis > value].min(initial=high))
                 for axis, value in zip(axes[i], before[0], strict=True)
@@ -210,24 +208,24 @@ def _search_shapes(problems: Sequence[Problem]) -> list[Searched | None]:
 def _solve_all(
     points: dict[int, FloatArray], problems: Sequence[Problem], steady: float
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Coefficients >= 0 (points, parts) and the squares left (points,) of each law at its points (points, shapes)."""
+    """Coefficients >= 0 (points, parts) and sums of squares (points,) of each law at its points (points, shapes)."""
     most = max(1, MOST // (len(problems[0][1].A) * max(len(x) for x in points.values())))
     solved: dict[int, tuple[FloatArray, FloatArray]] = {}
     for first in range(0, len(points), most):
-        some = list(points)[first : first + most]
-        units = [_tabulate_units(points[i], *problems[i]) for i in some]
+        batch = list(points)[first : first + most]
+        units = [_tabulate_units(points[i], *problems[i]) for i in batch]
         columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
-        number = [len(points[i]) for i in some]
-        by_name = zip(*(_Rows.of(problems[i][1]) for i in some), strict=True)
-        rows = _Rows(*(np.repeat(own, number, axis=0) for own in by_name))
+        number = [len(points[i]) for i in batch]
+        by_name = zip(*(_Rows.of(problems[i][1]) for i in batch), strict=True)
+        rows = _Rows(*(np.repeat(field, number, axis=0) for field in by_name))
         carried, squares = _solve(columns, slopes, rows, steady)
         ends = np.cumsum(number)[:-1]
-        solved |= dict(zip(some, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
+        solved |= dict(zip(batch, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
     return solved
 
 
 class _Rows(NamedTuple):
-    """D, R^2, and the known variance of D - C, constant and over g^2: (rows,) of a record, (k, rows) of problems."""
+    """D, R^2, and the stated variance of D - C, constant and per g^2: (rows,) of a record, (k, rows) of problems."""
 
     D: FloatArray
     across: FloatArray
@@ -240,11 +238,11 @@ class _Rows(NamedTuple):
         return cls(data.D, data.R**2, known, data.sd_amplitude**2)
 
     def take(self, problems: IntArray) -> _Rows:
-        """Those of some problems."""
-        return _Rows(*(own[problems] for own in self))
+        """The rows of some problems."""
+        return _Rows(*(field[problems] for field in self))
 
     def find_variance(self, g: FloatArray) -> FloatArray:
-        """Variance of D - C: circular scatter of the phasor, and the record's own uncertainties."""
+        """Variance of D - C: circular scatter of the phasor, and the stated uncertainties."""
         spread = np.maximum(g**2 + self.across, 1e-12 * self.D**2)
         return np.asarray(SCATTER_MEDIAN**2 * spread + g**2 * self.of_growth + self.known)
 
@@ -263,14 +261,14 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
     carried, squares = np.zeros(scale.shape), np.full(len(scale), np.inf)
     moving, variance = np.arange(len(scale)), rows.find_variance(np.abs(rows.D))
     for _ in range(REWEIGHTINGS):
-        X, own, weight = columns[moving], rows.take(moving), 1.0 / np.sqrt(variance)
-        fit = solve_nonnegative_batch(X * weight[:, :, None], own.D * weight)
+        X, data, weight = columns[moving], rows.take(moving), 1.0 / np.sqrt(variance)
+        fit = solve_nonnegative_batch(X * weight[:, :, None], data.D * weight)
         fit[fit < NOTHING * fit.max(axis=1, keepdims=True)] = 0.0
-        variance = own.find_variance(np.einsum("kij,kj->ki", slopes[moving], fit))
-        left = own.D - np.einsum("kij,kj->ki", X, fit)
-        previous, now = squares[moving], np.sum(left**2 / variance, axis=1)
+        variance = data.find_variance(np.einsum("kij,kj->ki", slopes[moving], fit))
+        misfit = data.D - np.einsum("kij,kj->ki", X, fit)
+        previous, now = squares[moving], np.sum(misfit**2 / variance, axis=1)
         carried[moving], squares[moving] = fit, now
-        # each problem stops for itself, so that its fit does not depend on which others are solved with it
+        # each problem stops separately, so that its fit does not depend on the others solved with it
         still = (np.abs(now - previous) > steady * now) & np.isfinite(now)
         moving, variance = moving[still], variance[still]
         if not moving.size:
@@ -280,7 +278,7 @@ def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) 
 
 
 def _tabulate_units(points: FloatArray, coordinates: Coordinates, data: Observations) -> tuple[FloatArray, FloatArray]:
-    """C and dC/d ln A of each part with coefficient 1, each (points, rows, parts); C twice where amplitude is input."""
+    """C and dC/d ln A of each part with unit coefficient, (points, rows, parts); C twice where amplitude is input."""
     shapes = coordinates.shapes(coordinates.place(points))
     units = [
         part.build(1.0, **{name: value[:, None] for name, value in values.items()})

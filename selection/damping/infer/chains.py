@@ -1,17 +1,17 @@
 """Posteriors by emcee: independent walkers that choose among several draws of a proposal close to the posterior.
 
-At each step every walker at x weighs N draws y_1 .. y_N of the adapted proposal q, w = p/q, takes one of them, y_j, in
-proportion to w and goes there with the probability
+At each step a walker at x weighs N draws y_1 .. y_N of the adapted proposal q, w = p/q, selects one of them, y_j, with
+probability proportional to w, and moves there with probability
 
     min(1, sum_i w_i / (sum_i w_i - w_j + w(x)))
 
-(independent multiple-try Metropolis: Liu, Liang and Wong 2000; one try is the independence sampler). That leaves p as
-it is whatever q, and moves at least as often as a choice among all N + 1 points; steps of one walker are nearly
+(independent multiple-try Metropolis: Liu, Liang and Wong 2000; one try is the independence sampler). This leaves p
+invariant for any q, and moves at least as often as a choice among all N + 1 points. Steps of one walker are nearly
 independent where N draws of q are worth more than one of p.
 
-A run grows until, by arviz and for every quantity, the effective sample size reaches 1000, the chains are 50
-autocorrelation times long and R-hat between four groups of walkers is at most 1.01, or until the budget of steps is
-spent; then the result says so (``converged`` is False) and nothing uses it silently.
+A run is extended until, by arviz and for every quantity, the effective sample size reaches 1000, the chains are 50
+autocorrelation times long and R-hat between four groups of walkers is at most 1.01. If the budget of steps ends first,
+``converged`` is False, and nothing uses such a result silently.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
     from emcee.model import Model
     from emcee.state import State
 
-#: Named functions of x (points, dimension) -> (points,): what the reader is told, so what must have converged.
+#: Named functions of x (points, dimension) -> (points,) that are reported and must have converged.
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
-#: Share of a run that is left out at its beginning: walkers start on draws of the posterior, so little is needed.
+#: Share of a run discarded at its beginning: walkers start on draws of the posterior, so little is needed.
 BURN_IN = 0.1
-#: Quantiles that stand for the tails of a quantity.
+#: Quantiles that represent the tails of a quantity.
 TAILS = (0.05, 0.95)
-#: A run that has not said enough is made longer by this factor before the next look.
+#: Factor by which a run that has not converged is extended before the next check.
 GROWTH = 1.5
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Sizes of a run and what it must reach.
+    """Sizes of a run and its convergence criteria.
 
     Attributes:
         ensembles, walkers: groups of walkers, and walkers in each. tries: draws that a walker chooses among at a step.
-        first, budget: steps before the first look at convergence, and at most.
+        first, budget: steps before the first check of convergence; most steps.
         effective_size, lengths, r_hat: the criteria (at least, at least, at most).
         draws_kept: draws kept of each ensemble.
     """
@@ -68,7 +68,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Target:
-    """What is sampled.
+    """A density to sample.
 
     Attributes:
         log_density: unnormalised log posterior at x (points, dimension) -> (points,).
@@ -81,10 +81,10 @@ class Target:
 
 
 def load_arviz() -> Any:
-    """ArviZ, loaded when asked for (60 MB), without the announcement of its next version at every import."""
+    """ArviZ, imported on demand (60 MB), without its FutureWarning about the next version."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)
-        import arviz  # noqa: PLC0415 - 60 MB that only files of posteriors and leaving out need
+        import arviz  # noqa: PLC0415 - only posterior files and PSIS-LOO need it
     return arviz
 
 
@@ -94,7 +94,7 @@ class Convergence:
 
     Attributes:
         r_hat: rank-normalised split R-hat between the ensembles.
-        effective_size: the least of the sizes for the bulk, the tails and the mean.
+        effective_size: the smallest of those for the bulk, the tails and the mean.
         autocorrelation: integrated autocorrelation time in steps: draws over their effective size for the mean.
         lengths: steps after burn-in over that time. monte_carlo_error: standard error of the mean.
     """
@@ -113,7 +113,7 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
     """Diagnose a quantity.
 
     Args:
-        values: (steps, walkers) after burn-in, walkers of one ensemble beside each other.
+        values: (steps, walkers) after burn-in, walkers of one ensemble adjacent.
     """
     steps, walkers = values.shape
     by_walker = values.T
@@ -121,7 +121,7 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
     by_ensemble = by_walker.reshape(ensembles, -1, steps).swapaxes(1, 2).reshape(ensembles, -1)
     from arviz_stats.base.array import array_stats  # noqa: PLC0415 - only chains are diagnosed
 
-    with np.errstate(invalid="ignore", divide="ignore"):  # of a quantity that stays where it is
+    with np.errstate(invalid="ignore", divide="ignore"):  # for a constant quantity
         sizes = {method: float(array_stats.ess(by_walker, method=method)) for method in ("mean", "bulk")}
         sizes["tail"] = float(array_stats.ess(by_walker, method="tail", prob=TAILS))
         r_hat = float(array_stats.rhat(by_ensemble))
@@ -146,8 +146,8 @@ class Chains:
     """A finished run.
 
     Attributes:
-        x: kept draws, (ensembles, kept, dimension). diagnoses: one for each reported quantity. failure: why not
-        all criteria are met, empty when they are. steps, acceptance: length of each ensemble, mean acceptance fraction.
+        x: kept draws, (ensembles, kept, dimension). diagnoses: one for each reported quantity. failure: the criterion
+        that is missed, empty if none. steps, acceptance: length of each ensemble, mean acceptance fraction.
     """
 
     x: FloatArray
@@ -183,7 +183,7 @@ class Posterior(Chains):
 class ManyTries:
     """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module).
 
-    ``weigh``: ln w at x (points, dimension) -> (points,), which emcee is told instead of ln p.
+    ``weigh``: ln w at x (points, dimension) -> (points,), which emcee gets in the place of ln p.
     """
 
     weigh: Callable[[FloatArray], FloatArray]
@@ -191,17 +191,17 @@ class ManyTries:
     tries: int
 
     def propose(self, model: Model, state: State) -> tuple[State, FloatArray]:
-        """The state after one step, and which walkers moved (walkers,)."""
+        """The state after one step, and whether each walker moved (walkers,)."""
         walkers = len(state.coords)
         tried = self.proposal.draw_random(walkers * self.tries, model.random)
         log_w, here = self.weigh(tried).reshape(walkers, -1), state.log_prob
         top = np.maximum(log_w.max(axis=1), here)
-        w, own = np.exp(log_w - top[:, None]), np.exp(here - top)
+        w, w_here = np.exp(log_w - top[:, None]), np.exp(here - top)
         total = w.sum(axis=1)
         every = np.arange(walkers)
-        # the largest of ln w + Gumbel noise is one in proportion to w
+        # the largest of ln w + Gumbel noise has probability proportional to w
         chosen = np.argmax(log_w + model.random.gumbel(size=log_w.shape), axis=1)
-        moved = model.random.random_sample(walkers) * (total - w[every, chosen] + own) < total
+        moved = model.random.random_sample(walkers) * (total - w[every, chosen] + w_here) < total
         state.coords[moved] = tried[(every * self.tries + chosen)[moved]]
         state.log_prob[moved] = log_w[every, chosen][moved]
         return state, moved
@@ -215,11 +215,10 @@ def sample(
     seed: int,
     settings: Settings | None = None,
 ) -> Posterior:
-    """Sample a damping law. Arguments as in ``run``.
+    """Sample a damping law; other arguments as in ``run``.
 
     Args:
-        start: draws of the posterior, on which the walkers begin and which the proposal is fitted to.
-        quantities: what must have converged beside the law's parameters.
+        quantities: further quantities that must have converged, besides the law's parameters.
     """
     posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
 
@@ -238,19 +237,19 @@ def run(target: Target, start: Evidence, seed: int, settings: Settings | None = 
     """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:
-        start: draws of the density, on which the walkers begin and which the proposal is fitted to.
+        start: draws of the density, from which the walkers start and to which the proposal is fitted.
         seed: of the moves and of the choice of starting points.
     """
     import emcee  # noqa: PLC0415 - bands of importance draws need no chains
 
     settings = settings or Settings()
     walkers = settings.ensembles * settings.walkers
-    # emcee copies numpy's global random state unless it is given one: give it one
+    # emcee copies numpy's global random state unless given one
     random = np.random.RandomState(np.random.SeedSequence(seed).generate_state(4))
     chosen = random.choice(len(start.draws), walkers, replace=False)
     state = emcee.State(start.draws[chosen], random_state=random.get_state())
 
-    proposal = start.proposal  # fitted anew each time that it is asked for
+    proposal = start.proposal  # a property that fits at each access
 
     def weigh(x: FloatArray) -> FloatArray:
         return target.log_density(x) - proposal.log_density(x)
@@ -259,7 +258,7 @@ def run(target: Target, start: Evidence, seed: int, settings: Settings | None = 
     sampler = emcee.EnsembleSampler(walkers, target.dimension, weigh, vectorize=True, moves=move)
     steps = min(settings.first, settings.budget)
     while True:
-        # walkers do not depend on each other, so that equal ones do no harm
+        # walkers are independent, so equal ones do no harm
         state = sampler.run_mcmc(state, steps - sampler.iteration, skip_initial_state_check=True)
         x = sampler.get_chain(discard=int(BURN_IN * steps))
         flat = x.reshape(-1, target.dimension)

@@ -1,4 +1,4 @@
-"""Does a sampled law describe its own data? PSIS-LOO (arviz) and posterior predictive checks."""
+"""Checks of a sampled law against its data: PSIS-LOO (arviz) and posterior predictive checks."""
 
 import warnings
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class LeaveOneOut:
     """PSIS-LOO of a law.
 
     Attributes:
-        elpd: expected log predictive density, standard_error of it; p: effective number of parameters.
+        elpd: expected log predictive density. standard_error: of elpd. p: effective number of parameters.
         pareto_k: of each unit left out (a sweep; a row where there is one sweep only). unit: ``level`` or ``row``.
-        caution: arviz's warning in words, empty when none.
+        caution: arviz's warning in words, empty if none.
     """
 
     elpd: float
@@ -35,11 +35,11 @@ class LeaveOneOut:
 
 @dataclass(frozen=True)
 class PredictiveCheck:
-    """Replicated against measured: the chi-square discrepancy T = sum(n^2/scatter^2) over rows.
+    """Replicated against measured data by the chi-square discrepancy T = sum(n^2/scatter^2) over rows.
 
     Attributes:
-        p_value: share of draws whose replicated T exceeds the measured one; near 0 the law fits worse than its own
-            scatter explains, near 1 better.
+        p_value: share of draws whose replicated T exceeds the measured one; near 0 the law fits worse than its scatter
+            explains, near 1 better.
         median, low, high: predictive resonant amplitude of each tested sweep, per cent of the measured one, (sweeps,).
     """
 
@@ -52,7 +52,7 @@ class PredictiveCheck:
 def inference_data(posterior: Posterior, data: Observations) -> Any:
     """Draws, log likelihood and data as ArviZ groups; chains are the independent ensembles.
 
-    Single precision: seven digits are far more than the Monte Carlo error leaves.
+    Single precision: seven digits, far beyond the Monte Carlo error.
     """
     chains, kept = posterior.x.shape[:2]
     by_unit = pointwise_log_likelihood(posterior.draws, posterior.coordinates, data)
@@ -84,7 +84,7 @@ def leave_one_out(groups: Any, data: Observations) -> LeaveOneOut:
 def predictive_check(
     posterior: Posterior, data: Observations, amplitude: FloatArray, level: float, seed: int
 ) -> PredictiveCheck:
-    """Compare replicated data with the measured.
+    """Compare replicated with measured data.
 
     Args:
         amplitude: resonant amplitude of each draw at each tested force, (draws, sweeps).

@@ -1,24 +1,24 @@
-"""No law of a few terms is the structure's own: how far the local exponent may stray from it, as a random process.
+"""Model discrepancy: no law of a few terms is exact, and the local exponent strays from it as a random process.
 
 With z = ln F, a law's resonant amplitude has the slope q(z) = d ln A/d ln F = 1/p, the inverse of the local exponent
-p = d ln F/d ln A. The structure's own slope is q + delta, delta an Ornstein-Uhlenbeck process of standard deviation
-``sigma`` that forgets itself over ``LENGTH`` in z, so that the amplitude strays by
+p = d ln F/d ln A. The structure's slope is q + delta, where delta is an Ornstein-Uhlenbeck process of standard
+deviation ``sigma`` and correlation length ``LENGTH`` in z, so that the amplitude strays by
 
     g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
     h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
 
-A law strays in proportion to how nonlinear it is: sigma is a parameter times :func:`nonlinearity`. What is proportional
-to force over a test seldom ceases to be.
+A law strays in proportion to its nonlinearity: sigma is a parameter times :func:`nonlinearity`. An amplitude that is
+proportional to force over a test seldom ceases to be.
 
-Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond it
-paths are drawn given what the levels leave over, and the slope q + delta is held within what damping can do.
+Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond
+the test, paths are drawn given the residuals of the levels, and the slope q + delta is held within ``SLOPES``.
 
-Whether damping will let go, amplitudes alone do not say; the resonance does. A joint that slips loses stiffness as it
-dissipates: while it slips in part, C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
-(n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, one that saturates too,
-leaves the frequency where it is. So the fall of M omega^2 over the loss F/A says how probable a joint is, and how near
-it is to letting go; by both :func:`extend` lets slopes stray farther or less far. Where levels have one frequency, a
-law that is not linear may be a joint's.
+Amplitudes alone do not tell whether damping will stop growing; the resonance does. A joint that slips loses stiffness
+as it dissipates: in partial slip C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
+(n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, even one that saturates,
+does not change the frequency. So the fall of M omega^2 over the loss F/A tells how probable a joint is, and how near to
+full slip; by both, :func:`extend` widens or narrows the straying. Where all levels have one frequency, a nonlinear law
+may be that of a joint.
 """
 
 from typing import NamedTuple
@@ -28,75 +28,76 @@ from scipy.special import log_ndtr, logsumexp, ndtri
 
 from damping.arrays import FloatArray
 
-#: How far in ln F a strayed slope is remembered: about a factor of four in force.
+#: Correlation length of the slope in ln F: about a factor of four in force.
 LENGTH = 1.5
 #: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
-#: and 5 % above 0.5. Tried on structures of the kinds of ``damping calibrate``, in and out of the library.
+#: and 5 % above 0.5. Tested on structures of the kinds of ``damping calibrate``, in and out of the library.
 DOUBT_MEDIAN = 0.04
 DOUBT_LOG_SD = 1.5
 #: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
 LINEAR = 0.04
 #: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
-#: and slip tend to a straight line, where growing damping may stop growing or grow faster still. Tried as above.
+#: and slip tend to linear damping, while growing damping may stop growing or grow faster still. Tested as above.
 SLOWER = 0.3
-#: A slope that strays upwards beyond the test strays by this factor more: joints let go sooner than they take hold.
+#: Factor on upward straying beyond the test: joints let go sooner than they take hold.
 STEEPER = 2.5
-#: Probability of a joint before the frequency is looked at: its share of the kinds of ``damping calibrate``.
+#: Prior probability of a joint, without the frequency: its share of the kinds of ``damping calibrate``.
 JOINTS = 1.0 / 3.0
-#: Probability of a joint from which it is said that one slips.
+#: Probability of a joint from which a slipping joint is reported.
 LIKELY = 0.5
 #: Standard deviation of a joint's fall f >= 0 (half-normal): the fall of a Masing loop, 1.5 to 9 times its loss, times
-#: the share of the loss that is the joint's and the share of its fall within the test.
+#: the joint's share of the loss and the share of its fall within the test.
 JOINT_FALL = 1.0
-#: What else moves the resonance, either way, beside a joint or without: standard deviations of f and how probable each
-#: is. Mostly next to nothing; geometric springs of any size owe nothing to the loss.
+#: Other causes that move the resonance, up or down, with or without a joint: standard deviations of f and their
+#: probabilities. Mostly next to nothing; geometric springs may have any size, unrelated to the loss.
 OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
-#: Prior median of the relative scatter of a measured resonance frequency; as good as one level that tells it.
+#: Prior median of the relative scatter of a measured resonance frequency, with the weight of one level.
 FREQUENCY_SCATTER = 3e-4
-#: Where a joint is excluded, upward strays are narrower by this factor: beyond 1.4 a damper that saturates escapes
-#: above the band in a fifth of trials.
+#: Where a joint is excluded, upward straying is smaller by this factor: above 1.4 a damper that saturates exceeds the
+#: band in a fifth of trials.
 STEADY = 1.3
-#: Standard deviation of the ln of a slope that is left to a joint about to let go, far beyond the test, each time that
-#: it is twice, three times as probable as before. Where the levels leave less, strays are wider.
+#: Least standard deviation of ln slope, far beyond the test, for a joint about to slip fully, times posterior over
+#: prior probability of a joint less 1. Straying is widened where the levels give less.
 LETS_GO = 0.45
-#: Fall over loss of such a joint. Below, slip has only begun, and in proportion less is left; above, most of the joint
-#: has let go before. The slopes of joints of ``damping calibrate`` from one to four times the tested force say so.
+#: Range of fall over loss of such a joint. Below it slip has only begun and the deviation is smaller in proportion;
+#: above it most of the joint slips already. From the slopes of joints of ``damping calibrate`` from one to four times
+#: the tested force.
 FALLS_AT_GO = (0.5, 1.0)
-#: Standard deviation of the ln of a slope, as of ``LETS_GO``, where no resonance tells a joint from a damper, of a law
-#: whose |q - 1| is at least ``BENT``; of others in proportion. With 0.35 Iwan joints of ``damping calibrate``
-#: that are tested at one frequency escape above in 6 of 20 trials, in 5 with 0.6.
+#: The same deviation where no resonance tells a joint from a damper, for a law with |q - 1| of at least ``BENT``; for
+#: others in proportion. Iwan joints of ``damping calibrate`` tested at one frequency exceed the band in 6 of 20 trials
+#: with 0.35, in 5 with 0.6.
 UNTOLD = 0.6
 BENT = 0.5
-#: Standard deviation of the ln of a slope, upwards, where damping fails at the top of the test and no joint does, of a
-#: law that is linear; of others less in proportion. An eddy-current damper tested to 77 % of its critical speed has
-#: slopes of 2.2 from 1 to 2 times the tested force, twice what the levels show.
+#: Standard deviation of ln slope, upwards, where damping but no joint fails at the top of the test, for a linear law;
+#: for others less in proportion. An eddy-current damper tested to 77 % of its critical speed has slopes of 2.2 from 1
+#: to 2 times the tested force, twice those of the levels.
 FAILS = 1.0
-#: Square roots of the primes: steps of points that fill the directions in which paths differ most (Richtmyer 1951), of
-#: the first ``_STEPS_BEYOND`` places beyond the test, then of the levels.
+#: Square roots of primes: steps of quasi-random points (Richtmyer 1951) for the directions in which paths differ most,
+#: the first ``_STEPS_BEYOND`` places beyond the test, then the levels.
 _STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
 _STEPS_BEYOND = 4
-#: Places in ln F beyond the test at which paths are drawn: the first one, and what each step is of the one before. They
-#: are the same whatever is asked, so that a prediction at one force does not move with another. Steps a third as long
+#: Places in ln F beyond the test at which paths are drawn: first step, and ratio of successive steps. They do not
+#: depend on the forces asked for, so that a prediction at one force does not change with another. Steps a third as long
 #: move the upper end of the Saturn V's band at three times the tested force by 1.6 %.
 FIRST_STEP = 0.15
 STEP_GROWTH = 1.1
-#: Eigenvalue of a covariance of levels, over the largest, that is rounding: repeats of one force add none.
+#: Eigenvalue of a covariance of levels, over the largest, taken as rounding: repeats of one force add none.
 _ROUNDING = 1e-12
-#: Slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3, steeper than
-#: any force measured of structures) down to 1/3 (slip in full).
+#: Range of slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3,
+#: steeper than any force measured on structures) down to 1/3 (full slip).
 SLOPES = (0.25, 3.0)
-#: The largest slope d ln A/d ln F of a law of a decay, whose amplitude is given and whose force follows, which hardly
-#: changes with friction. Beyond it laws would differ by amplitudes alone that no test reaches.
+#: Largest slope d ln A/d ln F of a law of a decay, where force follows from amplitude and hardly changes with friction.
+#: Beyond it laws would differ only at amplitudes that no test reaches.
 OF_FRICTION = 20.0
 
 
 class JointEvidence(NamedTuple):
-    """What the resonances say of a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A.
+    """Evidence of the resonances for a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A.
 
-    ``informative``: whether they say anything; where levels have one frequency they do not. ``failing``: how sure it
-    is, 0 to 1, that damping fails at the top of the test though no joint slips, as of an eddy-current damper that is
-    too fast.
+    ``informative``: whether the resonances tell anything; if all levels have one frequency they do not. ``failing``:
+    certainty, 0 to 1, that damping fails at the top of the test without a slipping joint, as of an eddy-current damper
+    beyond its critical speed.
     """
 
     probability: float = JOINTS
@@ -105,12 +106,12 @@ class JointEvidence(NamedTuple):
     failing: float = 0.0
 
 
-#: Nothing is known of the resonances.
+#: Without information from the resonances.
 ANY_JOINT = JointEvidence()
 
 
 def place_steps(farthest: float) -> FloatArray:
-    """ln F of the places of paths over the largest tested force, (steps,): from 0 to ``farthest`` or just beyond."""
+    """Places of paths in ln(F/largest tested force), (steps,): from 0 to ``farthest`` or just beyond."""
     number = np.log1p(max(farthest, 0.0) * (STEP_GROWTH - 1.0) / FIRST_STEP) / np.log(STEP_GROWTH)
     return np.asarray(FIRST_STEP * (STEP_GROWTH ** np.arange(np.ceil(number) + 1.0) - 1.0) / (STEP_GROWTH - 1.0))
 
@@ -134,11 +135,11 @@ def stray(
     beyond: FloatArray,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
-    """g ``within`` the test and ``beyond`` it, given what levels leave over: mean and one draw, each (draws, places).
+    """g ``within`` the test and ``beyond`` it, given the residuals of levels: mean and one draw, each (draws, places).
 
-    By Matheron's rule. A path is drawn at the levels, then outward place by place, so that none depends on what lies
-    farther out; places within the test are drawn each by itself. Neighbouring draws fill the principal directions, so
-    that ends of bands err by a third as much.
+    By Matheron's rule. A path is drawn at the levels, then outward place by place, so that no place depends on those
+    farther out; places within the test are drawn separately. Neighbouring draws fill the principal directions, which
+    reduces the error of band ends to a third.
 
     Args:
         sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). noise: covariance of
@@ -150,7 +151,7 @@ def stray(
     follow = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
     rest = stray_covariance(places, places, origin) - follow @ to_levels.T
     variance, directions = np.linalg.eigh(of_levels)
-    directions *= np.copysign(1.0, directions[-1])  # rounding has no say in the sign
+    directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
     root = np.linalg.cholesky(rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond)))
 
     by_levels, by_beyond, by_within, by_errors = rng.spawn(4)
@@ -161,8 +162,8 @@ def stray(
     levels = ((directions * np.sqrt(np.maximum(variance, 0.0))) @ x).T
     drawn = levels @ follow.T
     drawn[:, len(within) :] += (root @ outward).T
-    apart = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
-    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * apart
+    sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
+    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
 
     drawn *= sigma[:, None]
     errors = (np.linalg.cholesky(noise) @ by_errors.standard_normal((number, len(at), 1)))[..., 0]
@@ -175,9 +176,9 @@ def stray(
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:
-    """By how much a law strays in proportion, from its exponents at both ends of the test (..., 2): (...).
+    """Nonlinearity (...) of a law, from exponents at both ends of the test (..., 2): straying is proportional to it.
 
-    ``LINEAR`` and the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
+    ``LINEAR`` plus the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
     """
     with np.errstate(divide="ignore"):
         q = np.clip(np.where(np.isnan(p), 0.0, 1.0 / p), *SLOPES)
@@ -187,13 +188,13 @@ def nonlinearity(p: FloatArray) -> FloatArray:
 def find_joint(
     amplitude: FloatArray, force: FloatArray, omega: FloatArray, mass: FloatArray, tolerance: float, apart: float = 0.0
 ) -> JointEvidence:
-    """Whether what dissipates slips, from the resonances of the levels and their masses, (levels,) each.
+    """Evidence for a slipping joint, from the resonances of the levels and their masses, (levels,) each.
 
-    f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force;
-    s its error, by the scatter about the line, ``FREQUENCY_SCATTER`` and the relative ``tolerance`` of a mass common
-    to all levels and ``apart``, that of each level's mass by itself. Of a joint f = |N(0, a^2)| + N(0, b^2 + s^2), of
-    all else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. Nothing is known where every level
-    has the same frequency or amplitude.
+    f is the fall of M omega^2 over the range of amplitudes, by a straight line, in units of F/A at the largest force.
+    s is its error: scatter about the line, ``FREQUENCY_SCATTER``, the relative ``tolerance`` of a mass common to all
+    levels, and ``apart``, that of each level's mass separately. For a joint f = |N(0, a^2)| + N(0, b^2 + s^2), for all
+    else f = N(0, b^2 + s^2), with a = ``JOINT_FALL`` and b of ``OTHER_FALLS``. Nothing is known where every level has
+    the same frequency or amplitude.
     """
     x = amplitude - amplitude.mean()
     spread = float(x @ x)
@@ -203,9 +204,9 @@ def find_joint(
     per_loss = amplitude[top] / force[top]
     stiffness = (mass * omega**2 - mass[top] * omega[top] ** 2) * per_loss
     slope, of_mass = np.array([stiffness, tolerance * mass * (omega**2 - omega[top] ** 2) * per_loss]) @ x / spread
-    left = stiffness - stiffness.mean() - slope * x
+    residual = stiffness - stiffness.mean() - slope * x
     of_level = mass[top] * omega[top] ** 2 * per_loss * np.hypot(2.0 * FREQUENCY_SCATTER, apart)
-    variance = (of_level**2 + left @ left) / max(len(x) - 1, 1)
+    variance = (of_level**2 + residual @ residual) / max(len(x) - 1, 1)
     fall, error = -slope * np.ptp(x), np.hypot(np.sqrt(variance / spread), of_mass) * np.ptp(x)
     other = np.hypot(OTHER_FALLS, error)
     joint = np.hypot(JOINT_FALL, other)
@@ -224,11 +225,11 @@ def extend(
     lets_go: bool = True,
     of_decay: bool = False,
 ) -> FloatArray:
-    """ln A (draws, places) beyond the test, from a law's and its straying g: slopes q exp(delta/q), held in ``SLOPES``.
+    """ln A (draws, places) beyond the test, from a law's ln A and straying g: slopes q exp(delta/q) within ``SLOPES``.
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
-    grow far where damping stops growing. NaN counts as steep. ``lets_go``: whether a joint may. ``of_decay``: whether
-    a law's own slope may be as large as ``OF_FRICTION``.
+    grow far where damping stops growing. NaN counts as steep. ``lets_go``: whether a joint may slip fully.
+    ``of_decay``: whether a law's slope q may reach ``OF_FRICTION``.
     """
     lean = joint.probability / JOINTS - 1.0
     step = np.diff(z)
@@ -247,7 +248,7 @@ def extend(
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
         fails = FAILS * joint.failing * (1.0 - bent) / np.maximum(spread, 1e-6)
         grown *= np.where(grown > 0.0, np.hypot(1.0, fails), 1.0)
-    # strays end at ``SLOPES``, or at a law's own; 10: far beyond
+    # slopes end at ``SLOPES``, or at the law's slope; 10 only prevents overflow
     slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), SLOPES[0], np.maximum(q, SLOPES[1]))
     start = log_A[:, :1] + strays[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
@@ -256,7 +257,7 @@ def extend(
 def read_path(
     path: FloatArray, on_steps: FloatArray, of_law: FloatArray, asked: FloatArray, steps: FloatArray
 ) -> FloatArray:
-    """ln A (draws, asked) of paths (draws, steps): between two steps it rises as the law's own, where that is known.
+    """ln A (draws, asked) of paths (draws, steps), interpolated between steps as the law's ln A where that is finite.
 
     ``on_steps``, ``of_law``: ln A of the law at the steps and at the forces ``asked``; ``asked``, ``steps``: ln F.
     """

@@ -1,7 +1,7 @@
 """Marginal likelihood of a law on observations: its posterior mode, then importance sampling around it.
 
-Newton steps from the best fit of the law find the mode. Their difference quotients need values of the log density only
-and are scaled to the posterior's own width, which matters where data are so good that the width is tiny.
+Newton steps from the best fit of the law find the mode. Their difference quotients need only values of the log density.
+Steps are scaled to the posterior width, which is tiny for good data.
 """
 
 from collections.abc import Callable
@@ -18,30 +18,29 @@ from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, importan
 from damping.infer.law import Coordinates
 from damping.infer.observations import Observations, round_bits
 
-#: First step of a difference quotient, and the least and largest: of a standard normal variable.
+#: First step of a difference quotient, and its range, in standard normal variables.
 FIRST_STEP = 1e-3
 STEP_RANGE = (1e-5, 1e-2)
 #: Step of a difference quotient in standard deviations of the posterior along that axis.
 STEP_PER_SD = 0.3
 #: Shares of a Newton step, tried at once.
 STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
-#: Newton steps at most, and the gain of log density below which the mode is reached: draws only begin there.
+#: Most Newton steps; gain of log density below which the mode is reached, accurate enough to start draws.
 MOST_STEPS = 20
 STILL = 1e-2
-#: Binary digits of the point where the search begins, so that rounding in other units does not move it.
+#: Binary digits of the start of the search, so that rounding in other units does not move it.
 START_BITS = 12
-#: Prior points, of which the best begins a search beside that from the best fit.
+#: Prior points, the best of which starts a second search.
 STARTS = 512
-#: Scatters and doubt where the search from the best fit may begin.
+#: Standard normal variables of scatters and doubt at which the search from the best fit may start.
 SCORES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-#: Distance of two modes, in standard deviations of both together, from which on they are two.
+#: Distance, in joint standard deviations, from which two modes are distinct.
 APART = 1.0
-#: Stands for an impossible law in the search, which needs finite numbers.
+#: Finite value for an impossible law in the search.
 BARRIER = 1e8
 
 LogDensity = Callable[[FloatArray], FloatArray]
-#: A way to the marginal likelihood and draws of a law on observations: with a seed, the best fit where it is known, and
-#: ln of a marginal likelihood below which a law does not matter.
+#: A function with the arguments of `evidence` up to ``floor``.
 Estimate = Callable[..., Evidence]
 
 
@@ -56,8 +55,8 @@ def evidence(
     """Marginal likelihood of a law, with weighted draws of its posterior, drawn over balanced variables.
 
     Args:
-        fit: the law's best fit on these observations, where it is known. floor: ln of a marginal likelihood below which
-            a law does not matter. wanted: effective draws, by default enough for the digits that are shown.
+        fit: the law's best fit on these observations, where known. floor: ln of a marginal likelihood below which a law
+            does not matter. wanted: effective draws, by default enough for the digits that are shown.
 
     Raises:
         AnalysisError: the law cannot carry the measured forces.
@@ -72,21 +71,21 @@ def evidence(
     return replace(drawn, draws=posterior.find_points(drawn.draws))
 
 
-#: The same of few draws: for fleets, and for a first look at which laws matter.
+#: `evidence` with few draws: for fleets, and for a first look at which laws matter.
 brief_evidence = partial(evidence, wanted=BRIEF_DRAWS)
 
 
 def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
-    """The standard normal variables of a best fit (dimension,), where the search for the mode begins."""
+    """The standard normal variables of a best fit (dimension,), the start of the search for the mode."""
     if not np.isfinite(fit.squares):
         return np.zeros(coordinates.dimension)
     return round_bits(replace(fit, coordinates=coordinates).variables, START_BITS)
 
 
 def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Balanced variables where modes are sought: of x ``start`` (d,), the best fit, (n, d), and of the prior, (m, d).
+    """Starts of the search for modes in balanced variables: from the best fit x ``start`` (d,), (n, d); prior, (m, d).
 
-    The best fit with every scatter and doubt: what a law leaves over, either may explain.
+    The best fit is combined with every scatter and doubt of ``SCORES``, since either may explain its residuals.
     """
     coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
     vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
@@ -100,9 +99,10 @@ def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Flo
 
 
 def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The modes that the best of points ``fitted`` (n, d) and the best ``anywhere`` (m, d) lead to, one if the same.
+    """The modes reached from the best of points ``fitted`` (n, d) and of ``anywhere`` (m, d); a single one if equal.
 
-    A slip force that is used up below the test, and one within it, are two: few draws around one meet the other.
+    A joint that slips fully below the test and one that does so within it are two modes: few draws around one reach the
+    other.
 
     Returns:
         The modes (k, d), and the inverse Hessians there (k, d, d), no wider than the prior.
@@ -122,16 +122,16 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
     if not starts:
         raise AnalysisError("no coefficient reproduces the measured forces")
     modes, covariances = descend(np.array(starts), negative)
-    apart = modes[-1] - modes[0]
-    if apart @ np.linalg.solve(covariances.sum(axis=0), apart) > APART**2:
+    difference = modes[-1] - modes[0]
+    if difference @ np.linalg.solve(covariances.sum(axis=0), difference) > APART**2:
         return modes, covariances
     return modes[:1], covariances[:1]
 
 
 def descend(x: FloatArray, negative: LogDensity) -> tuple[FloatArray, FloatArray]:
-    """Newton steps from each start (k, d) until none gains; the ends (k, d), and the inverse Hessians there (k, d, d).
+    """Newton steps from each start (k, d) until none gains; the final points (k, d) and inverse Hessians (k, d, d).
 
-    All starts step together: a call of few points costs as much as one of many.
+    All starts step together: a call with few points costs as much as one with many.
     """
     x, moving, covariances = x.copy(), list(range(len(x))), np.empty((*x.shape, x.shape[1]))
     widths = np.full(x.shape, FIRST_STEP)
@@ -142,23 +142,23 @@ def descend(x: FloatArray, negative: LogDensity) -> tuple[FloatArray, FloatArray
             value, gradient, covariances[i], widths[i] = expand(around[i], widths[i])
             steps = x[i] - STEP_SHARES[:, None] * (covariances[i] @ gradient)
             expanded.append(value)
-            # what is around the full step, most often the best, in the same call
+            # the surroundings of the full step, most often the best, in the same call
             tried.append(np.vstack([steps, steps[0] + _surround(widths[i])]))
         values = np.split(negative(np.vstack(tried)), len(moving))
-        for i, value, points, found in zip(tuple(moving), expanded, tried, values, strict=True):
-            best = int(np.argmin(found[: len(STEP_SHARES)]))
-            if not found[best] < value - STILL:
+        for i, value, points, step_values in zip(tuple(moving), expanded, tried, values, strict=True):
+            best = int(np.argmin(step_values[: len(STEP_SHARES)]))
+            if not step_values[best] < value - STILL:
                 moving.remove(i)
                 continue
             x[i] = points[best]
-            around[i] = negative(x[i] + _surround(widths[i])) if best else found[len(STEP_SHARES) :]
+            around[i] = negative(x[i] + _surround(widths[i])) if best else step_values[len(STEP_SHARES) :]
         if not moving:
             break
     return x, covariances
 
 
 def _surround(widths: FloatArray) -> FloatArray:
-    """Steps of central differences of ``widths`` (d,): none, up and down each axis, up and down both of each pair."""
+    """Points of central differences of ``widths`` (d,): centre, up and down each axis, up and down in each pair."""
     steps = np.diag(widths)
     i, j = np.triu_indices(len(widths), 1)
     pairs = steps[i] + steps[j]
@@ -166,7 +166,7 @@ def _surround(widths: FloatArray) -> FloatArray:
 
 
 def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """Value, gradient and inverse Hessian from ``values`` around a point (`_surround`); and better widths (d,).
+    """Value, gradient and inverse Hessian from ``values`` around a point (`_surround`); and improved widths (d,).
 
     f_ij = (f(+i+j) - f(+i) - f(+j) + 2 f - f(-i) - f(-j) + f(-i-j)) / (2 h_i h_j).
     """
@@ -176,7 +176,7 @@ def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, F
     both, neither = values[1 + 2 * d :].reshape(2, -1)
     hessian = np.diag(up + down - 2.0 * here)
     hessian[i, j] = hessian[j, i] = 0.5 * (both + neither + 2.0 * here - up[i] - up[j] - down[i] - down[j])
-    # in units of the widths; the prior bounds it from below
+    # in units of the widths; the prior bounds eigenvalues from below
     eigenvalues, vectors = np.linalg.eigh(hessian)
     floor = max(float(np.min(widths**2)), 1e-6 * float(eigenvalues[-1]), 1e-300)
     inverse = (vectors / np.maximum(eigenvalues, floor)) @ vectors.T
@@ -186,12 +186,10 @@ def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, F
 
 
 def remember(estimate: Estimate) -> Estimate:
-    """The same estimate, computed once for equal arguments, and again where a ``floor`` that stopped it has fallen.
+    """The estimate with a cache; computed again if a ``floor`` that stopped it has fallen.
 
-    Rankings and plans of peaks ask for the same ones.
-
-    Observations are equal where they are drawn for alike: a force that was multiplied by pi A and divided again differs
-    in its last bit.
+    Rankings and plans of peaks need the same estimates. Observations are compared after the rounding with which they
+    are sampled: a force multiplied by pi A and divided again differs in its last bit.
     """
     known: dict[tuple[object, ...], tuple[float, Evidence]] = {}
 

@@ -2,8 +2,8 @@
 
     Z = int exp(log density) dx ~ mean of w,   w = exp(log density)/q,   x ~ q,
 
-with ``q`` a mixture (:mod:`damping.infer.proposal`) adapted to the weighted draws until enough of them count. The
-draws, resampled by weight, also start the Markov chains, which choose among further draws of the mixture.
+with ``q`` a mixture (:mod:`damping.infer.proposal`) adapted to the weighted draws until enough of them are effective.
+The draws, resampled by weight, also start the Markov chains, which choose among further draws of the mixture.
 """
 
 from collections.abc import Callable
@@ -14,38 +14,38 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.infer.proposal import Proposal
 
-#: Draws of each round: more where few have not sufficed.
+#: Draws of each round: more where few were not enough.
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
-#: Effective draws that a first look at a law needs (marginal likelihood to 6 %), and those of a full estimate (3 %).
+#: Effective draws of a first look at a law (marginal likelihood to 6 %), and of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
-#: Effective draws that a proposal is fitted to, at least: where weights leave fewer, they are tempered until they do.
+#: Least effective draws to which a proposal is fitted: with fewer, weights are tempered until there are as many.
 FITTED_TO = 20.0
-#: Effective draws with which an estimate may end after ``ROUNDS``, and rounds at most until it has them: a narrow ridge
-#: (a slip force that is all but used up) is found step by step.
+#: Effective draws that suffice after ``ROUNDS``, and most rounds to reach them: a narrow ridge (a joint that slips
+#: almost fully) is found step by step.
 LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
-#: Effective draws by which a law may be left as negligible, and how far ln of its evidence may lie above the estimate:
-#: in proportion farther where fewer draws count, down to the second number of them. Of 6700 estimates on 220 simulated
-#: records none of half a per cent was left by mistake.
+#: Effective draws for which a law is negligible if its ln evidence is ``MISSED`` below the floor. The margin grows in
+#: inverse proportion to fewer draws, down to ``LEAST_TOLD``. Of 6700 estimates on 220 simulated records no law with
+#: half a per cent was dropped by mistake.
 TOLD_BY = 50.0
 LEAST_TOLD = 10.0
 MISSED = 3.0
-#: ln of an evidence over the floor below which a law has less than a tenth of the largest weight, and the share of the
-#: effective draws that is enough for it: its weight is then still known better than the largest one is.
+#: A law with ln evidence less than this above the floor has less than a tenth of the largest weight. This share of the
+#: effective draws is enough for it: its weight is then still known better than the largest one.
 IMPORTANT = 4.6
 OF_UNIMPORTANT = 0.5
-#: Change of ln of an evidence in a round that adds nothing new.
+#: Change of ln evidence in a round below which it has converged.
 SETTLED = 0.1
-#: Share of effective draws in the first round that leaves nothing to adapt.
+#: Share of effective draws in the first round above which no adaptation is needed.
 CLOSE = 0.25
-#: Halvings of the interval in which a temper is sought: to 1e-6.
+#: Bisections for the tempering exponent: to 1e-6.
 _HALVINGS = 20
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A marginal likelihood and a weighted picture of the posterior.
+    """A marginal likelihood and draws of the posterior.
 
     Attributes:
         log_z: natural logarithm of the marginal likelihood. standard_error: its Monte Carlo standard error.
@@ -60,11 +60,11 @@ class Evidence:
 
     @property
     def proposal(self) -> Proposal:
-        """Fitted to the draws."""
+        """A proposal fitted to the draws."""
         return Proposal.through(self.draws, self.effective_draws)
 
     def falls_below(self, log_z: float) -> bool:
-        """Whether the marginal likelihood is less, whatever the draws may have missed of it."""
+        """Whether ln of the marginal likelihood is below ``log_z``, with a margin for what the draws missed."""
         missed = MISSED * max(1.0, TOLD_BY / self.effective_draws)
         return self.effective_draws >= LEAST_TOLD and self.log_z + missed < log_z
 
@@ -80,18 +80,17 @@ def importance(
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
-    Draws of all rounds are kept. Their weights are taken over the mixture of all proposals made (adaptive multiple
-    importance sampling: Cornuet, Marin, Mira and Robert 2012): where one proposal draws often, no draw weighs much.
-    While few draws carry the weight, the next proposal is fitted to weights tempered, w^beta, which lead from the
-    proposals to the density step by step.
+    Draws of all rounds are kept. Their weights are taken over the mixture of all proposals so far (adaptive multiple
+    importance sampling: Cornuet, Marin, Mira and Robert 2012), so that no draw has a large weight where any proposal
+    draws often. While few draws carry the weight, the next proposal is fitted to tempered weights w^beta, which lead
+    from the proposals to the density step by step.
 
     Args:
-        log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: where to begin, (d,) and (d, d),
-            or several modes (k, d) and (k, d, d).
-        wanted: effective draws at which to stop, at the latest after ``ROUNDS`` where they are ``LEAST_DRAWS``.
-            floor: ln of a marginal likelihood below which no further round is worth its time. least_rounds: of
-            adaptation, more where a part of the posterior lies far from the mode: few draws meet it at first and
-            enough later.
+        log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: start, (d,) and (d, d), or several
+            modes (k, d) and (k, d, d).
+        wanted: effective draws at which to stop; after ``ROUNDS``, ``LEAST_DRAWS`` are enough. floor: ln of a marginal
+            likelihood below which no further round is worth its time. least_rounds: of adaptation; more where part of
+            the posterior is far from the mode, where few draws reach it at first.
     """
     proposals, proposal, sizes = [], Proposal.around(np.atleast_2d(mode), covariance), np.empty(0)
     x, log_p = np.empty((0, mode.shape[-1])), np.empty(0)
@@ -101,7 +100,7 @@ def importance(
         proposals.append(proposal)
         new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
         of_old = proposal.density(x)[:, None]
-        q = np.vstack([np.hstack([q, of_old]), np.stack([own.density(new) for own in proposals], axis=1)])
+        q = np.vstack([np.hstack([q, of_old]), np.stack([earlier.density(new) for earlier in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))
         log_mixture = np.log(q @ (sizes / len(x)))
         weighed = _weigh(x, log_p - log_mixture, seed)
@@ -118,7 +117,7 @@ def importance(
 
 
 def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
-    """Draws by their weights to the largest power that leaves ``FITTED_TO`` effective ones."""
+    """Draws resampled by their weights to the largest power that leaves ``FITTED_TO`` effective ones."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         power = 0.5 * (low + high)
@@ -128,7 +127,7 @@ def _temper(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
 
 
 def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
-    """Draws x (n, d) of log weights (n,), resampled in proportion with equal spacing (systematic)."""
+    """Evidence of draws x (n, d) with log weights (n,), by systematic resampling."""
     w = np.exp(log_w - log_w.max())
     edges = (np.arange(len(w)) + np.random.default_rng(seed).random()) / len(w)
     chosen = np.minimum(np.searchsorted(np.cumsum(w) / w.sum(), edges), len(w) - 1)
@@ -143,6 +142,6 @@ def _weigh(x: FloatArray, log_w: FloatArray, seed: int) -> Evidence:
 def draw_again(
     log_density: Callable[[FloatArray], FloatArray], proposal: Proposal, number: int, seed: int = 0
 ) -> Evidence:
-    """Evidence of ``number`` fresh draws: unlike rounds that end when enough draws count, blind to what they meet."""
+    """Evidence of ``number`` fresh draws, free of the bias of rounds that stop once enough draws are effective."""
     x = proposal.draw(number, seed)
     return _weigh(x, log_density(x) - proposal.log_density(x), seed)

@@ -1,16 +1,16 @@
 """A candidate damping law and its parameters: a sum of forces whose coefficients (and shapes) are unknown.
 
-The parameters are dimensionless and every one of them is a known function of a standard normal variable, so that the
-prior of any law is ``prod N(x_i; 0, 1)`` and a chain never meets a wall:
+Each parameter is dimensionless and a known function of a standard normal variable. The prior of any law is therefore
+``prod N(x_i; 0, 1)``, and a chain never meets a bound:
 
 - ``total``: the law's damping force at the reference (geometric means over the tested resonances) relative to the
   force measured there; log-normal about 1.
 - ``share`` of each force in that total: uniform over the simplex (stick-breaking), so no force is favoured and
   coefficients are >= 0.
-- shapes: as each force says of its own (`damping.forces.shapes`).
+- shapes: each with its prior (`damping.forces.shapes`).
 - ``scatter``: relative scatter of one measured row; ``level_scatter``: relative scatter of the resonant amplitude from
-  sweep to sweep. Both log-normal. Where there is one sweep, or one row in every sweep, only their sum can be seen, and
-  ``scatter`` is that.
+  sweep to sweep. Both log-normal. With one sweep, or one row in every sweep, only their sum can be identified, and
+  ``scatter`` is that sum.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from damping.forces.shapes import Shape, Tested
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, nonlinearity
 from damping.infer.observations import DRAWN_BITS, Observations, round_bits
 
-#: Standard deviation of ln(total): a law may miss the measured force at the reference by a factor e either way.
+#: Standard deviation of ln(total): a factor e between a law and the measured force at the reference.
 TOTAL_LOG_SD = 1.0
 #: Median and log standard deviation of a relative scatter: 90 % of the prior lies between 0.3 % and 4 %, from stepped
 #: sine in a laboratory to repeat tests of large structures.
 SCATTER_MEDIAN = 0.011
 SCATTER_LOG_SD = 0.8
-#: Shares of a component, and standard normal variables, at which a search for the mode begins at the farthest.
+#: Range of the shares of a component, and largest standard normal variable, at the start of a search for the mode.
 SHARE_RANGE = (0.02, 0.98)
 LARGEST_SCORE = 3.0
 
@@ -48,7 +48,8 @@ class Law:
     """A candidate: a sum of components. Two laws with the same components are the same law.
 
     Raises:
-        InputError: a component is no force and no energy term; the nearest one is named; or text, no list.
+        InputError: a component that is neither a force nor an energy term (the message names the nearest one), or text
+            in the place of a list.
     """
 
     components: tuple[str, ...]
@@ -83,7 +84,7 @@ class Law:
 
     @property
     def is_viscous(self) -> bool:
-        """Whether it is viscous damping alone."""
+        """Whether the law is viscous damping alone."""
         return all(part.example.viscous for part in self.parts)
 
 
@@ -96,7 +97,7 @@ class Coordinates:
     """The map from standard normal variables ``x`` (..., dimension) to the parameters of a law on given observations.
 
     Attributes:
-        law: the candidate. reference: amplitude, omega, damping force. tested: what the test covers.
+        law: the candidate. reference: amplitude, omega, damping force. tested: range of the test.
         with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
         with_doubt: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`).
     """
@@ -109,14 +110,14 @@ class Coordinates:
 
     @classmethod
     def of(cls, law: Law, observations: Observations) -> Coordinates:
-        """Scales taken from the observations."""
+        """The coordinates of a law with scales from the observations."""
         amplitude = observations.tested_amplitude
         tested = Tested(float(amplitude.min()), float(amplitude.max()), observations.reference[1])
         scatters = observations.has_repeats and len(observations.sweeps) > 1
         return cls(law, observations.reference, tested, scatters, len(observations.sweeps) > 1)
 
     def scaled(self, by: tuple[float, float, float]) -> Coordinates:
-        """The same without dimension: over an amplitude, a frequency and a force (:meth:`Observations.scaled`)."""
+        """The dimensionless coordinates over an amplitude, a frequency and a force (:meth:`Observations.scaled`)."""
         amplitude, omega, force = (float(x) for x in round_bits(np.array(self.reference) / by, DRAWN_BITS))
         low, high = (float(x) for x in round_bits(np.array(self.tested[:2]) / by[0], DRAWN_BITS))
         tested = Tested(low, high, float(round_bits(np.array(self.tested.omega / by[1]), DRAWN_BITS)))
@@ -136,7 +137,7 @@ class Coordinates:
         return len(self.names)
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Variables x (..., dimension), zero but for the shapes ``points`` (..., shapes)."""
+        """Variables x (..., dimension), zero except the shapes ``points`` (..., shapes)."""
         x = np.zeros((*points.shape[:-1], self.dimension))
         x[..., len(self.law.parts) : len(self.law.parts) + points.shape[-1]] = points
         return x
@@ -144,33 +145,33 @@ class Coordinates:
     def find_variables(self, coefficients: FloatArray, point: FloatArray, scatter: float) -> FloatArray:
         """The variables x (dimension,) of coefficients (parts,), shapes ``point`` (shapes,) and a relative scatter.
 
-        Shares stay within ``SHARE_RANGE``, others within ``LARGEST_SCORE``: the prior has none at the ends.
+        Shares stay within ``SHARE_RANGE``, others within ``LARGEST_SCORE``, since the prior vanishes at the ends.
         """
         x, parts = self.place(point), len(self.law.parts)
         unit = np.array([float(c) for c in self.coefficients(x)])
         force = coefficients / unit * np.asarray(self.shares(x))
         total = max(float(force.sum()), np.finfo(float).tiny)  # a fit may be of no damping at all
         x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
-        left = force.sum()
+        remainder = force.sum()
         for i in range(parts - 1):
-            fraction = np.clip(force[i] / max(left, np.finfo(float).tiny), *SHARE_RANGE)
+            fraction = np.clip(force[i] / max(remainder, np.finfo(float).tiny), *SHARE_RANGE)
             x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
-            left -= force[i]
+            remainder -= force[i]
         score = np.log(scatter / SCATTER_MEDIAN + 0.1) / SCATTER_LOG_SD
         x[-1 - self.with_level_scatter :] = np.clip(score, -LARGEST_SCORE, LARGEST_SCORE)
         return x
 
     def shares(self, x: FloatArray) -> FloatArray:
-        """Shares of the components (..., parts), uniform over the simplex: Beta(1, k) fractions of what is left."""
+        """Shares of the components (..., parts), uniform over the simplex: Beta(1, k) fractions of the remainder."""
         n = len(self.law.parts)
-        left = np.ones(x.shape[:-1])
+        remainder = np.ones(x.shape[:-1])
         shares = []
         for i in range(n - 1):
             # the share's complement is U^(1/k): Beta(1, k) by inversion
             fraction = -np.expm1(np.log(ndtr(-x[..., 1 + i])) / (n - 1 - i))
-            shares.append(left * fraction)
-            left = left * (1.0 - fraction)
-        return np.stack([*shares, left], axis=-1)
+            shares.append(remainder * fraction)
+            remainder = remainder * (1.0 - fraction)
+        return np.stack([*shares, remainder], axis=-1)
 
     def shapes(self, x: FloatArray) -> list[dict[str, FloatArray]]:
         """Shape parameters of each component, arrays of shape ``x.shape[:-1]``."""
@@ -185,7 +186,7 @@ class Coordinates:
         return result
 
     def find_parts(self, x: FloatArray) -> list[Part]:
-        """Each component, its leading coefficient in the units of the record (stiffness of a slip joint) and shapes."""
+        """Each component with its leading coefficient in the units of the record (slip: stiffness), and its shapes."""
         amplitude, omega, force = self.reference
         total, shares = force * np.exp(TOTAL_LOG_SD * x[..., 0]), self.shares(x)
         return [
@@ -198,12 +199,12 @@ class Coordinates:
         return [coefficient for _, coefficient, _ in self.find_parts(x)]
 
     def force(self, x: FloatArray) -> Sum:
-        """The damping force of the law; its parameters have shape (..., 1) so that they broadcast with rows."""
+        """The damping force of the law, with parameters of shape (..., 1) that broadcast with rows."""
         return self.join(self.find_parts(x))
 
     @staticmethod
     def join(parts: Sequence[Part], points: slice | EllipsisType = ...) -> Sum:
-        """The force of parts of ``find_parts``, at some of their points."""
+        """The force of the parts from ``find_parts``, at some of their points."""
         return Sum(
             tuple(
                 part.build(c[points][..., None], **{name: value[points][..., None] for name, value in shapes.items()})
@@ -221,7 +222,7 @@ class Coordinates:
     def doubt(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
         """Standard deviation of the straying slope, 0 where it is not a parameter; array ``x.shape[:-1]``.
 
-        ``force``: of the law at ``x``, where it was built before.
+        ``force``: of the law at ``x``, where already built.
         """
         if not self.with_doubt:
             return np.zeros(x.shape[:-1])

@@ -4,12 +4,12 @@ Residual of a row, the distance of the measured phasor (ln A, phi) from the curv
 
     n = (D - C) / sqrt(g^2 + R^2),      g = dC/d ln A * min(1, |D/C|),   R = F cos(phi).
 
-(Of a free decay, where amplitude is the input, g = C: the relative error of force, which constant friction has too.)
-(The factor makes the distance grow without bound for a law that is far too strong, as it does for one too weak.)
-At resonance (R = 0) it is the relative error of amplitude, far from it the error of phase in rad; rows are so weighed
-by what they know of damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the
-record's own uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which
-moves its rows by h = g / sqrt(g^2 + R^2) each:
+In a free decay amplitude is the input and g = C: n is the relative error of force, which constant friction has too. The
+factor min(1, |D/C|) makes the distance grow without bound for a law that is far too strong, as for one too weak. At
+resonance (R = 0) n is the relative error of amplitude, far from it the error of phase in rad; so rows count by their
+information on damping. Circular scatter of the phasor gives n the standard deviation ``scatter`` everywhere; the stated
+uncertainties are added in quadrature. A sweep's resonance scatters as a whole by ``level_scatter``, which moves each of
+its rows by h = g / sqrt(g^2 + R^2):
 
     cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
 """
@@ -27,22 +27,22 @@ from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
-#: Points times rows that are computed at once: half a dozen such arrays stay in 1 MB, the second cache of a processor.
+#: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
 BLOCK = 15_000
-#: How far in ln A the drift of a decay is remembered: over a level or two of the usual steps of a fifth.
+#: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
-#: Sweeps up to which a product with their matrix is the quickest way to sums over each.
+#: Most sweeps for which a matrix product is the fastest way to sums over each.
 _FEW = 32
 
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``n``, its sensitivity to the level ``h``, its variance by the record's own uncertainties; each (..., rows)."""
+    """``n``, its sensitivity ``h`` to the level, its variance by stated uncertainties; each (..., rows)."""
     n, h, known = _residuals(*find_averages(force, data), data)
     return n, h, np.zeros(n.shape) if known is None else known
 
 
 def find_averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
-    """C and what it grows with amplitude at each row, (..., rows) each."""
+    """C and g = dC/d ln A at each row (C twice where amplitude is the input), (..., rows) each."""
     with np.errstate(all="ignore"):
         if data.amplitude_is_input:
             C = grown = force.quadrature(data.A, data.omega)
@@ -54,7 +54,7 @@ def find_averages(force: Force, data: Observations) -> tuple[FloatArray, FloatAr
 def _residuals(
     C: FloatArray, grown: FloatArray, data: Observations
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """As `residuals`, of averages; None for a variance that no row states."""
+    """`residuals` from averages; None for a variance that no row states."""
     with np.errstate(all="ignore"):
         # in place: the arrays of a block stay in a processor's cache
         h = np.abs(data.D / C)
@@ -68,8 +68,8 @@ def _residuals(
         h /= size
         if not data.states_uncertainty:
             return n, h, None
-        beside = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-        return n, h, h**2 * data.sd_amplitude**2 + beside / size**2
+        stated = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
+        return n, h, h**2 * data.sd_amplitude**2 + stated / size**2
 
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -84,7 +84,7 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
 
 
 def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
-    """``work`` of ``number`` points, (points, ...), block by block; its arrays of (points, rows) stay small."""
+    """``work`` for ``number`` points, (points, ...), in blocks so that its arrays (points, rows) stay small."""
     step = max(1, BLOCK // rows)
     if number <= step:
         return work(slice(None))
@@ -94,10 +94,10 @@ def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> Fl
 def sum_rows(
     C: FloatArray, grown: FloatArray, row: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """What rows with averages ``C`` and ``grown`` and scatters ``row`` (points,) come to, (points, 1 + sums).
+    """Sufficient sums of rows with averages ``C`` and ``grown`` and scatters ``row`` (points,), (points, 1 + sums).
 
-    The log of the density of independent rows at n = 0; then sums over each sweep of n^2 and, where levels have errors
-    of their own, of h^2 and h n, over the variance of each row.
+    The log density of independent rows at n = 0; then sums over each sweep of n^2/variance and, where levels have
+    errors as a whole, of h^2/variance and h n/variance.
     """
     n, h, known = _residuals(C, grown, data)
     variance = row[:, None] ** 2
@@ -114,7 +114,7 @@ def sum_rows(
 def weigh_levels(
     sums: FloatArray, x: FloatArray, doubt: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """Log likelihood (points,) of :func:`sum_rows`; ``doubt``: standard deviation of the straying slope, (points,)."""
+    """Log likelihood (points,) from :func:`sum_rows`; ``doubt``: standard deviation of the straying slope (points,)."""
     value, nn = sums[:, 0], sums[:, 1 : 1 + len(data.sweeps)]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
@@ -126,7 +126,7 @@ def weigh_levels(
 
 
 def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> FloatArray:
-    """Sums of values (points, rows) over a variance, of each row or (points, 1) the same for all; (points, sweeps)."""
+    """Sums of values (points, rows)/variance over sweeps, (points, sweeps); variance (points, rows) or (points, 1)."""
     if variance.shape[1] == 1:
         return np.asarray(by_sweep(values, data) / variance)
     return by_sweep(values / variance, data)
@@ -146,26 +146,26 @@ def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
     return _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
 
 
-@lru_cache(maxsize=256)  # the same of every law of a record
+@lru_cache(maxsize=256)  # shared by all laws on a record
 def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
     return stray_covariance(np.array(z), np.array(z), origin)
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
-    """Covariance of the errors that levels have as a whole, (points, s, s), from scatters (points,).
+    """Covariance of the errors of whole levels, (points, s, s), from scatters (points,).
 
-    Levels of one decay drift together, by as much again as each scatters: they are neighbours in one envelope, with one
-    trend of its baseline, its temperature or a mode beside it.
+    Levels of one decay also drift together, by as much as each scatters: they are neighbours in one envelope and share
+    trends of its baseline, of temperature or of a neighbouring mode.
     """
     covariance = level[:, None, None] ** 2 * np.eye(len(data.sweeps))
     if not data.amplitude_is_input:
         return covariance
-    apart = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
-    return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-apart / DRIFT_LENGTH))
+    distance = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
+    return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-distance / DRIFT_LENGTH))
 
 
 def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Quadratic form and determinant of rows whose levels have a covariance K, (points,): Woodbury, B = I + S K S.
+    """Log density terms of rows whose levels have a covariance K, (points,), by Woodbury, B = I + S K S.
 
     Args:
         nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
@@ -173,12 +173,12 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
     """
     root = np.sqrt(hh).T
     s, points = root.shape
-    # the lower factor of B column by column, of all points at once; the row below it becomes S^-1 hn without B
+    # Cholesky factor of B by columns, for all points at once; the row below it solves for S^-1 hn
     factor = np.empty((s + 1, s, points))
     np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=factor[:s])
     factor[range(s), range(s)] += 1.0
     factor[s] = np.divide(hn.T, root, out=np.zeros(root.shape), where=root > 0.0)
-    within = np.maximum(nn.T - factor[s] ** 2, 0.0)  # one row a level has nothing within it, and rounding leaves none
+    within = np.maximum(nn.T - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
     for j in range(s):
         factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
         factor[j:, j] /= np.sqrt(factor[j, j])
@@ -200,11 +200,11 @@ def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
 def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
     """Log likelihood of each sweep given the parameters, (points, sweeps); of each row where there is one sweep only.
 
-    Rows of one sweep share their level's scatter, so a sweep is the unit that can be left out.
+    Rows of one sweep share the scatter of their level, so the unit to leave out is a sweep.
     """
     if len(data.sweeps) > 1:
-        one = np.eye(len(data.sweeps), dtype=bool)
-        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in one], axis=-1)
+        each = np.eye(len(data.sweeps), dtype=bool)
+        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in each], axis=-1)
     n, h, known = residuals(coordinates.force(x), data)
     row, level = coordinates.scatter(x)
     variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2

@@ -1,11 +1,11 @@
-"""What a record says about damping: one balance of force against damping force at each row.
+"""Damping observations of a record: one balance of applied and damping force for each row.
 
 At a steady state the damping force in phase with velocity balances the applied force in quadrature (Eq. 3.2.9 divided
 by pi A):
 
     D = E / (pi A) = F sin(phi)          to be explained by   C(A, omega) of a damping law,
 
-while ``R = sqrt(F^2 - D^2) = |F cos(phi)|`` is taken by stiffness and inertia and says nothing on damping.
+while ``R = sqrt(F^2 - D^2) = |F cos(phi)|`` balances stiffness and inertia and has no information on damping.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from damping.errors import AnalysisError
 from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import number_levels, tabulate_resonances
 
-#: Rows and sweeps of a record that are weighed, at most: laws are fitted in minutes, not hours.
+#: Most rows and sweeps of a record, so that laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
 MOST_SWEEPS = 100
-#: Binary digits of observations that are drawn for: rounding in other units, a hundred million times smaller, hardly
-#: ever moves one of them, and draws part for good where one moves. Best fits do not, and keep more.
+#: Binary digits of observations for sampling, and for best fits. Rounding in other units is a hundred million times
+#: smaller and hardly ever changes one of them; if one changes, draws differ entirely. Best fits are less sensitive.
 DRAWN_BITS = 26
 FITTED_BITS = 40
-#: Relative difference of two squares that is rounding.
+#: Relative difference of two squares taken as rounding.
 ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Rows of a record that say something about damping; arrays of shape (rows,) unless stated.
+    """Rows of a record with information on damping; arrays of shape (rows,) unless stated.
 
     Attributes:
         A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
@@ -41,8 +41,8 @@ class Observations:
         sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
         sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
-        tested_mass: generalized mass that the record gives of each sweep, NaN of those without.
-        added_mass: known mass added to the structure for each sweep. None where nothing is known of it.
+        tested_mass: generalized mass that the record gives for each sweep, NaN for those without. added_mass: known
+            mass added to the structure for each sweep. Either is None where nothing is known.
     """
 
     A: FloatArray
@@ -63,7 +63,7 @@ class Observations:
 
     @cached_property
     def levels(self) -> IntArray:
-        """Level of each sweep, lowest 0, shape (sweeps,): by amplitude where that is the input, else by force."""
+        """Level of each sweep, from 0, shape (sweeps,): by amplitude where that is the input, else by force."""
         return number_levels(self.tested_amplitude if self.amplitude_is_input else self.tested_force)
 
     @property
@@ -78,7 +78,7 @@ class Observations:
 
     @cached_property
     def row_of_sweep(self) -> IntArray | slice | None:
-        """The row of each sweep where each has one, in whichever order; else None."""
+        """The row of each sweep where each has exactly one; else None."""
         if len(self.sweeps) != len(self.sweep):
             return None
         order = np.argsort(self.sweep)
@@ -86,7 +86,7 @@ class Observations:
 
     @cached_property
     def states_uncertainty(self) -> bool:
-        """Whether the record gives a standard uncertainty of any row."""
+        """Whether the record gives a standard uncertainty for any row."""
         return any(bool(sd.any()) for sd in (self.sd_amplitude, self.sd_force, self.sd_phase))
 
     @cached_property
@@ -102,7 +102,7 @@ class Observations:
 
     @property
     def content(self) -> tuple[object, ...]:
-        """Everything that is held, as a key: equal of observations that are equal bit by bit."""
+        """All fields as a cache key, equal for observations that are equal bit by bit."""
         held = (getattr(self, field.name) for field in fields(self))
         return tuple(value.tobytes() if isinstance(value, np.ndarray) else value for value in held)
 
@@ -112,7 +112,7 @@ class Observations:
         return int(np.argmax(self.tested_force))
 
     def scaled(self, bits: int = DRAWN_BITS) -> Observations:
-        """The same without dimension: over the ``reference``, rounded to ``bits`` binary digits."""
+        """Dimensionless observations: over the ``reference``, rounded to ``bits`` binary digits."""
         amplitude, omega, force = self.reference
         return replace(
             self,
@@ -130,7 +130,7 @@ class Observations:
         return self.take_sweeps(np.flatnonzero(keep))
 
     def take_sweeps(self, places: IntArray) -> Observations:
-        """The sweeps at ``places``, in that order; the rows of each in theirs."""
+        """The sweeps at indices ``places``, in that order; the order of rows within each is kept."""
         rows = np.concatenate([np.flatnonzero(self.sweep == place) for place in places])
         per_sweep = {name: value[places] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
         number = np.repeat(np.arange(len(places)), self.rows_per_sweep[places])
@@ -138,7 +138,7 @@ class Observations:
         return replace(self.take_rows(rows), **per_sweep, sweep=number, sweeps=labels)
 
     def take_rows(self, rows: BoolArray | IntArray) -> Observations:
-        """Some rows of the same sweeps: those marked (shape (rows,)), or those at places, in that order."""
+        """The observations with some rows: those marked (shape (rows,)), or those at indices, in that order."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _PER_ROW})
 
 
@@ -155,9 +155,9 @@ _PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass",
 def observe(record: Record) -> Observations:
     """Turn a record into damping observations.
 
-    Sweeps by rising tested force and rows by frequency, in whichever order the record has them: sums and draws are then
-    the same. Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
-    :func:`damping.records.resonance.tabulate_resonances` is not removed here: ``D`` is what was measured.
+    Sweeps are sorted by tested force and rows by frequency, so that sums and draws do not depend on the order of the
+    record. Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
+    :func:`damping.records.resonance.tabulate_resonances` is not removed here: ``D`` is the measured value.
 
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.

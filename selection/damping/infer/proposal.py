@@ -1,7 +1,7 @@
-"""A mixture of multivariate t that covers a posterior: what importance draws come from, and chains choose among.
+"""A mixture of multivariate t that covers a posterior: the proposal of importance sampling and chains.
 
-One part is as wide as the prior; the others start from the Gaussian at the mode and are adapted to weighted draws by
-expectation and maximisation (Cappe et al. 2008, adaptive importance sampling in general mixture classes).
+One component is as wide as the prior. The others start from the Gaussian at the mode and are adapted to weighted draws
+by expectation and maximisation (Cappe et al. 2008, adaptive importance sampling in general mixture classes).
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ from scipy.special import gammaln, ndtri
 
 from damping.arrays import FloatArray, IntArray
 
-#: Heavier tails than a posterior close to normal, so that importance weights stay bounded.
+#: Heavier tails than those of a nearly normal posterior, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
-#: Share of the part as wide as the prior: of the first proposal, and at least of those adapted to draws.
+#: Share of the component as wide as the prior: in the first proposal, and least share in those adapted to draws.
 WIDE_SHARE = 0.3
 LEAST_WIDE = 0.2
-#: Share, beside the wide part, of one part over all that was found, and its covariance over that: tails that few draws
-#: have met (a large scatter leaves shares open) are drawn from before their weights are large.
+#: Share, beside the wide component, of one component over all draws, and its covariance over theirs: it samples tails
+#: that few draws have reached (a large scatter leaves shares open) before their weights are large.
 BROAD_SHARE = 0.3
 BROAD = 4.0
-#: Share of the first proposal beside the wide part that reaches around the mode, and its covariance over that there: a
-#: second mode of the posterior (small scatter, large doubt) lies a few standard deviations off. Of a viscous law on
-#: three resonances the ln of the evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
+#: Share in the first proposal, beside the wide component, of one around the mode, and its covariance over that at the
+#: mode: a second mode (small scatter, large doubt) lies a few standard deviations off. For a viscous law on three
+#: resonances the ln evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
 FAR_SHARE = 0.4
 FAR = 9.0
-#: Shares a posterior is cut into, across its longest axis each time: enough to follow a funnel or two modes.
+#: Components fitted to draws, split across the longest axis each time: enough for a funnel or two modes.
 PARTS = 8
-#: Draws whose densities are computed at once: as many as stay in a processor's cache with what is made of them.
+#: Draws whose densities are computed at once, so that intermediate arrays stay in a processor's cache.
 BLOCK = 1024
-#: What first means and roots are rounded to, in standard deviations beside the variables before.
+#: Rounding of the first means and roots, in conditional standard deviations given the variables before.
 ROUNDED = 2.0**-12
-#: Draws that a proposal is fitted to.
+#: Most draws to which a proposal is fitted.
 MOST_FITTED = 1024
-#: Share of the whole covariance added to each part's, so that few different draws still reach around themselves: this
-#: over the effective draws, and no less than the second.
+#: Share of the total covariance added to each component's, so that few different draws still cover their surroundings:
+#: the first over the effective draws, and at least the second.
 BLUR = 20.0
 LEAST_BLUR = 0.1
 
@@ -56,9 +56,9 @@ class Proposal:
 
     @classmethod
     def around(cls, means: FloatArray, covariances: FloatArray) -> Proposal:
-        """A part with each mean (k, d) and covariance (k, d, d), one that reaches farther, and the wide one.
+        """Two components for each mean (k, d) and covariance (k, d, d), one of them ``FAR`` wider, and the wide one.
 
-        Both are rounded: their last digits differ from processor to processor, and rounds of adaptation amplify that.
+        Both are rounded, since their last digits differ between processors and adaptation amplifies that.
         """
         k, d = means.shape
         roots = np.linalg.cholesky(covariances.reshape(k, d, d))
@@ -70,19 +70,19 @@ class Proposal:
 
     @classmethod
     def through(cls, draws: FloatArray, worth: float) -> Proposal:
-        """Parts fitted to posterior draws (n, d) worth ``worth`` independent ones, and the wide one."""
+        """Components fitted to posterior draws (n, d), of effective size ``worth``, and the wide one."""
         draws = draws[:: max(1, len(draws) // MOST_FITTED)]
         parts = [draws]
-        while len(parts) < PARTS:  # each cut in halves across its longest axis
+        while len(parts) < PARTS:  # halve each across its longest axis
             part = parts.pop(0)
             centred = part - part.mean(axis=0)
             axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-            axis *= np.copysign(1.0, axis[np.argmax(np.abs(axis))])  # rounding has no say in the sign
+            axis *= np.copysign(1.0, axis[np.argmax(np.abs(axis))])  # a sign that does not depend on rounding
             order = np.argsort(centred @ axis, kind="stable")
             parts += [part[order[: len(part) // 2]], part[order[len(part) // 2 :]]]
-        whole = _covary(draws)
-        least = max(BLUR / worth, LEAST_BLUR) * whole + np.diag(1e-6 * np.diag(whole) + 1e-16)
-        # a part is cut off where the next begins: twice its covariance lets them overlap
+        total = _covary(draws)
+        least = max(BLUR / worth, LEAST_BLUR) * total + np.diag(1e-6 * np.diag(total) + 1e-16)
+        # parts are disjoint: twice the covariance lets the components overlap
         covariances = np.array([2.0 * _covary(p) + least for p in parts])
         shares = np.array([len(p) / len(draws) for p in parts])
         return cls._with_wide(shares, np.array([p.mean(axis=0) for p in parts]), covariances)._improve(draws, least)
@@ -124,20 +124,20 @@ class Proposal:
 
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
-        """(k, d, d) @ x + (k, d, 1): x (d, n) as each part sees it."""
+        """Matrices (k, d, d) and offsets (k, d, 1) that whiten x (d, n) for each component."""
         inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
         return inverse, -inverse @ self.means[..., None]
 
     @cached_property
     def _heights(self) -> FloatArray:
-        """Each part's share times its density at its centre."""
+        """Each component's share times its density at its centre."""
         d, nu = self.means.shape[1], DEGREES_OF_FREEDOM
         norm = gammaln((nu + d) / 2) - gammaln(nu / 2) - 0.5 * d * np.log(nu * np.pi)
         log_volume = np.log(np.diagonal(self.roots, axis1=1, axis2=2)).sum(axis=1)
         return np.asarray(np.exp(norm - log_volume + np.log(self.shares)))
 
     def _grow(self, x: FloatArray) -> FloatArray:
-        """1 + the squared distance of x (n, d) from each part over nu, (k, n)."""
+        """1 + (squared distance of x (n, d) from each component)/nu, (k, n)."""
         whitening, origin = self._whitening
         white = whitening @ x.T
         white += origin
@@ -145,17 +145,17 @@ class Proposal:
         return np.asarray(1.0 + white.sum(axis=1) / DEGREES_OF_FREEDOM)
 
     def density(self, x: FloatArray) -> FloatArray:
-        """Density at x (n, d): above zero, the wide part has heavy tails."""
+        """Density at x (n, d), positive since the wide component has heavy tails."""
         power = -0.5 * (DEGREES_OF_FREEDOM + x.shape[1])
         blocks = np.array_split(x, 1 + len(x) // BLOCK)
         return np.concatenate([self._heights @ self._grow(block) ** power for block in blocks])
 
     def log_density(self, x: FloatArray) -> FloatArray:
-        """Its logarithm."""
+        """ln of `density`."""
         return np.asarray(np.log(self.density(x)))
 
     def draw(self, number: int, seed: int) -> FloatArray:
-        """Draws (number, d) on points that fill space."""
+        """Draws (number, d) from space-filling points."""
         rng = np.random.default_rng(seed)
         u = fill_cube(self.means.shape[1] + 1, number, rng)
         chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
@@ -168,7 +168,7 @@ class Proposal:
         return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
 
     def _part(self, u: FloatArray) -> IntArray:
-        """The part that a uniform variable falls into."""
+        """The component that each uniform variable (n,) selects."""
         edges = np.cumsum(self.shares)[:-1]
         return np.searchsorted(edges, u).astype(np.int64)
 
@@ -182,7 +182,7 @@ def _covary(draws: FloatArray) -> FloatArray:
 def fill_cube(dimension: int, number: int, rng: np.random.Generator) -> FloatArray:
     """Points strictly inside the unit cube, (number, dimension): one in each of ``number`` equal slices of every axis.
 
-    A Latin hypercube (McKay, Beckman and Conover 1979). Of the laws here it errs as little as Sobol points of
+    A Latin hypercube (McKay, Beckman and Conover 1979). For the laws here it is as accurate as Sobol points of
     scipy.stats, whose import takes half a second.
     """
     slices = rng.permuted(np.tile(np.arange(number)[:, None], (1, dimension)), axis=0)

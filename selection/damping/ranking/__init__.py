@@ -1,9 +1,9 @@
-"""One table that lists every distinct damping law, best first, and says whether any fits.
+"""Ranking of all distinct damping laws, best first, with a verdict whether any fits.
 
-Candidates are every sum of up to ``MAX_TERMS`` forces of the library and the power laws, by rule and not by the rows.
-Laws that predict the same on a record are one entry (``equivalents``) and share one prior mass: each further term
-halves the prior probability of a number of terms, which the distinct laws of that number share equally. With the
-priors of :mod:`damping.infer.law` and coefficients >= 0,
+Candidates are every sum of up to ``MAX_TERMS`` forces of the library, and the power laws, for any record. Laws with the
+same predictions on a record are one entry (``equivalents``) and share one prior mass. Each further term halves the
+prior probability of a number of terms, which the distinct laws of that number share equally. With the priors of
+:mod:`damping.infer.law` and coefficients >= 0,
 
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """
@@ -32,19 +32,19 @@ from damping.ranking.verdict import FitVerdict, judge_fit
 from damping.records.text import count
 
 CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half as probable, its laws alike"
-#: Prior probability of a law's number of terms over that of one term fewer: of structures whose law is known, the bands
-#: then are nearest to those of a fitter who knows it.
+#: Prior probability of a number of terms over that of one term fewer. On structures of known law, bands are then
+#: closest to those fitted with that law.
 FURTHER = 0.5
-#: Weight of a law below which it is not drawn for further: its own numbers are then rough, those of others are not.
+#: Weight below which sampling of a law stops: its numbers are then rough, those of other laws are not.
 NEGLIGIBLE = 1e-3
 #: Content of the credible interval of a coefficient in the table.
 INTERVAL = 0.90
-#: Standard deviations of a coefficient, over those of a normal posterior with its interval, from which on few draws far
-#: out make it (that of a power law was 20 or 140 by the seed).
+#: Standard deviation of a coefficient, over that of a normal posterior with its interval, from which a few extreme
+#: draws dominate it (that of a power law was 20 or 140 by the seed).
 LONG_TAIL = 2.0
-#: Effective draws below which a marginal likelihood is said to be uncertain: its standard error exceeds 7 %.
+#: Effective draws below which a marginal likelihood is reported as uncertain: its standard error exceeds 7 %.
 FEW_DRAWS = 200
-#: A fitted shape within this of an end of its range is said to be at the edge of it.
+#: Distance of a fitted shape from an end of its range below which it is reported to be at the edge.
 EDGE = 0.01
 
 
@@ -66,14 +66,15 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law's row of the table; numbers that do not exist are NaN.
+    """A law's row of the table; missing numbers are NaN.
 
     Attributes:
         rank: 1 is best; None where the candidate could not be fitted. score, weight: see the module.
         held_out_error: root mean square percent error of resonant amplitudes, each predicted from the other levels.
         average_absolute_percent: mean absolute percent error of resonant amplitudes as fitted.
-        physical: coefficients all >= 0, as every fit here has them. equivalents: names of laws that predict the same.
-        fit, evidence, coordinates: where the numbers come from.
+        physical: whether all coefficients are >= 0, true of every fit here. equivalents: names of laws with the same
+            predictions.
+        fit, evidence, coordinates: the source of the numbers.
     """
 
     law: Law
@@ -98,7 +99,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All distinct laws, best first, those that could not be fitted last; ``fit``: whether the leading one fits."""
+    """All distinct laws, best first, those that could not be fitted last; ``fit``: verdict on the leading one."""
 
     criterion: str
     candidates: tuple[Candidate, ...]
@@ -110,7 +111,7 @@ class Ranking:
         return tuple(c for c in self.candidates if c.weight > least)
 
     def find(self, law: Law) -> Candidate:
-        """The row of a law, or of the law that predicts the same. KeyError if it is no candidate."""
+        """The row of a law, or of its equivalent. KeyError if it is no candidate."""
         for candidate in self.candidates:
             if set(candidate.law.components) == set(law.components) or law.name in candidate.equivalents:
                 return candidate
@@ -129,7 +130,7 @@ def rank_laws(
 
     Args:
         laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
-        estimate: of the marginal likelihood. hold_out: whether held-out errors are wanted; else they are NaN.
+        estimate: of the marginal likelihood. hold_out: whether to compute held-out errors; else they are NaN.
 
     Raises:
         AnalysisError: no candidate could be fitted.
@@ -149,7 +150,7 @@ def weigh_laws(
     estimate: Estimate = evidence,
     distinct: bool = False,
 ) -> Ranking:
-    """Rank candidates as `rank_laws` does, without their coefficients and errors.
+    """Rank candidates as in `rank_laws`, without their coefficients and errors.
 
     ``distinct``: whether the laws are known to predict differently.
     """
@@ -171,16 +172,16 @@ def weigh_laws(
 
 
 def prior_masses(laws: Sequence[Law]) -> list[float]:
-    """Prior probability of each law: ``FURTHER`` as much for each further term, shared by the laws of that number."""
+    """Prior probability of each law: a factor ``FURTHER`` per further term, shared by the laws of that number."""
     sizes = Counter(len(law.parts) for law in laws)
-    whole = sum(FURTHER**size for size in sizes)
-    return [FURTHER ** len(law.parts) / (whole * sizes[len(law.parts)]) for law in laws]
+    total = sum(FURTHER**size for size in sizes)
+    return [FURTHER ** len(law.parts) / (total * sizes[len(law.parts)]) for law in laws]
 
 
 def _fit_laws(
     laws: Sequence[Law], data: Observations, done: Callable[[str], None]
 ) -> tuple[list[BestFit], list[Candidate]]:
-    """The best fit of every law that can be fitted, and rows that say why the others cannot."""
+    """The best fit of every law that can be fitted, and rows with the reason why others cannot."""
     fits, failed = [], []
     for law, fit in zip(laws, fit_laws(laws, data), strict=True):
         if not (law.has_resonance or data.amplitude_is_input):
@@ -196,12 +197,12 @@ def _fit_laws(
 
 
 def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, estimate: Estimate) -> list[Candidate]:
-    """The row of each group of equivalent laws with its score; what cannot be done becomes a caution.
+    """The row of each group of equivalent laws with its score; an AnalysisError becomes a caution.
 
-    Laws that fit best come first: beside them it shows early which of the others are ``NEGLIGIBLE``.
+    Laws that fit best come first, so that ``NEGLIGIBLE`` ones are recognised early.
     """
     prior = np.log(prior_masses([group[0].law for group in groups]))
-    misfit = [round(group[0].squares, 3) + len(group[0].law.parts) for group in groups]  # in any units the same order
+    misfit = [round(group[0].squares, 3) + len(group[0].law.parts) for group in groups]  # an order independent of units
     rows, best = dict[int, Candidate](), -np.inf
     for i in sorted(range(len(groups)), key=misfit.__getitem__):
         fit, names = groups[i][0], tuple(other.law.name for other in groups[i][1:])
@@ -224,8 +225,8 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
     return [rows[i] for i in range(len(groups))]
 
 
-def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[str, ...]) -> Candidate:
-    """The row with its coefficients, errors and cautions; ``said`` of the held-out error."""
+def _describe(row: Candidate, data: Observations, held_out: float, held_out_cautions: tuple[str, ...]) -> Candidate:
+    """The row with its coefficients, errors and cautions; ``held_out_cautions``: about the held-out error."""
     assert row.fit is not None  # a row with a score was fitted
     coefficients = _tabulate_coefficients(row)
     return replace(
@@ -233,45 +234,45 @@ def _describe(row: Candidate, data: Observations, held_out: float, said: tuple[s
         coefficients=coefficients,
         held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
-        cautions=(*_list_cautions(row, data), *_describe_tails(coefficients), *said),
+        cautions=(*_list_cautions(row, data), *_describe_tails(coefficients), *held_out_cautions),
     )
 
 
-@np.errstate(over="ignore")  # an amplitude beyond all numbers is infinitely far off
+@np.errstate(over="ignore")  # an amplitude that overflows has an infinite error
 def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[float, tuple[str, ...]]]:
     """Held-out error of each law in per cent, or NaN with the reason."""
     if len(data.sweeps) < 2:
         return [(np.nan, ("one level: nothing to hold out",))] * len(laws)
     failed = np.nan, ("with a level left out it cannot reach the other forces",)
     errors = held_out_errors(laws, data)
-    return [failed if own is None else (float(np.sqrt(np.mean(own**2))), ()) for own in errors]
+    return [failed if error is None else (float(np.sqrt(np.mean(error**2))), ()) for error in errors]
 
 
 def _tabulate_coefficients(row: Candidate) -> tuple[Coefficient, ...]:
-    """Posterior median, standard deviation and interval of every parameter but the scatters."""
+    """Posterior median, standard deviation and interval of every parameter except doubt and scatters."""
     assert row.evidence is not None
     assert row.coordinates is not None
     tail = 50.0 * (1.0 - INTERVAL)
     values = row.coordinates.parameters(row.evidence.draws)
-    draws = np.array([of for name, of in values.items() if name not in ("doubt", "scatter", "level_scatter")])
+    draws = np.array([drawn for name, drawn in values.items() if name not in ("doubt", "scatter", "level_scatter")])
     quantiles = np.percentile(draws, [tail, 50.0, 100.0 - tail], axis=1)
     rows = []
     for name, (low, value, high), error in zip(values, quantiles.T.tolist(), draws.std(axis=1).tolist(), strict=False):
         force, _, shape = name.partition(" ")
         rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
-    # coefficients first, each force's shapes after it in the table of a reader
+    # coefficients first, then shapes
     return tuple(sorted(rows, key=lambda c: bool(c.shape)))
 
 
 def _describe_tails(coefficients: Sequence[Coefficient]) -> list[str]:
-    """What to say of coefficients whose standard deviation is far above that of their interval."""
+    """Cautions about coefficients whose standard deviation is far above that of their interval."""
     width = 2.0 * float(ndtri(0.5 * (1.0 + INTERVAL)))
     long = [f"{c.force} {c.shape}".strip() for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
     return [f"a few extreme draws dominate the standard error of {name}: use its interval" for name in long]
 
 
 def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
-    """What a reader of the row should know, in words."""
+    """Cautions about the numbers of the row."""
     assert row.fit is not None
     assert row.evidence is not None
     cautions = []

@@ -1,4 +1,4 @@
-"""The laws that compete: which of them predict the same, and how far they err fitted and held out."""
+"""Candidate laws, groups of them with the same predictions, and their errors as fitted and held out."""
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -14,23 +14,23 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
-#: Terms of a law, at most: a fourth is never needed to describe a few levels, and never told from three.
+#: Most terms of a law: a fourth is never needed to describe a few levels, and cannot be told from three.
 MAX_TERMS = 3
-#: Two laws are equivalent where their best predictions differ by less than this share of the noise ...
+#: Two laws are equivalent if their best predictions differ by less than this share of the noise ...
 INDISTINCT = 0.1
 #: ... at every row and at this multiple of the largest tested force.
 BEYOND = 1.5
-#: Range of what counts as noise where the record does not state it, relative: that of repeat tests of large structures.
+#: Range of relative noise where the record does not state it: that of repeat tests of large structures.
 NOISE_RANGE = (0.003, 0.07)
-#: Relative noise of a row where few rows tell it: of repeat tests of large structures, so that laws whose difference no
-#: further test of that kind would show count as equal.
+#: Prior relative noise of a row, that of repeat tests of large structures: laws whose difference no further test of
+#: that kind would show count as equal.
 NOISE = 0.02
 
 
 def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
-    """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone; the same for every record.
+    """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone, independent of the record.
 
-    ``named``: further laws that somebody asks for.
+    ``named``: further laws, added unless they are among these.
     """
     terms = [name for name, kind in CATALOGUE.items() if kind.sums]
     sums = [Law(names) for size in range(1, MAX_TERMS + 1) for names in combinations(terms, size)]
@@ -40,9 +40,9 @@ def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
 
 
 def load_candidates(data: Observations) -> list[Law]:
-    """The candidates that predict loads differently on rows near resonance, of each kind the one with fewest terms.
+    """The candidates with distinct predictions on rows near resonance, of equivalent ones that with fewest terms.
 
-    There may be none.
+    The list may be empty.
     """
     tried = fit_laws([law for law in candidate_laws() if law.has_resonance], data)
     fits = [fit for fit in tried if isinstance(fit, BestFit) and np.isfinite(fit.squares)]
@@ -50,10 +50,9 @@ def load_candidates(data: Observations) -> list[Law]:
 
 
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
-    """Relative noise of each row (rows,): as the record states it, else by the fit that leaves least.
+    """Relative noise of each row (rows,): as stated by the record, else from the fit of smallest scatter s.
 
-    The latter is s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), one prior observation of scatter ``NOISE``, within
-    ``NOISE_RANGE``.
+    s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), with one prior observation s_0 = ``NOISE``, within ``NOISE_RANGE``.
     """
     finite = (f for f in fits if np.isfinite(f.squares))
     scatter = min(np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0))) for f in finite)
@@ -63,10 +62,10 @@ def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
 
 
 def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatArray) -> list[list[BestFit]]:
-    """Laws that predict the same, the one with fewest terms (then first) leading its group.
+    """Groups of laws with the same predictions, each led by the one with fewest terms (then first).
 
-    Two laws are of one group where their best predictions differ by less than ``INDISTINCT`` of the noise at every row
-    and at ``BEYOND`` times the largest tested force: a further term that changes nothing does not make another law.
+    A law joins a group if its best predictions differ from the leader's by less than ``INDISTINCT`` of the noise at
+    every row and at ``BEYOND`` times the largest tested force: a further term without effect makes no other law.
     """
     omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
     order = sorted(fits, key=lambda fit: len(fit.law.parts))
@@ -87,7 +86,7 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatA
 
 
 def _predict_all(fits: Sequence[BestFit], force: float, omega: float) -> FloatArray:
-    """Resonant amplitude of each fit, (fits,); those of several terms at once, with 0 of the terms that they lack."""
+    """Resonant amplitude of each fit, (fits,); fits of several terms at once, with coefficient 0 for missing terms."""
     amplitude, several = np.empty(len(fits)), [i for i, fit in enumerate(fits) if len(fit.law.parts) > 1]
     for i, fit in enumerate(fits):
         if i not in several:
@@ -106,17 +105,17 @@ def _predict_all(fits: Sequence[BestFit], force: float, omega: float) -> FloatAr
     return amplitude
 
 
-#: Times that a law is fitted without some of the sweeps, at most.
+#: Most fits of a law without some of the sweeps.
 MOST_FOLDS = 20
 
 
 def percent_errors(force: Force, data: Observations) -> FloatArray:
     """100 (predicted/measured - 1) of the resonant amplitude of each sweep at its tested force, (sweeps,).
 
-    Where the force has no resonance at a tested force the error is NaN. Of a free decay, where amplitude is the input,
+    The error is NaN where the law has no resonance at a tested force. For a free decay, where amplitude is the input,
     it is the error of the force at the tested amplitude.
     """
-    if data.amplitude_is_input:  # a decay: its force is what a law predicts
+    if data.amplitude_is_input:
         tested = force.quadrature(data.tested_amplitude, data.tested_omega)
         return 100.0 * (np.asarray(tested) / data.tested_force - 1.0)
     amplitude = resonant_amplitude(force, data.tested_force, data.tested_omega)
@@ -126,8 +125,8 @@ def percent_errors(force: Force, data: Observations) -> FloatArray:
 def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray | None]:
     """Percent errors of each sweep predicted by each law fitted to all other sweeps, (sweeps,).
 
-    None of a law that cannot carry the forces of the other sweeps. More than ``MOST_FOLDS`` sweeps are left out in as
-    many groups, neighbours in the record in different ones.
+    None for a law that cannot carry the forces of the other sweeps. More than ``MOST_FOLDS`` sweeps are left out in
+    ``MOST_FOLDS`` groups, with neighbours in the record in different groups.
     """
     folds = min(len(data.sweeps), MOST_FOLDS)
     fold = np.arange(len(data.sweeps)) % folds
@@ -144,7 +143,7 @@ def _predict_left_out(
         return None
     coefficients = np.array([fit.coefficients for fit in fitted])[fold].T
     shapes = [
-        {name: np.array([own[name] for own in part])[fold] for name in part[0]}
+        {name: np.array([values[name] for values in part])[fold] for name in part[0]}
         for part in zip(*(fit.shapes for fit in fitted), strict=True)
     ]
     return percent_errors(build_force(law, coefficients, shapes), data)

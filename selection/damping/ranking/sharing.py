@@ -1,18 +1,17 @@
 """Does one law hold on several records (modes, configurations)? The question of section 6.3 of the report.
 
-One law L in all records shares its name and its shape parameters without dimension (an exponent), with coefficients,
-slip limits and scatters of each record's own, against a law of its own for each:
+The odds compare one law L for all records with a separate law for each. One law has the same forces and the same
+dimensionless shape parameters (an exponent) in all records; coefficients, slip limits and scatters differ:
 
     sum_L m_L Z_L  /  prod_i sum_L m_L Z_iL.
 
-With the weight w of a law on a record and its prior mass m there, w/m is in proportion to its evidence Z_iL. Laws that
-predict the same on a record share one prior mass and have its evidence in common. Where nothing is shared but the name,
-Z_L = prod_i Z_iL; a shared shape s couples the records, and they are fitted jointly:
+With the weight w of a law on a record and its prior mass m there, w/m is proportional to its evidence Z_iL. Laws with
+the same predictions on a record share one prior mass and one evidence. If only the forces are shared,
+Z_L = prod_i Z_iL. A shared shape s couples the records, which are then fitted jointly:
 
     Z_L = int p(s) prod_i Z_iL(s) ds,
 
-Z_iL(s) the evidence of record i with the shape held, on nodes over the range of its prior and between them by a spline
-through ln Z_iL.
+where Z_iL(s) is the evidence of record i at fixed s, on nodes over the prior and by a spline in ln Z_iL between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,16 +35,16 @@ from damping.infer.likelihood import log_prior
 from damping.infer.observations import Observations
 from damping.ranking import prior_masses
 
-#: Laws of a record that predict the same, the one that was listed first, and their weight.
+#: Groups of laws with the same predictions on a record, the leading one first, and the weight of each group.
 Groups = Sequence[tuple[tuple[str, ...], float]]
-#: Prior probabilities at which a shape is held: the range in equal parts, and nodes about what was found there.
+#: Prior quantiles at which a shape is held fixed, of equal probability.
 NODES = np.linspace(0.5, 15.5, 16) / 16.0
-#: Further nodes, about where the records together put the shape, this far apart from others at least.
+#: Number of further nodes around the joint posterior of the shape, and their least distance from others.
 CLOSER_NODES = 8
 APART = 1e-3
-#: Prior probabilities between nodes, of the integrals.
+#: Prior quantiles for the integrals.
 FINE = np.linspace(0.5, 3999.5, 4000) / 4000.0
-#: Probability left out on either side of the intervals of a shape.
+#: Probability outside either end of the intervals of a shape.
 TAIL = 0.05
 
 
@@ -54,8 +53,8 @@ class SharedShape:
     """A shape parameter of a law that all records share.
 
     Attributes:
-        name: of the parameter. pooled: median and ends of the 90 % interval where it is shared. each: the same of every
-            record alone. log_odds: ln of the evidence for one value over that for a value of each record's own.
+        name: of the parameter. pooled: median and ends of the 90 % interval of the shared value. each: likewise for
+            each record alone. log_odds: ln evidence for one shared value less that for separate values.
     """
 
     name: str
@@ -64,7 +63,7 @@ class SharedShape:
     log_odds: float
 
 
-#: Columns of the table of a joint fit, by the field of `Observations` that they hold: of rows, and of their sweeps.
+#: Columns of the table of a joint fit with their fields of `Observations`: by row, and by sweep.
 _OF_ROWS = {
     "amplitude": "A",
     "damping_force": "D",
@@ -77,7 +76,7 @@ _OF_SWEEPS = ("tested_force", "tested_amplitude")
 
 
 def tabulate_rows(data: Observations) -> pd.DataFrame:
-    """What a joint fit needs of a record, one row for each observation; :func:`read_rows` is the way back."""
+    """Data of a record for a joint fit, one row for each observation; :func:`read_rows` is the inverse."""
     return pd.DataFrame(
         {"sweep": [data.sweeps[s] for s in data.sweep], "frequency": data.omega / RAD_S_PER_HZ}
         | {name: getattr(data, field) for name, field in _OF_ROWS.items()}
@@ -87,7 +86,7 @@ def tabulate_rows(data: Observations) -> pd.DataFrame:
 
 
 def read_rows(table: pd.DataFrame) -> Observations:
-    """Observations from the columns of :func:`tabulate_rows`. KeyError for one that is missing."""
+    """Observations from the columns of :func:`tabulate_rows`. KeyError for a missing column."""
     labels = table["sweep"].astype(str)
     of_sweep = table.groupby(labels, sort=False)[[*_OF_SWEEPS, "tested_frequency"]].first().astype(float)
     number = {label: i for i, label in enumerate(of_sweep.index)}
@@ -103,33 +102,33 @@ def read_rows(table: pd.DataFrame) -> Observations:
 
 
 def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dict[str, SharedShape]:
-    """The joint fits, by law, of all laws of the records that have one shape without dimension to share."""
+    """The joint fits, by law, of all laws of the records that have exactly one dimensionless shape."""
     laws = {name: _parse(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
-    found = {}
+    joint_fits = {}
     for name, law in laws.items():
-        shapes = [shape for shape, of in law.free_shapes.items() if of.unit == PURE]  # the same on any record
+        shapes = [shape for shape, facts in law.free_shapes.items() if facts.unit == PURE]  # comparable across records
         if len(shapes) == 1:
-            with suppress(AnalysisError):  # a record that the law cannot carry shares nothing with it
-                found[name] = fit_jointly(law, shapes[0], data)
-    return found
+            with suppress(AnalysisError):  # the law cannot carry the forces of some record
+                joint_fits[name] = fit_jointly(law, shapes[0], data)
+    return joint_fits
 
 
 def fit_jointly(law: Law, name: str, data: Sequence[Observations]) -> SharedShape:
-    """Records fitted with one value of a shape parameter of the law, coefficients and scatters of each its own.
+    """Records fitted with one value of a shape parameter of the law, and separate coefficients and scatters.
 
     Raises:
         AnalysisError: the law cannot carry the forces of a record.
     """
-    held = [_hold_shape(law, name, one) for one in data]
+    held = [_hold_shape(law, name, record) for record in data]
     nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])
-    lines = np.array([_interpolate(nodes, own) for own in values])
+    lines = np.array([_interpolate(nodes, curve) for curve in values])
     _, low, high = _find_quantiles(lines.sum(axis=0))
     margin = max(high - low, 0.5 / len(NODES))
     closer = np.linspace(max(low - margin, FINE[0]), min(high + margin, FINE[-1]), CLOSER_NODES)
     closer = closer[np.abs(closer[:, None] - nodes).min(axis=1) > APART]
     order = np.argsort(np.append(nodes, closer))
     values = np.hstack([values, [[log_z(p) for p in closer] for log_z in held]])
-    lines = np.array([_interpolate(np.append(nodes, closer)[order], own[order]) for own in values])
+    lines = np.array([_interpolate(np.append(nodes, closer)[order], curve[order]) for curve in values])
     together = lines.sum(axis=0)
     means = [float(logsumexp(line) - np.log(len(FINE))) for line in (together, *lines)]
     shape, tested = law.free_shapes[name], Coordinates.of(law, data[0]).tested
@@ -139,23 +138,25 @@ def fit_jointly(law: Law, name: str, data: Sequence[Observations]) -> SharedShap
 
 
 def _interpolate(nodes: FloatArray, values: FloatArray) -> FloatArray:
-    """Values over ``FINE``, without overshoot between the nodes and level beyond them."""
+    """Values over ``FINE``, monotone between nodes and constant outside them."""
     return np.asarray(PchipInterpolator(nodes, values)(np.clip(FINE, nodes[0], nodes[-1])))
 
 
 def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
-    """Prior probabilities at the median, the low end and the high end of a density over ``FINE``."""
+    """Prior quantiles of the median, the low end and the high end of a density over ``FINE``."""
     mass = np.cumsum(np.exp(log_density - log_density.max()))
     median, low, high = np.interp((0.5, TAIL, 1.0 - TAIL), mass / mass[-1], FINE)
     return float(median), float(low), float(high)
 
 
 def _hold_shape(law: Law, name: str, data: Observations) -> Callable[[float], float]:
-    """ln of a record's evidence as a function of the prior probability at which the shape is held."""
-    own = Coordinates.of(law, data)
-    posterior = Balanced(own.scaled(data.reference), data.scaled())
-    place = own.names.index(name)
-    starts = [np.delete(points, place, axis=1) for points in list_starts(posterior, start_at(fit_law(law, data), own))]
+    """ln evidence of a record as a function of the prior quantile at which the shape is fixed."""
+    coordinates = Coordinates.of(law, data)
+    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    place = coordinates.names.index(name)
+    starts = [
+        np.delete(points, place, axis=1) for points in list_starts(posterior, start_at(fit_law(law, data), coordinates))
+    ]
 
     def log_z(probability: float) -> float:
         held = float(ndtri(probability))
@@ -177,15 +178,15 @@ def weigh_sharing(
         shapes: joint fits of the laws that share a shape.
 
     Returns:
-        The odds, NaN where a record has no law that is known; ``law, weight``, best first.
+        The odds, NaN where a record has no known law; and a table ``law, weight``, best first.
     """
     each = [_list_evidence(groups) for groups in records]
-    laws = sorted({name for own in each for name in own})
+    laws = sorted({name for evidences in each for name in evidences})
     nothing = pd.DataFrame({"law": pd.Series(dtype=str), "weight": pd.Series(dtype=float)})
     if not all(each):
         return float("nan"), nothing
     prior = np.array(prior_masses([_parse(name) for name in laws]))
-    evidence = np.array([[own.get(name, 0.0) for name in laws] for own in each])
+    evidence = np.array([[evidences.get(name, 0.0) for name in laws] for evidences in each])
     jointly = np.exp([shapes[name].log_odds if shapes and name in shapes else 0.0 for name in laws])
     together = prior * np.prod(evidence, axis=0) * jointly
     if not together.sum() > 0.0:
@@ -196,7 +197,7 @@ def weigh_sharing(
 
 
 def _list_evidence(groups: Groups) -> dict[str, float]:
-    """Evidence of each law of a record, up to a factor common to all of them."""
+    """Evidence of each law of a record, up to a common factor."""
     known = [(names, weight) for names, weight in groups if _is_known(names[0])]
     masses = prior_masses([_parse(names[0]) for names, _ in known])
     return {
@@ -212,7 +213,7 @@ def _parse(name: str) -> Law:
 
 
 def _is_known(name: str) -> bool:
-    """Whether a law of a file is one of the library."""
+    """Whether the library has all forces of a law."""
     try:
         _parse(name)
     except InputError:

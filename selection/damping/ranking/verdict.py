@@ -1,15 +1,14 @@
 """Whether a law fits the rows at all, and whether they exclude it beside one that fits better.
 
-Weights only compare laws with each other: they add to one on noise, too. Two tests of the residuals n of a best fit,
-whose smaller probability, doubled (Bonferroni), is the p-value:
+Weights only compare laws with each other: they add to one even on noise. Two tests of the residuals n of a best fit
+give the p-value, the smaller of both doubled (Bonferroni):
 
-- size: T = n^T V^-1 n against chi-square, averaged over what is known of the scatter in V = diag(s^2) + s_l^2 h h^T
-  (predictive check of Gelman, Meng and Stern 1996, with the scatter's own prior in place of a posterior that the misfit
-  would inflate). s is the stated uncertainty, else drawn from the prior, and no less than what the second differences
-  along the sweeps show, which no smooth misfit moves, up to ``ROUGHEST``; where any is stated the law is fitted under V
-  for it;
-- runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), few where a misfit is smooth; asked
-  where the misfit is larger than a few per cent, which is what laws of a few terms leave on real structures.
+- size: T = n^T V^-1 n against chi-square, averaged over the scatter in V = diag(s^2) + s_l^2 h h^T (predictive check of
+  Gelman, Meng and Stern 1996, with the prior of the scatter, since the misfit would inflate a posterior). s is the
+  stated uncertainty, else drawn from the prior, and at least the noise in second differences along the sweeps, which a
+  smooth misfit does not change, up to ``ROUGHEST``. Where any uncertainty is stated, the law is also fitted under V;
+- runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), small for a smooth misfit; used only
+  for a misfit above a few per cent, which laws of a few terms leave on real structures.
 """
 
 from collections.abc import Iterable
@@ -31,30 +30,30 @@ Verdict = Literal["fits", "poor", "none fits"]
 UNLIKELY = 0.01
 #: Draws of the scatters: the p-value is then known to 1.6 % at a half and to 0.2 % at ``UNLIKELY``.
 DRAWS = 1000
-#: Stated deviations over the scatter of a fit from which on that counts for nothing: its square is 1e-4 of theirs.
+#: Stated deviations over the scatter of a fit that make the latter negligible: its variance is 1e-4 of theirs.
 FAR_ABOVE = 100.0
-#: Root mean square misfit, relative amplitude, from which on few runs speak against a law: what laws of a few
-#: terms leave on real structures.
+#: Root mean square misfit, relative amplitude, above which few runs count against a law: laws of a few terms leave as
+#: much on real structures.
 SYSTEMATIC = 0.04
-#: Rows of a sweep from which on second differences and runs are looked at.
+#: Fewest rows of a sweep for second differences and runs.
 FEWEST_ROWS = 6
 #: Second differences of white noise have six times its variance and, being correlated, two thirds of their number in
 #: degrees of freedom.
 DIFFERENCE_VARIANCE = 6.0
 DIFFERENCE_FREEDOM = 2.0 / 3.0
-#: Noise of one row, relative amplitude, that is the most a law is excused by: rows that differ by more from their
-#: neighbours on a resonance are of no resonance. A uniform phase has .9.
+#: Largest noise of one row, relative amplitude, that can excuse a law: rows of a resonance do not differ by more from
+#: their neighbours. A uniform phase has .9.
 ROUGHEST = 0.2
-#: Times the stated noise, by which rows scatter from one to the next, from which on it is asked whether that is right.
+#: Scatter from row to row over the stated noise, above which the stated noise is questioned.
 UNDERSTATED = 2.0
-#: Levels lie apart where they scatter by this times the noise of one row: of 325 sweeps of structures in and out of the
-#: library whose levels are exact, 1 does (with the next).
+#: Levels lie apart where they scatter by this many times the noise of one row: so do 1 of 325 sweeps of structures in
+#: and out of the library with exact levels (with the next condition) ...
 BEYOND_ROWS = 5.0
-#: and, ln A, by this at least: repeats of one level on large structures scatter by less.
+#: ... and by at least this in ln A: repeats of one level on large structures scatter by less.
 LEVELS_APART = 0.03
-#: Amplitude per force of a row, over that at its sweep's resonance, that is no noise of a row.
+#: Amplitude per force of a row, over that at its sweep's resonance, beyond the noise of a row.
 PEAKED = 1.15
-FEWEST_LEVELS = 3  #: of two, neither is the one that is off
+FEWEST_LEVELS = 3  #: with two it is unknown which one is off
 
 
 @dataclass(frozen=True)
@@ -64,9 +63,9 @@ class FitVerdict:
     Attributes:
         verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
         p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
-        level_caution: what is said of levels that scatter about the leading law far more than their rows do, or of rows
-            that no law fits and that read far more than a resonance; empty if none do.
-        rough: times the stated noise by which the rows of a law that fits scatter, from ``UNDERSTATED`` on; else 0.
+        level_caution: about levels that scatter about the leading law far more than their rows, or about rows that no
+            law fits and that exceed the resonance; empty without either.
+        rough: scatter from row to row over the stated noise where the law fits and it exceeds ``UNDERSTATED``; else 0.
     """
 
     verdict: Verdict
@@ -77,19 +76,19 @@ class FitVerdict:
 
     @property
     def sentence(self) -> str:
-        """The verdict as an engineer would say it; empty where the law fits and no level lies apart."""
+        """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
         by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
-        said = {
+        verdicts = {
             "fits": "",
             "poor": f"the leading law fits poorly: it {by}; a law of less weight fits",
             "none fits": f"no law fits: the leading law {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: is the stated noise right?"
-        return "; ".join(filter(None, [said[self.verdict], self.level_caution, rough if self.rough else ""]))
+        return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
-    """The verdict on the leading law, with the others asked where it does not fit."""
+    """The verdict on the leading law; the others are tested where it does not fit."""
     others, p = list(others), fit_probability(leader, data, seed)
     verdict: Verdict = "fits"
     if p < UNLIKELY:
@@ -103,7 +102,7 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
-    """The p-value of a best fit: the smaller of the two tests, doubled where both can be made."""
+    """The p-value of a best fit: that of the size test, or the smaller of two tests, doubled, for a large misfit."""
     if not np.isfinite(fit.squares):
         return 0.0
     tests = [_size_probability(fit, data, seed)]
@@ -113,7 +112,7 @@ def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
 
 
 def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
-    """Chance of residuals as large, averaged over the scatter of rows and levels."""
+    """Probability of residuals at least as large, averaged over the scatter of rows and levels."""
     n, _, known = residuals(fit.force, data)
     rng = np.random.default_rng(seed)
     row = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * rng.standard_normal(DRAWS))
@@ -124,17 +123,16 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
         rough = np.minimum(roughness**2 * differences / rng.chisquare(differences, DRAWS), ROUGHEST**2)
         variance = np.maximum(variance, rough[:, None])
     fits = [fit, _fit_under(variance, fit, data)] if data.states_uncertainty else [fit]
-    return max(
-        float(np.mean(chdtrc(_count_freedom(own), _measure_discrepancy(own, data, variance, level)))) for own in fits
-    )
+    return max(float(np.mean(chdtrc(_count_freedom(f), _measure_discrepancy(f, data, variance, level)))) for f in fits)
 
 
 def _fit_under(variance: FloatArray, fit: BestFit, data: Observations) -> BestFit:
-    """The law at its best under the ``variance`` of the test (draws, rows): that of a fit has scatter beside what is
-    stated, so that rows which state little miss the law by more than they need to.
+    """The best fit of the law under the ``variance`` of the test (draws, rows).
+
+    An ordinary fit adds scatter to stated uncertainties, which gives precise rows less weight than the test does.
     """
     sd = np.sqrt(1.0 / np.mean(1.0 / variance, axis=0))
-    far = FAR_ABOVE * SCATTER_MEDIAN * sd / sd.min()  # the same weights, and no scatter beside them
+    far = FAR_ABOVE * SCATTER_MEDIAN * sd / sd.min()  # the same weights, with negligible scatter
     return fit_law(fit.law, replace(data, sd_amplitude=far, sd_phase=far, sd_force=np.zeros(len(sd))))
 
 
@@ -143,7 +141,7 @@ def _count_freedom(fit: BestFit) -> int:
 
 
 def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray, level: Floats) -> FloatArray:
-    """n^T V^-1 n (..) by the ``variance`` of rows (.., rows) and the scatter of levels (..)."""
+    """n^T V^-1 n (..) from the ``variance`` of rows (.., rows) and the scatter of levels (..)."""
     n, h, _ = residuals(fit.force, data)
     discrepancy = np.sum(n**2 / variance, axis=-1)
     for sweep in range(len(data.sweeps)) if data.has_repeats and len(data.sweeps) > 1 else ():
@@ -154,29 +152,29 @@ def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray,
     return np.asarray(discrepancy)
 
 
-#: Rows whose errors count as one where laws are compared: neighbours that go together as .6 are worth a quarter.
+#: Rows per independent row where laws are compared: neighbours of correlation .6 are worth a quarter.
 ROWS_TOGETHER = 4.0
 #: Scatter of levels, relative, that leaves their gains free.
 FREE = 10.0
 
 
 def exceed_probability(fit: BestFit, best: BestFit, data: Observations) -> float:
-    """Probability, by an F test, of a misfit as much larger than the ``best`` law's as this one's is.
+    """p-value of an F test: misfit of this law over that of the ``best`` one.
 
-    The gains of levels are left free: what levels say of each other is in the weights of the resonances, and one that
-    is read wrong excludes no law. The rows' own scatter is what the best law leaves of them, or the least of careful
-    tests: where it is small, a law that a larger one would allow is excluded none the less.
+    The gains of levels are left free: comparison between levels is in the weights of the resonances, and a level read
+    wrong must exclude no law. The scatter of rows is taken from the residuals of the best law, at least that of careful
+    tests. Where it is small, laws are excluded that a larger one would allow.
     """
-    free, free_best = (_count_freedom(own) / ROWS_TOGETHER for own in (fit, best))
+    free, free_best = (_count_freedom(law) / ROWS_TOGETHER for law in (fit, best))
     return float(fdtrc(free, free_best, _measure_along_sweeps(fit, data) / _measure_along_sweeps(best, data)))
 
 
 def _measure_along_sweeps(fit: BestFit, data: Observations) -> float:
-    """Mean square of what a law misses of the rows, levels' gains left free; no less than noise of careful tests."""
+    """Mean square residual of a law along sweeps, with free gains of levels; at least the noise of careful tests."""
     known = residuals(fit.force, data)[2]
     variance = np.where(known > 0.0, known / max(float(np.mean(known)), 1e-300), 1.0)
-    left = float(_measure_discrepancy(fit, data, variance, FREE)) / _count_freedom(fit)
-    return max(left, float(np.mean(known)), NOISE_RANGE[0] ** 2)
+    misfit = float(_measure_discrepancy(fit, data, variance, FREE)) / _count_freedom(fit)
+    return max(misfit, float(np.mean(known)), NOISE_RANGE[0] ** 2)
 
 
 def is_excluded(fit: BestFit, best: BestFit, data: Observations) -> bool:
@@ -185,16 +183,16 @@ def is_excluded(fit: BestFit, best: BestFit, data: Observations) -> bool:
 
 
 def _describe_hidden_offset(leader: BestFit, others: Iterable[BestFit], data: Observations) -> str:
-    """What to say of a level that lies apart beside another law, which fits the sweeps far better than the leader."""
+    """The caution about levels that lie apart from another law, which fits the sweeps far better than the leader."""
     steadiest = min((leader, *others), key=lambda fit: _measure_along_sweeps(fit, data))
     return _describe_levels_apart(steadiest, data) if is_excluded(leader, steadiest, data) else ""
 
 
 def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
-    """What to say of levels that lie apart: by how much, and which is farthest; empty where none do.
+    """The caution about levels that lie apart: by how much, and which is farthest; empty where none do.
 
-    The level scatter that is learnt with a law takes them in, so that the law fits: ln A of level l is off by
-    b_l = sum(h n)/sum(h^2) over its rows.
+    The fitted level scatter absorbs them, so that the law fits: ln A of level l is off by b_l = sum(h n)/sum(h^2) over
+    its rows.
     """
     n, h, _ = residuals(fit.force, data)
     noise = _measure_roughness(n, data)[0]
@@ -216,7 +214,7 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
 
 
 def _describe_peak(data: Observations) -> str:
-    """What to say of a sweep that peaks far above its resonance, as of two modes or planes; empty where none does."""
+    """The caution about a sweep that peaks far above its resonance, as with two modes or planes; empty without one."""
     per_force = data.A / np.hypot(data.D, data.R) / (data.tested_amplitude / data.tested_force)[data.sweep]
     at = int(np.argmax(per_force))
     if per_force[at] < PEAKED:
@@ -228,7 +226,7 @@ def _describe_peak(data: Observations) -> str:
 
 
 def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]:
-    """Noise of one row by the second differences of ``n`` along each sweep, and its degrees of freedom (0: none)."""
+    """Noise of one row from second differences of ``n`` along each sweep, and its degrees of freedom (0: none)."""
     differences = [np.diff(n[rows], 2) for rows in _list_along_sweeps(data)]
     if not differences:
         return np.nan, 0.0
@@ -237,14 +235,14 @@ def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]
 
 
 def _compare_with_stated(fit: BestFit, data: Observations) -> float:
-    """Noise of one row by the second differences over what every row states, from ``UNDERSTATED`` on; else 0."""
+    """Noise of one row from second differences over the stated noise, if above ``UNDERSTATED``; else 0."""
     n, _, known = residuals(fit.force, data)
     ratio, differences = _measure_roughness(n / np.sqrt(known), data) if np.all(known > 0.0) else (0.0, 0.0)
     return ratio if differences and ratio > UNDERSTATED else 0.0
 
 
 def _runs_probability(n: FloatArray, data: Observations) -> float:
-    """Chance of as few runs of one sign about each sweep's median, by the normal approximation; 1 without sweeps."""
+    """Probability of as few runs of one sign about each sweep's median, by normal approximation; 1 without sweeps."""
     excess = variance = 0.0
     for rows in _list_along_sweeps(data):
         above = n[rows] > np.median(n[rows])
@@ -257,6 +255,6 @@ def _runs_probability(n: FloatArray, data: Observations) -> float:
 
 
 def _list_along_sweeps(data: Observations) -> list[IntArray]:
-    """Indices of the rows of every sweep long enough, by frequency."""
+    """Indices of the rows of each sweep with at least ``FEWEST_ROWS``, by frequency."""
     sweeps = [np.flatnonzero(data.sweep == sweep) for sweep in range(len(data.sweeps))]
     return [rows[np.argsort(data.omega[rows], kind="stable")] for rows in sweeps if len(rows) >= FEWEST_ROWS]
