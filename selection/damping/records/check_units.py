@@ -61,9 +61,7 @@ def check_exchange(view: View) -> Finding | None:
             tops.append(run)
     if len(tops) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
         return None
-    what = (
-        f"the force passes through a maximum in {name_sweeps(label_sweeps(tops))} while the response stays the same"
-    )
+    what = f"the force passes through a maximum in {name_sweeps(label_sweeps(tops))} while the response stays the same"
     return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(tops))
 
 
