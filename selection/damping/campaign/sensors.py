@@ -91,8 +91,8 @@ def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[
     explained = np.array([bool(cause) for cause in causes])
     off = np.minimum(np.abs(share), np.abs(share - 1.0))
     odd = off > np.maximum(NEAR, doubt)
-    alike = np.abs(share - np.median(share)) < ALIKE * abs(np.median(share))
-    common = explained | (odd & alike & (len(share) > 1))
+    common_share = np.abs(share - np.median(share)) < ALIKE * abs(np.median(share))
+    common = explained | (odd & common_share & (len(share) > 1))
     if np.mean(common) > 0.5:
         odd |= explained
     elif np.mean(odd) > 0.5 or np.mean(off < ACROSS) < 0.5:

@@ -136,7 +136,7 @@ def draw_spreads(
     return [draw_spread(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of one beyond all numbers
+@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of an infinite one
 def draw_spread(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Spread:

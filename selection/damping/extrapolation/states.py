@@ -46,12 +46,12 @@ def describe_state(data: Observations, mode: Mode) -> str:
     return f"{known} {mass[top]:.4g}, that of the largest level" if np.ptp(mass) > 0.0 else ""
 
 
-def describe_bistability(omega: FloatArray, width: float, said: str = OF_LEVELS) -> str:
-    """The caution ``said`` if one force and frequency probably has two stable amplitudes; else empty.
+def describe_bistability(omega: FloatArray, width: float, caution: str = OF_LEVELS) -> str:
+    """The ``caution`` if one force and frequency probably has two stable amplitudes; else empty.
 
     ``omega``: resonances at one mass, rad/s. ``width``: half-power bandwidth 2 zeta omega = F/(M omega A) of the
     resonance of largest amplitude. A cubic spring that moves the resonance by 4/(3 sqrt(3)) bandwidths makes the
     response curve vertical somewhere.
     """
     moved = float(np.ptp(omega)) / width
-    return said.format(moved) if moved >= BISTABLE else ""
+    return caution.format(moved) if moved >= BISTABLE else ""

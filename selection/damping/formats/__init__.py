@@ -90,8 +90,8 @@ def _describe_layout(layout: Layout, skip: int) -> str:
     """The layout of a table in words."""
     line = skip + layout.header - layout.units
     by = "columns by number" if layout.numbered else "columns by name"
-    found = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"
-    parts = (f"{layout.delimiter} between cells", f"decimal {layout.decimal}", found, by)
+    header = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"
+    parts = (f"{layout.delimiter} between cells", f"decimal {layout.decimal}", header, by)
     units = "units below the names" if layout.units else ""
     encoding = f"text in {layout.encoding}" if layout.encoding else ""
     return ", ".join(part for part in (*parts, units, encoding) if part)

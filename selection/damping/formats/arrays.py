@@ -163,7 +163,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
-    angles = {role: found for role, text in texts.items() if (found := describe_angle(text))}
+    angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     facts = FileFacts(units=list_units(texts, stated), angles=angles)
     return _list_each(names, arrays, facts, Path(path).stem, summary)
 
@@ -204,10 +204,10 @@ def _list_each(
 ) -> list[Series]:
     """Series from arrays; a role has one array for each sweep, or a single one for all."""
     count = max(len(arrays[name]) for name in names.values())
-    odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
-    if odd is not None:
-        number = len(arrays[names[odd]])
-        raise InputError(f"{number} arrays of {odd} beside {count} of others", expected=f"1 or {count}")
+    uneven = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
+    if uneven is not None:
+        number = len(arrays[names[uneven]])
+        raise InputError(f"{number} arrays of {uneven} beside {count} of others", expected=f"1 or {count}")
     series: list[Series] = []
     for k in range(count):
         of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
@@ -231,8 +231,8 @@ def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[S
     for name in names:
         if name not in contents.steps:
             raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
-        found = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
-        summary.add(f"channel {describe_shortened(name)!r}", found, "found in the file")
+        description = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
+        summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
     kinds = {unit(contents.units[name]).powers for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])

@@ -251,20 +251,21 @@ def _by_name(
         if lower.count(first) > 1 and first != "f":
             message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
             raise InputError(message, line=line, expected=expected)
-    own = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
+    by_role = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
     usual, response = recognise(headers)
-    if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
-        own = {role: place for role, place in own.items() if role not in ("x", "y")}
-    if "phase" in own and "angle" in usual:
-        own.pop("phase")
-    if "angle" in own and own["angle"] == usual.get("amplitude"):  # a rotation
-        own.pop("angle")
+    # x and y are positions against time, or beside a z
+    if "x" in by_role and lower[by_role["x"]] == "x" and not {"x", "y"} <= set(usual):
+        by_role = {role: place for role, place in by_role.items() if role not in ("x", "y")}
+    if "phase" in by_role and "angle" in usual:
+        by_role.pop("phase")
+    if "angle" in by_role and by_role["angle"] == usual.get("amplitude"):  # a rotation
+        by_role.pop("angle")
     motions = {"response", "x", "y", "amplitude"}
-    if motions & set(own):
+    if motions & set(by_role):
         usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}
         response = None
-    places = {role: place for role, place in usual.items() if place not in own.values() and role not in own} | own
-    return places, response
+    free = {role: place for role, place in usual.items() if place not in by_role.values() and role not in by_role}
+    return free | by_role, response
 
 
 def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:

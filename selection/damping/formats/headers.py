@@ -155,7 +155,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
         motion = next((kind for kind, known in NAMES["motion"].items() if name in known), None)
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
-        # a phase whose unit is known, or that of a record
+        # a phase with a known unit, or the column ``phase`` of a record
         is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
         if motion and free and _may_be(motion, header):
             places["response" if is_time else "amplitude"], response = place, motion

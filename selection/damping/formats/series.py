@@ -118,8 +118,8 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     if not set(_MOTIONS) & set(of_role):
         free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
-        every = "; damping campaign for all" if many else ""
-        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{every}"
+        all_hint = "; damping campaign for all" if many else ""
+        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{all_hint}"
         raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"

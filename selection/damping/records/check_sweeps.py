@@ -207,8 +207,8 @@ def check_mixed_levels(view: View) -> Finding | None:
     forces = ", ".join(f"{force:.4g}" for force in levels[:6])
     what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
     advice = "give every level a label of its own"
-    every = view.record.has_phase or "energy" in view.record.frame
-    advice += "" if every else ": of one label only the largest amplitude is used"
+    uses_all_rows = view.record.has_phase or "energy" in view.record.frame
+    advice += "" if uses_all_rows else ": of one label only the largest amplitude is used"
     blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
     return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
 

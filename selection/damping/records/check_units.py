@@ -207,12 +207,12 @@ def check_phase_sign(view: View) -> Finding | None:
         kind: [sweep for sweep, sweep_kind in view.wrong_sign.items() if sweep_kind == kind]
         for kind in dict.fromkeys(view.wrong_sign.values())
     }
-    every = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
-    named = {kind: "" if every else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
+    all_alike = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
+    named = {kind: "" if all_alike else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
     what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
     what += ", so that the structure would give energy; wanted is the lag of displacement behind force, 0 to pi"
     advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
-    advice += " (lead_deg where the file is imported)" if every else ", and leave the others as they are"
+    advice += " (lead_deg where the file is imported)" if all_alike else ", and leave the others as they are"
     return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
 
 

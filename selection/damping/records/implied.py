@@ -251,10 +251,10 @@ def sense_rate(runs: Sequence[Run]) -> float | None:
     count = len(real) - linear.shape[1] - 1
     if count < FREE_ROWS:
         return None
-    solution, left, spread = _solve(np.column_stack([linear, slope]), real)
+    solution, misfit, spread = _solve(np.column_stack([linear, slope]), real)
     steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
-    error = spread * np.sqrt(left / count)
-    certain = abs(solution[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent
+    error = spread * np.sqrt(misfit / count)
+    certain = abs(solution[-1]) > CERTAIN_RATE * error and misfit < OF_STEADY * steady and misfit < OF_SPRING * bent
     return float(solution[-1] / solution[-2]) if certain and solution[-2] > 0.0 else None
 
 

@@ -199,8 +199,8 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
         except ValueError:
             continue
         for key in path:
-            there = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
-            if key not in there:
+            keys = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+            if key not in keys:
                 return False
             value = value[key]
         return True

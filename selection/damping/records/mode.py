@@ -131,15 +131,15 @@ class Mode:
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, _fixed(value))
 
-    def find_states(self, own: FloatArray | None, levels: int) -> FloatArray:
-        """Masses (levels,) of the states in which levels were tested; ``own`` (levels,): stated masses, NaN if none.
+    def find_states(self, stated: FloatArray | None, levels: int) -> FloatArray:
+        """Masses (levels,) of the states in which levels were tested; ``stated`` (levels,): by the record, NaN if none.
 
         All are this mode's mass if that was taken from the record, or if they differ by no more than estimates of one.
         """
         same = np.full(levels, self.mass)
-        if own is None or self.tolerance.from_record:
+        if stated is None or self.tolerance.from_record:
             return same
-        mass = np.where(np.isnan(own), self.mass, own)
+        mass = np.where(np.isnan(stated), self.mass, stated)
         return mass if np.ptp(np.log(mass)) > STATES_APART * self.tolerance.mass else same
 
     def _repr_html_(self) -> str:

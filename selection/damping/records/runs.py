@@ -134,11 +134,11 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
 
 def measure_whiteness(runs: list[Run]) -> float | None:
     """Mean squared step of ln(A/F) from row to row over its variance, 2 for white noise; None with too few rows."""
-    long = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
-    if not long:
+    long_runs = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
+    if not long_runs:
         return None
-    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long)
-    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long)
+    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long_runs)
+    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long_runs)
     return steps / spread if spread > 0.0 else None
 
 
