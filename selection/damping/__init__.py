@@ -1,6 +1,6 @@
 """Damping models from vibration tests: which law, how sure, how large at the design load.
 
-``import damping as dp``: the names of ``__all__`` are the library's interface, loaded when first asked for.
+``import damping as dp``: the names in ``__all__`` are the public interface; each is loaded at its first use.
 """
 
 import os
@@ -25,21 +25,21 @@ _HOMES = {
 }
 __all__ = sorted(_HOMES)
 
-# The matrices here are small: threads of the linear algebra cost more than they give, and work is spread over records
-# and laws instead. One thread also makes results independent of the number of cores. The variables are read when numpy
-# is loaded; where it is already (a notebook), each function of the interface limits the threads while it runs.
+# The matrices are small: threads of the linear algebra cost more than they save, and work is spread over records and
+# laws instead. One thread also makes results independent of the number of cores. numpy reads these variables when it
+# loads; where it is already loaded (a notebook), each public function limits the threads while it runs.
 if "numpy" not in sys.modules:
     for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(_name, "1")
 
 
 def __getattr__(name: str) -> Any:
-    """One of the names of the interface, loaded now."""
+    """Load a name of the public interface."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:
-    """The interface, whatever parts of the library are loaded."""
+    """The public interface, whichever parts of it are loaded."""
     return sorted({*__all__, *(name for name in globals() if name.startswith("__") and name.endswith("__"))})

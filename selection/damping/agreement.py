@@ -1,8 +1,8 @@
 """Whether ranking and diagnosis agree: on the load at the requested force, and on the rows.
 
-The ranked laws predict an amplitude with a band; every explanation that the diagnosis holds alive makes a corrected
-simulation, which has a resonant amplitude of its own. Where that lies outside the band the two disagree: both say so
-first. Where one of them finds the rows explained and the other does not, they say so behind what they find.
+The ranked laws predict a band of amplitude. Every explanation that the diagnosis keeps alive gives a corrected
+simulation with a resonant amplitude. If that lies outside the band, both commands report it before their results. If
+only one of the two finds the rows explained, both report it after their results.
 """
 
 from dataclasses import replace
@@ -29,30 +29,30 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import OF_LOADS
 
-#: Probability from which an explanation counts as alive where the library is held to know the cause.
+#: Probability from which an explanation counts as alive, where the library is believed to know the cause.
 ALIVE = 0.1
-#: Effects whose damping force has a memory, as of a joint that softens as it slips.
+#: Effects whose damping force is hysteretic, such as a joint that softens as it slips.
 WITH_MEMORY = {
     name for name, effect in CATALOGUE.items() if effect.damping and FORCES[effect.damping].joints is not Force.joints
 }
-#: Force at which a diagnosis is compared with the ranked laws, over the largest tested one: no load was asked for.
+#: Force over the largest tested force at which a diagnosis, for which no load is given, is compared with the laws.
 BEYOND = 2.0
-#: Content of the band there.
+#: Content of the predictive band at that force.
 LEVEL = 0.9
 
 
 def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> tuple[str, ...]:
-    """What the diagnosis of the simulation in the mode file says against predicted loads; empty where they agree.
+    """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere.
 
     ``record``, ``mode``: under a modal force, as swept.
     """
-    # where a law fits poorly, `describe_fall` may tell probabilities, which causes without a name change
+    # where a law fits poorly, `describe_fall` may quote probabilities, which unnamed causes change
     explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor")
     return compare(predicted, explained) if explained else ()
 
 
 def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> tuple[str, ...]:
-    """What the ranked laws say against a diagnosis at ``BEYOND`` times the tested force; empty where they agree.
+    """Describe where the ranked laws contradict a diagnosis at ``BEYOND`` times the tested force; empty if they agree.
 
     ``findings``: of the audit of the record.
     """
@@ -65,13 +65,13 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
 
 
 def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
-    """What the diagnosis says against a ranking in which no law fits."""
+    """Describe where the diagnosis contradicts a ranking in which no law fits; empty if they agree."""
     explained = _explain(record, mode, brief=True)
     return describe_misfit(fit, explained) if explained else ()
 
 
 def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
-    """What effects explain; None for a model without damping and a record that no simulation can be compared with."""
+    """The explanations; None for a model without damping, or a record that no simulation can be compared with."""
     try:
         return explain(record, mode, brief=brief) if mode.damping else None
     except AnalysisError:
@@ -79,7 +79,10 @@ def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
 
 
 def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
-    """Where amplitudes disagree, else where verdicts do; where amplitudes were asked, at the forces for them."""
+    """Describe where amplitudes disagree, else where verdicts do; empty if they agree.
+
+    Where ``predicted`` holds forces for given amplitudes, amplitudes are compared at those forces.
+    """
     loads = predicted.loads
     if loads.amplitude is not None:
         known = loads.force[np.isfinite(loads.force)]
@@ -92,10 +95,10 @@ def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | None = None) -> tuple[str, ...]:
-    """Where one of ranking and diagnosis finds the rows explained to the noise and the other does not; or none.
+    """Describe where only one of ranking and diagnosis explains the rows down to the noise; empty if they agree.
 
-    What a simulation has of effects already no law can have: that none fits beside them is no conflict. ``resonances``:
-    how many the p-value of a law that fits is of, None where it is of all rows.
+    No law can represent effects that the simulation already has: if no law fits beside them, that is no conflict.
+    ``resonances``: number of resonances behind the p-value of a law that fits; None if it is of all rows.
     """
     effects, p = " and ".join(explained.leading.effects), f"(p = {fit.p_value:.2g})"
     beside = f" beside {effects}" if effects else ""
@@ -103,27 +106,27 @@ def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | Non
         does = f"more than noise is left{beside}" if effects else "no effect does"
         return (f"neither ranking nor diagnosis explains the rows: no law fits them {p}, and {does}",)
     if fit.verdict == "none fits" and not effects and not explained.mode.effects:
-        said = f"no law fits them {p}, while the diagnosis adds no effect and treats the rest as noise"
+        verdict_text = f"no law fits them {p}, while the diagnosis adds no effect and treats the rest as noise"
     elif fit.verdict == "fits" and explained.unexplained:
         weak = ", so few that they have little power" if resonances is not None and resonances < FEWEST_ROWS else ""
-        what, rows = (
+        subject, rows = (
             ("them", "") if resonances is None else (f"their {resonances} resonances alone{weak}", " in all rows")
         )
-        said = f"a law fits {what} {p}, while the diagnosis finds more than noise left{rows}{beside}"
+        verdict_text = f"a law fits {subject} {p}, while the diagnosis finds more than noise left{rows}{beside}"
     else:
         return ()
-    return (f"ranking and diagnosis disagree on whether the rows are explained: {said}",)
+    return (f"ranking and diagnosis disagree on whether the rows are explained: {verdict_text}",)
 
 
 def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]:
-    """Where the resonance falls as that of a joint and the diagnosis names another cause; or none.
+    """Describe where the resonance falls as with a slipping joint but the diagnosis names another cause; else empty.
 
-    Rows at resonance alone are not asked what moves it.
+    Rows at resonance alone cannot tell what moves it and are not compared.
     """
     effects, p = explained.leading.effects, explained.hypotheses[0].probability
-    of_joint = sum(own.probability for own in explained.hypotheses if WITH_MEMORY & set(own.effects))
-    asked = joint.informative and not explained.setting.problem.rows.at_resonance
-    if not asked or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
+    of_joint = sum(each.probability for each in explained.hypotheses if WITH_MEMORY & set(each.effects))
+    comparable = joint.informative and not explained.setting.problem.rows.at_resonance
+    if not comparable or joint.probability < LIKELY or of_joint > 1.0 - LIKELY or not effects:
         return ()
     surer = "rely on the diagnosis, which leaves only noise in all rows"
     unsure = "rely on neither, because the diagnosis leaves more than noise in the rows"
@@ -135,9 +138,10 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
 
 
 def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]:
-    """The most probable living explanation whose corrected simulation leaves the band, with both numbers; or none.
+    """Describe the most probable live explanation whose corrected simulation leaves the band; empty if there is none.
 
-    None where the diagnosis doubts that it knows the cause: what merely imitates the test has no say beyond it.
+    Also empty where the diagnosis doubts that the cause is in the library: an effect that merely imitates the test
+    proves nothing beyond it.
     """
     units, band = explained.mode.units, loads.average
     for explanation in explained.hypotheses if explained.in_library >= KNOWN else ():
@@ -150,7 +154,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
         if outside.any():
             at = int(outside.nonzero()[0][-1])
             first = explained.hypotheses[0]
-            cause, leading = (" and ".join(own.effects) or "no effect" for own in (explanation, first))
+            cause, leading = (" and ".join(each.effects) or "no effect" for each in (explanation, first))
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
@@ -166,9 +170,9 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
 def simulate_resonance(mode: Mode, force: FloatArray, omega: FloatArray, has_phase: bool = True) -> FloatArray:
     """Resonant amplitude of a model at each force (forces,), NaN where it has none.
 
-    Effects of the rig change what is read and not the structure: they are left out, as what is of one test.
-    Where forces alone remain it is that of phase resonance. Further planes and modes show in a sweep, read as the
-    record's own are: at the frequencies ``omega`` (n,), rad/s, that were tested, moved with the resonance.
+    Effects of the rig and of one test are left out: they are not part of the structure. If only force effects remain,
+    the amplitude is that of phase resonance. Further planes and modes need a sweep, read as the record's sweeps are:
+    at the tested frequencies ``omega`` (n,), rad/s, shifted with the resonance.
     """
     kept = list_lasting(mode.effects)
     forces = {name: table for name, table in kept.items() if find_effect(name).force is not None}

@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Points of the curves of a drawing of loads.
+#: Points of each curve in a plot of loads.
 GRID = 60
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first, with what they rest on.
+    """Candidate damping laws of a record, best first, with the rows they were fitted to.
 
-    ``against``: where no law fits, what the diagnosis says against that.
+    ``against``: where no law fits, how the diagnosis contradicts that.
     """
 
     ranking: Ranking
@@ -47,7 +47,7 @@ class RankingResult(Result):
         return self.prepared.measured.mode
 
     def __getitem__(self, law: str) -> RankedLaw:
-        """The law of a row, by the text in its column ``law`` or of an equivalent, its forces in any order."""
+        """The law by its text in the column ``law``, or that of an equivalent law; its forces may be in any order."""
         asked = set(str(law).split(" + "))
         for candidate in self.ranking.candidates:
             if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
@@ -70,21 +70,21 @@ class RankingResult(Result):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """What stands before the answer: whether any law fits, where none does."""
+        """Sentences to show before the ranking: the verdict on the fit; empty if it is good."""
         return tuple(filter(None, [self.ranking.fit.sentence]))
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What the diagnosis says, the headlines, what was done before, and what is odd about the mode."""
-        odd = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
-        return (*self.against, *self.headlines, *self.prepared.notes, *odd)
+        """Objections of the diagnosis, headlines, notes on the preparation of the rows, and doubts about the mode."""
+        of_mode = forms.list_mode_cautions(self.ranking.data, self.mode) if self.mode else ()
+        return (*self.against, *self.headlines, *self.prepared.notes, *of_mode)
 
     def to_json(self) -> dict[str, Any]:
         """The form ``rank/1``."""
         return complete_form(forms.rank_form(self.ranking), self.prepared.findings, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
-        """Weights as bars, beside the errors of each law where the figure is its own."""
+        """Weights as bars; without ``ax`` the figure also shows the errors of each law."""
         from damping.plots.fits import ranking  # noqa: PLC0415 - only drawing needs matplotlib
 
         figure = ranking(self.table, axes=ax)
@@ -97,20 +97,20 @@ class RankingResult(Result):
 
     @property
     def shown(self) -> pd.DataFrame:
-        """The best laws."""
+        """The best ``MOST_SHOWN`` laws."""
         columns = ["rank", "law", "weight", "score", "held_out_error", "average_absolute_percent"]
         return self.table[columns].head(MOST_SHOWN)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions about the whole."""
+        """Cautions about the ranking, and how many candidates are not shown."""
         hidden = len(self) - MOST_SHOWN
         return (*self.cautions, *([f"{hidden} further candidates in .table"] if hidden > 0 else []))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedResult(Result):
-    """What is predicted of a record, with what it rests on; ``against``: where the diagnosis disagrees."""
+    """Predictions from a record, with the data behind them; ``against``: where the diagnosis disagrees."""
 
     extrapolation: Extrapolation
     prepared: PreparedRecord
@@ -123,19 +123,19 @@ class PredictedResult(Result):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """What stands before the answer: where the diagnosis gives another load, and whether any law fits."""
+        """Sentences to show before the predictions: loads that the diagnosis disputes, and the verdict on the fit."""
         return (*list_of_loads(self.against), *filter(None, [self.extrapolation.plan.fit.sentence]))
 
     @property
     def measured_in(self) -> dict[str, Any]:
-        """Keys of a form that say what drives and in which units its numbers are."""
+        """Keys of a form that name the drive quantity and the units."""
         return {"drive": self.mode.units.drive, "units": vars(self.mode.units)}
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What the diagnosis says, the headlines, what was done before, and what is odd about the mode."""
-        odd = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
-        return tuple(dict.fromkeys((*self.against, *self.headlines, *self.prepared.notes_of_loads, *odd)))
+        """Objections of the diagnosis, headlines, notes on the preparation of the rows, and doubts about the mode."""
+        of_mode = forms.list_mode_cautions(self.extrapolation.plan.data, self.mode)
+        return tuple(dict.fromkeys((*self.against, *self.headlines, *self.prepared.notes_of_loads, *of_mode)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,11 +154,11 @@ class LoadsResult(PredictedResult):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row for each prediction, with the keys of the form; NaN where none is given, ``cautions`` say why."""
+        """One row for each prediction, with the keys of the form; NaN where it is refused, ``cautions`` say why."""
         return forms.tabulate_loads(self.loads, self.curve)
 
     def to_json(self, *, whole: bool = True) -> dict[str, Any]:
-        """The form ``loads/1``; of forces, as a ``whole``, also with other priors and the level to test next."""
+        """The form ``loads/1``; if ``whole``, at given forces also the sensitivity to priors and the next level."""
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
         if whole and self.loads.amplitude is None:
             further = self.extrapolation.choose_next_level()
@@ -183,15 +183,15 @@ class LoadsResult(PredictedResult):
     def title(self) -> str:
         """What this is, in a line."""
         by_force, units = self.loads.amplitude is None, self.mode.units
-        what, unit = ("resonant amplitude", units.length) if by_force else (f"{units.drive} at resonance", units.force)
+        label, unit = ("resonant amplitude", units.length) if by_force else (f"{units.drive} at resonance", units.force)
         content = f"{100.0 * self.loads.level:g} % predictive band"
-        return f"{self.mode.name}: {what}{f' ({unit})' if unit else ''}, low to high the {content}"
+        return f"{self.mode.name}: {label}{f' ({unit})' if unit else ''}, low to high the {content}"
 
     @property
     def shown(self) -> pd.DataFrame:
-        """The columns of most use."""
-        asked = "force" if self.loads.amplitude is None else "amplitude"
-        columns = [asked, "extrapolation_ratio", "median", "low", "high", "linear", "frequency"]
+        """The most useful columns."""
+        given = "force" if self.loads.amplitude is None else "amplitude"
+        columns = [given, "extrapolation_ratio", "median", "low", "high", "linear", "frequency"]
         return self.table[[*columns, "damping_ratio", "damping_ratio_low"]]
 
     @property
@@ -218,7 +218,7 @@ class CurveResult(PredictedResult):
         return complete_form(form, self.prepared.findings, self.cautions)
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
-        """Damping ratio against amplitude, beside Q; what is beyond the test is hatched."""
+        """Damping ratio and Q against amplitude; the range beyond the test is hatched."""
         from damping.plots.curves import damping_curve  # noqa: PLC0415 - as above
 
         amplitudes = list_drawn_amplitudes(self.curve.amplitude.median, self.prepared.data)
@@ -234,12 +234,12 @@ class CurveResult(PredictedResult):
 
     @property
     def shown(self) -> pd.DataFrame:
-        """The columns of most use."""
+        """The most useful columns."""
         columns = ["amplitude", "force", "frequency", "damping_ratio", "damping_ratio_low", "damping_ratio_high", "q"]
         return self.table[[*columns, "tested"]]
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions, each once; which rows are beyond the test their column says."""
+        """Cautions, each once; those on rows beyond the test are left to the column ``tested``."""
         of_rows = (c for caution in self.curve.cautions for c in caution if not c.startswith("beyond the test"))
         return tuple(dict.fromkeys([*self.cautions, *of_rows]))

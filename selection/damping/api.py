@@ -1,4 +1,4 @@
-"""From a record to an answer: the functions of ``import damping as dp``; a bad argument is an InputError at once."""
+"""The functions of ``import damping as dp``, from record to result; a bad argument raises InputError at once."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def check(record: Record, mode: Mode | None = None) -> AuditResult:
-    """Whether a record is what it seems to be, beside the mode that simulates it: what ``damping check`` says."""
+    """Audit a record, and the mode that simulates it, as ``damping check`` does."""
     check_kind(record, Record, "record")
     if mode is not None:
         check_kind(mode, Mode, "mode")
@@ -52,12 +52,12 @@ def rank(
 ) -> RankingResult:
     """Every candidate damping law of a record, best first, as ``damping rank`` lists them.
 
-    A phase offset that the audit finds is taken off first, as for loads.
+    A phase offset that the audit finds is subtracted first, as for loads.
 
     Args:
-        mode: where given, cautions say what is odd about it beside the record, and where no law fits what the diagnosis
-            of its simulation says. progress: shows how far the work is.
-        despite: checks of the audit whose refusal is passed over, such as ``("phase-sign",)``.
+        mode: if given, cautions name its contradictions with the record and, where no law fits, the objections of the
+            diagnosis of its simulation. progress: shows how far the work is.
+        despite: checks of the audit whose refusal is overridden, such as ``("phase-sign",)``.
 
     Raises:
         AnalysisError: no candidate could be fitted.
@@ -91,10 +91,10 @@ def extrapolate(
 
     Args:
         forces: force amplitudes, in the unit of the record. level: content of the bands, between 0 and 1.
-        amplitudes: asked the other way round, instead of forces.
+        amplitudes: amplitudes to find the force for, instead of ``forces``.
 
     Raises:
-        InputError: a force, an amplitude or a level that is none, both asked, or an argument of another kind.
+        InputError: an invalid force, amplitude or level, both forces and amplitudes, or an argument of a wrong type.
         AnalysisError: the levels do not allow a prediction.
     """
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
@@ -126,13 +126,13 @@ def curve(
     despite: Collection[str] = (),
     progress: Progress = silent,
 ) -> CurveResult:
-    """Damping ratio, Q and frequency at each amplitude and force, as ``damping curve`` tells them.
+    """Damping ratio, Q and frequency at each amplitude and force, as ``damping curve`` lists them.
 
     Args:
-        amplitudes, forces: where it is asked for; by default over the test and beyond it. level: content of the bands.
+        amplitudes, forces: points of the curve; by default over the test and beyond it. level: content of the bands.
 
     Raises:
-        InputError: an amplitude, a force or a level that is none, or an argument of another kind.
+        InputError: an invalid amplitude, force or level, or an argument of a wrong type.
         AnalysisError: the levels do not allow a prediction.
     """
     from damping.agreement import compare_with_diagnosis  # noqa: PLC0415 - as above
@@ -168,11 +168,11 @@ def diagnose(
 
     Args:
         states: records of further states of the structure (masses added, fuel levels, ring-downs), each with its mode:
-            the effects are shared.
-        simulate: a simulation of your own: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
-            amplitude and phase lag, (n,) each; ``mode`` stands for it where an effect needs a mass or a frequency.
-        posterior: whether the strengths of the leading explanation are sampled too. compare: whether the ranked laws
-            are asked for what they say against it.
+            all states share the effects.
+        simulate: a user's simulation: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
+            amplitude and phase lag, (n,) each; where an effect needs a mass or a frequency, ``mode`` supplies it.
+        posterior: whether to sample the strengths of the leading explanation too. compare: whether to compare the
+            result with the ranked laws.
 
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
@@ -187,14 +187,14 @@ def diagnose(
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
-    for own, state in states:
-        check_kind(own, Record, "record of a state")
-        check_kind(state, Mode, "mode of a state")
-        check(own, state).require(despite, diagnosed=True)
+    for state_record, state_mode in states:
+        check_kind(state_record, Record, "record of a state")
+        check_kind(state_mode, Mode, "mode of a state")
+        check(state_record, state_mode).require(despite, diagnosed=True)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
     against = () if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
-    said = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
-    gap = replace(gap, cautions=(*said, *gap.cautions))
+    audit_cautions = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
+    gap = replace(gap, cautions=(*audit_cautions, *gap.cautions))
     sampled = None
     if posterior:
         with progress("posterior", 1) as done:
@@ -215,7 +215,7 @@ def regress(
     t_stop: float | None = None,
     source: str = "table",
 ) -> RegressionResult:
-    """The regression program of 1970 on any table, or that of a record, as ``damping regress`` runs it.
+    """The regression program of 1970 on any table, or on that of a record, as ``damping regress`` runs it.
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
@@ -244,14 +244,14 @@ def regress(
 
 @single_threaded
 def condition(frame: pd.DataFrame, description: Mapping[str, object] | Description | str | Path) -> ConditionResult:
-    """A raw accelerometer table to the record of one mode, as ``damping condition`` does it.
+    """Reduce a raw accelerometer table to the record of one mode, as ``damping condition`` does.
 
     Args:
         description: the keys of a CONDITION.toml, or the path of one (:mod:`damping.signals.description`).
 
     Raises:
         InputError: a description or a table that contradicts itself.
-        AnalysisError: the steps that are asked for cannot be done on this table.
+        AnalysisError: a requested step cannot be done on this table.
     """
     from damping.signals.reading import check_raw, condition_steps, read_description  # noqa: PLC0415 - its schema loads slowly
 
@@ -276,11 +276,11 @@ def sweep(
 
     Args:
         force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
-        structure: whether effects of the rig are left out. Those of one test always are.
+        structure: whether to leave out effects of the rig. Effects of one test are always left out.
 
     Raises:
-        InputError: an argument that is not what it should be.
-        AnalysisError: the model has an effect that is not simulated, or no steady state somewhere in a sweep.
+        InputError: an invalid argument.
+        AnalysisError: an effect of the model cannot be simulated, or a sweep has a point without a steady state.
     """
     from damping.effects import list_lasting  # noqa: PLC0415 - as the next
     from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need

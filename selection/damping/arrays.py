@@ -1,7 +1,4 @@
-"""Names of array types used in signatures; the range of a lag; results as plain Python values.
-
-Unit constants with their sources.
-"""
+"""Array types for signatures, unit constants, phase wrapping, and conversion of results to plain Python values."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +12,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
-#: A number or an array of numbers that broadcasts with the others of the call.
+#: A number, or an array that broadcasts with the other arguments.
 Floats: TypeAlias = float | FloatArray
 
 
@@ -32,14 +29,14 @@ RAD_S_PER_HZ = 2.0 * pi
 
 
 def invert(z: ComplexArray) -> ComplexArray:
-    """1/z, in a third of the time that numpy takes to divide complex numbers."""
+    """1/z, in a third of the time of numpy's complex division."""
     x, y = z.real, z.imag
     squared = x * x + y * y
     return join_complex(x / squared, -y / squared)
 
 
 def join_complex(real: Floats, imaginary: Floats) -> ComplexArray:
-    """real + i imaginary, without what multiplying complex numbers takes."""
+    """real + i imaginary, without the cost of a complex multiplication."""
     same = np.shape(real) == np.shape(imaginary)
     joined = np.empty(np.shape(real) if same else np.broadcast(real, imaginary).shape, dtype=np.complex128)
     joined.real, joined.imag = real, imaginary
@@ -47,17 +44,17 @@ def join_complex(real: Floats, imaginary: Floats) -> ComplexArray:
 
 
 def differs(values: Floats, number: float) -> bool:
-    """Whether any value is another; of one number without numpy, whose own way is slow in what is asked often."""
+    """Whether any value differs from ``number``; a float is compared without numpy, which is slow in frequent calls."""
     return values != number if isinstance(values, float) else bool(np.any(values != number))
 
 
 def wrap_lag(phase: FloatArray) -> FloatArray:
-    """The same angle from -pi/2 to 3 pi/2, where the lag of a mode with noise lies; unchanged if it is there."""
+    """The same angle in [-pi/2, 3 pi/2), where the noisy lag of a mode lies; unchanged if already there."""
     return phase - 2.0 * pi * np.floor((phase + 0.5 * pi) / (2.0 * pi))
 
 
 def plain(value: Any) -> Any:
-    """Nested plain Python data: numpy converted, NaN and infinities turned into ``None``."""
+    """Nested plain Python data: numpy values converted, NaN and infinities replaced by ``None``."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -1,4 +1,4 @@
-"""The exceptions people see: bad input (exit code 2) and an analysis that cannot be done (exit code 1)."""
+"""Exceptions shown to the user: bad input (exit code 2) and an analysis that cannot be done (exit code 1)."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pathlib import Path
 
 
 def escape_control(text: str) -> str:
-    """Text of a file for a terminal: control characters and line ends are shown, not sent."""
+    """Text of a file made safe for a terminal: control characters and line ends are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def describe_nearest(name: str, known: Iterable[str], *, likeness: float = 0.0) -> str | None:
-    """The known name most like ``name``, None where none is alike by at least ``likeness`` (0 to 1)."""
+    """The known name most similar to ``name``; None if no similarity reaches ``likeness`` (0 to 1)."""
     return next(iter(get_close_matches(name, list(known), n=1, cutoff=likeness)), None)
 
 
 def list_nearest(name: str, known: Iterable[str]) -> str:
-    """The known name most like ``name``, and all that are known."""
+    """The known name most similar to ``name``, and all known names."""
     names = list(known)
     return f"{describe_nearest(name, names)} (nearest of {', '.join(names)})" if names else "no key"
 
@@ -54,15 +54,15 @@ class InputError(DampingError):
         text = f"{', '.join(place)}: {message}" if place else message
         if expected is not None:
             text += f"; expected {expected}"
-        super().__init__(escape_control(text))  # one line whatever the input held
+        super().__init__(escape_control(text))  # always one line
 
     def in_file(self, file: str | Path) -> InputError:
-        """The same error in a file."""
+        """The same error with the name of its file."""
         return type(self)(self.message, file=file, line=self.line, column=self.column, expected=self.expected)
 
 
 class Refused(InputError):  # noqa: N818 - the name is part of the interface
-    """A record that was read but cannot be what it seems: any answer would be wrong. The message names the check."""
+    """A record was read, but a check of the audit shows that any result would be wrong; the message names the check."""
 
 
 class AnalysisError(DampingError):
@@ -70,20 +70,20 @@ class AnalysisError(DampingError):
 
 
 def check_kind(value: object, kind: type, name: str) -> None:
-    """Raise InputError for an argument ``name`` that is not of a kind."""
+    """Raise InputError if the argument ``name`` is not of type ``kind``."""
     if not isinstance(value, kind):
         raise InputError(f"{name} is of type {type(value).__name__}", expected=f"{kind.__name__}")
 
 
 def check_seed(seed: object) -> None:
-    """Raise InputError for a seed that is none."""
+    """Raise InputError if ``seed`` is not a whole number >= 0."""
     if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
         raise InputError(f"seed {seed!r}", expected="a whole number >= 0")
 
 
 @contextmanager
 def naming(file: str | Path) -> Iterator[None]:
-    """The name of the file whose contents are understood, for every InputError that does not name one itself."""
+    """Add the name of the ``file`` being read to every InputError raised inside that names none."""
     try:
         yield
     except InputError as error:

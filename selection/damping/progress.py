@@ -14,21 +14,21 @@ class Advance(Protocol):
     """Call it when a part is done."""
 
     def __call__(self, what: str, parts: int = 1) -> None:
-        """Say that ``parts`` more are done; ``what`` names the last."""
+        """Report that ``parts`` more are done; ``what`` names the last."""
 
 
-#: Shows how far work is: of a title and a number of parts a context, whose value is called with each part done.
+#: A function of a title and a number of parts that returns a context; its value is called after each part.
 Progress = Callable[[str, int], AbstractContextManager[Advance]]
 
 
 @contextmanager
 def silent(title: str, total: int) -> Iterator[Advance]:
-    """Progress that nobody sees."""
+    """Progress that is not shown."""
     yield lambda what, parts=1: None
 
 
 def watch(progress: object) -> Progress:
-    """A user's ``progress``; InputError where it is no function, or once it gives nothing that a ``with`` opens."""
+    """A user's ``progress``, checked; InputError if it is not callable, or when it does not return a context."""
     if not callable(progress):
         raise InputError(f"progress is of type {type(progress).__name__}", expected=_EXPECTED)
 
@@ -45,7 +45,7 @@ def watch(progress: object) -> Progress:
     return opened
 
 
-#: What shows progress.
+#: What messages expect of a ``progress``.
 _EXPECTED = "a function of a title and a number of parts: a contextlib.contextmanager that yields what each part calls"
 
 Parameters = ParamSpec("Parameters")
@@ -53,10 +53,10 @@ Returned = TypeVar("Returned")
 
 
 def single_threaded(work: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """A function during which the linear algebra keeps to one thread, also where numpy was loaded before this library.
+    """Limit the linear algebra to one thread while ``work`` runs, also where numpy was loaded before this library.
 
-    The matrices here are small: threads cost more than they give, and sums in another order would make results depend
-    on the number of cores.
+    The matrices are small: threads cost more than they save, and sums in another order would make results depend on
+    the number of cores.
     """
 
     @wraps(work)

@@ -20,13 +20,13 @@ from damping.ranking import INTERVAL, Candidate
 from damping.records.text import format_share
 from damping.result import Summarised
 
-#: The intervals of parameters.
+#: The intervals of parameters, as titles name them.
 _CONTENT = f"{100.0 * INTERVAL:g} % interval"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawSample(Summarised):
-    """Posterior draws of a law: ``posterior`` with its diagnoses, and the rows ``data`` it was given."""
+    """Posterior draws of a law: ``posterior`` with its convergence diagnostics, and the fitted rows ``data``."""
 
     posterior: Posterior
     data: Observations
@@ -42,7 +42,7 @@ class LawSample(Summarised):
 
     @property
     def title(self) -> str:
-        """Of which law, and how many draws."""
+        """The law, and the number of draws."""
         ensembles, kept = self.posterior.x.shape[:2]
         return f"{self.posterior.coordinates.law.name}: {ensembles} x {kept} draws, low to high the {_CONTENT}"
 
@@ -50,7 +50,7 @@ class LawSample(Summarised):
     def shown(self) -> pd.DataFrame:
         """One row for each parameter: ``median, low, high``, R-hat and effective size."""
         draws = self.draws
-        low, median, high = np.percentile([own.ravel() for own in draws.values()], [5.0, 50.0, 95.0], axis=1)
+        low, median, high = np.percentile([values.ravel() for values in draws.values()], [5.0, 50.0, 95.0], axis=1)
         table = pd.DataFrame({"parameter": list(draws), "median": median, "low": low, "high": high})
         known = {diagnosis.name: (diagnosis.r_hat, diagnosis.effective_size) for diagnosis in self.posterior.diagnoses}
         table[["r_hat", "effective_size"]] = [known.get(name, (np.nan, np.nan)) for name in draws]
@@ -58,28 +58,28 @@ class LawSample(Summarised):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Why the draws are not to be relied on, where they are not."""
+        """Why the draws are unreliable; empty if they are reliable."""
         return tuple(filter(None, [self.posterior.failure]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankedLaw(Summarised):
-    """A law of a ranking: its row ``candidate``, and the rows ``data`` it was fitted to."""
+    """A law of a ranking: its row ``candidate``, and the fitted rows ``data``."""
 
     candidate: Candidate
     data: Observations
 
     @property
     def law(self) -> Law:
-        """The law itself."""
+        """The law."""
         return self.candidate.law
 
     @single_threaded
     def sample(self, seed: int = 1) -> LawSample:
-        """Chains of the law's posterior, run until every parameter is known.
+        """Markov chains of the law's posterior, run until every parameter has converged.
 
         Raises:
-            InputError: a seed that is none, or a law that could not be fitted: there is nothing to sample.
+            InputError: an invalid seed, or a law that could not be fitted.
         """
         check_seed(seed)
         if self.candidate.evidence is None:
@@ -87,12 +87,12 @@ class RankedLaw(Summarised):
         return LawSample(sample_candidate(self.candidate, self.data, self.data.tested_force, seed), self.data)
 
     def to_arviz(self, seed: int = 1) -> Any:
-        """Its sample as an arviz ``InferenceData``."""
+        """Posterior draws of the law as an arviz ``InferenceData``."""
         return self.sample(seed).to_arviz()
 
     @property
     def title(self) -> str:
-        """Which law, and what it is worth."""
+        """The law, its rank and its weight."""
         rank = "not fitted" if self.candidate.rank is None else f"rank {self.candidate.rank}"
         return f"{self.law.name}: {rank}, weight {format_share(self.candidate.weight)}, low to high the {_CONTENT}"
 
@@ -105,5 +105,5 @@ class RankedLaw(Summarised):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions."""
+        """Cautions on the fit."""
         return self.candidate.cautions

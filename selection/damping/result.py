@@ -1,6 +1,6 @@
-"""Results as objects: a table, the JSON form made of it, a drawing, and what a notebook and a terminal show.
+"""Results as objects: a table, its JSON form, a plot, and a summary for notebook and terminal.
 
-Those of laws (ranking, loads, curve) stand in :mod:`damping.answers`.
+Results of fitted laws (ranking, loads, curve) are in :mod:`damping.answers`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 
 class Summarised(ABC):
-    """What a notebook and a terminal show: a title, a short table and remarks."""
+    """A summary for notebook and terminal: a title, a short table and remarks."""
 
     @property
     @abstractmethod
     def title(self) -> str:
-        """What this is, in a line."""
+        """One line that names the result."""
 
     @property
     @abstractmethod
@@ -44,7 +44,7 @@ class Summarised(ABC):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader should know beside the table."""
+        """Notes and cautions to show after the table."""
         return ()
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class Summarised(ABC):
 
 
 class Result(Summarised):
-    """What every result of the library can do."""
+    """Base of every result of the library."""
 
     @property
     @abstractmethod
@@ -67,11 +67,11 @@ class Result(Summarised):
 
     @abstractmethod
     def to_json(self) -> dict[str, Any]:
-        """The JSON form as plain Python values; a number that does not exist is None."""
+        """The JSON form as plain Python values; missing numbers are None."""
 
     @abstractmethod
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
-        """Draw on ``ax`` and return it; without one return a figure of its own."""
+        """Draw on ``ax`` and return it; without ``ax`` return a new figure."""
 
     @property
     def shown(self) -> pd.DataFrame:
@@ -88,12 +88,12 @@ def complete_form(form: dict[str, Any], audit: Audit | None, cautions: Iterable[
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AuditResult(Audit):
-    """An audit beside the ``record`` that it is of."""
+    """An audit together with the ``record`` it checked."""
 
     record: Record
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
-        """Amplitude against frequency, each sweep apart; those that a finding names with crosses."""
+        """Amplitude against frequency, by sweep; sweeps named in a finding are drawn with crosses."""
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         doubted = {sweep for finding in self.findings for sweep in finding.sweeps}
@@ -103,9 +103,9 @@ class AuditResult(Audit):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiagnosisResult(Result):
-    """Why a test departs from its simulation; ``posterior`` of the leading explanation where it was sampled.
+    """Why a test departs from its simulation; ``posterior``: of the leading explanation, if it was sampled.
 
-    ``against``: where the ranked laws disagree; before the answer where it is on a load.
+    ``against``: where the ranked laws disagree; shown first if it concerns a load.
     """
 
     diagnosis: Diagnosis
@@ -134,19 +134,19 @@ class DiagnosisResult(Result):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is found, how large, where, what stays in doubt, how far the gap shrinks, and what to test next."""
+        """The verdict, size and place of the gap, doubts, how far the gap shrinks, and what to test next."""
         from damping.report.gap import describe_diagnosis, order_cautions  # noqa: PLC0415 - other results need none
 
-        told = describe_diagnosis(self.diagnosis)
+        described = describe_diagnosis(self.diagnosis)
         first, further = order_cautions(self.against, self.diagnosis.cautions)
         cautions = (f"Caution: {words.end_sentence(caution)}" for caution in further)
-        parts = (told[what] for what in ("verdict", "sizes", "place", "doubts", "reach", "following"))
+        topics = ("verdict", "sizes", "place", "doubts", "reach", "following")
         units = f"Units: {self.diagnosis.mode.units}."
-        return (*first, *(sentence for part in parts for sentence in part), *cautions, units)
+        return (*first, *(sentence for topic in topics for sentence in described[topic]), *cautions, units)
 
     @property
     def title(self) -> str:
-        """What is found, in a line."""
+        """The verdict, in one line."""
         return self.sentences[0]
 
     @property
@@ -157,7 +157,7 @@ class DiagnosisResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegressionResult(Result):
-    """Everything the regression program says of one curve on one table."""
+    """The output of the regression program for one response of one table."""
 
     regression: Regression
 
@@ -191,7 +191,7 @@ class RegressionResult(Result):
 
     @property
     def title(self) -> str:
-        """What was fitted, and how well."""
+        """The response, the size of the fit and its rms error."""
         fit = self.regression.selected.fit
         of = f"{count(fit.k, 'term')}, {count(fit.n, 'row')}"
         return f"{self.regression.design.response}: {of}, rms error {fit.rms_error:.4g}"
@@ -204,9 +204,9 @@ class RegressionResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult(Result):
-    """Steady-state sweeps: ``record`` holds the rows, ``name`` says of what.
+    """Steady-state sweeps: ``record`` holds the rows, ``name`` is that of the mode or the test.
 
-    ``left_out``: effects of the model that they lack; ``of_rig``: those that change what is read and not the structure.
+    ``left_out``: effects of the model that were not simulated; ``of_rig``: simulated effects that change readings only.
     """
 
     record: Record
@@ -225,7 +225,7 @@ class SweepResult(Result):
         return form
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
-        """Amplitude against frequency, each sweep apart."""
+        """Amplitude against frequency, by sweep."""
         from damping.plots.fits import sweeps  # noqa: PLC0415 - only drawing needs matplotlib
 
         figure = sweeps(self.record.frame, axes=ax)
@@ -233,7 +233,7 @@ class SweepResult(Result):
 
     @property
     def title(self) -> str:
-        """What this is, in a line."""
+        """The name, and the numbers of rows and sweeps."""
         return f"{self.name}: {count(len(self.record), 'row')} in {count(len(self.record.sweeps), 'sweep')}"
 
     @property
@@ -244,16 +244,16 @@ class SweepResult(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the sweeps lack of the model, and what is in them that is not of the structure."""
-        told = {
+        effects_by_reason = {
             "left out, because it belongs to the rig or to one test, not to the structure": self.left_out,
             "as the rig reads them, not the motion of the structure": self.of_rig,
         }
-        return tuple(f"{what}: {words.format_joined(names)}" for what, names in told.items() if names)
+        return tuple(f"{reason}: {words.format_joined(names)}" for reason, names in effects_by_reason.items() if names)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ConditionResult(SweepResult):
-    """The record of one mode from a raw table; ``steps`` say what each step removed."""
+    """The record of one mode from a raw table; ``steps``: what each conditioning step removed."""
 
     steps: tuple[ConditioningStep, ...] = ()
 

@@ -1,15 +1,15 @@
 """Campaigns: files of several levels, modes and sensors to one record per mode and the response of every sensor.
 
-Here from the files to the answer: every mode at every tested and design level, each sensor's peak there.
+This module goes from the files to the result: each sensor's peak, at every mode and every tested and design level.
 
-A tested level is answered by what was measured there, a design level by the laws of the mode's record. A band of modal
-amplitude A at a modal force F is one of damping ratio, z = F/(2 m w^2 A).
+Results at a tested level are measured; at a design level they come from the laws of the mode's record. A band of modal
+amplitude A at a modal force F gives one of damping ratio, z = F/(2 m w^2 A).
 
 A notch lowers the input at a mode so that a sensor keeps to its limit. The upper end of the 90 % band, below which the
-peak lies with 95 %, is interpolated over levels; the level at which it meets the limit is allowed. With the whole input
-D and the allowed one L the peak within the notch is the limit; where it gives as much beside the resonance, the
-amplitude is the same and with it z: there the notch begins and ends. With r^2 = (f/f_n)^2 these are the roots of
-|1 - r^2 + 2 i z r| = 2 z D/L, r^2 = 1 - 2 z^2 +- 2 z sqrt((D/L)^2 - 1 + z^2), or the end of the sweep before.
+peak lies with 95 %, is interpolated over levels; the input at which it meets the limit is the allowed input L. The
+notch begins and ends where the full input D, beside the resonance, gives the same amplitude, and so the same z. With
+r^2 = (f/f_n)^2 these are the roots of |1 - r^2 + 2 i z r| = 2 z D/L, r^2 = 1 - 2 z^2 +- 2 z sqrt((D/L)^2 - 1 + z^2), or
+the end of the sweep if that comes first.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -50,7 +50,7 @@ from damping.formats.series import Summary
 from damping.infer import SEED
 from damping.records.text import DEFAULT_MAX_SIZE
 
-_SEARCHED = 1.5  #: half of the range around a resonance in which its peak is sought, in half-power half-widths
+_SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
 NOTCH_LEVELS = 10  #: levels at which responses are predicted between the lowest and the design level
 
 
@@ -64,16 +64,16 @@ def analyse(
     limits: Mapping[str, float] | None = None,
     before: Sequence[SensorPrediction] = (),
 ) -> Campaign:
-    """Everything from some files.
+    """Analyse the files of a campaign.
 
     Args:
-        design: levels asked, in the unit of the drive; of free decays the amplitude of the sensor that moves most.
-            By default twice the top level. frequencies: of the modes, Hz, where they are not to be looked for.
-        corrections: of what is found in the files. limits: largest reading allowed, by sensor, in its unit. before:
-            what was predicted of these runs.
+        design: levels to predict at, in the unit of the drive; for free decays, amplitudes of the sensor that moves
+            most. By default twice the top level. frequencies: of the modes, Hz, if they are not to be searched.
+        corrections: of the content of the files. limits: largest allowed reading, by sensor, in its unit. before:
+            predictions made before these runs.
 
-    InputError: files that are not understood, or limits or predictions of free decays, which nothing drives.
-    AnalysisError: no mode that can be followed over the levels.
+    InputError: files that are not understood, or limits or earlier predictions for free decays, which have no input.
+    AnalysisError: no mode can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
@@ -88,19 +88,19 @@ def analyse(
         return _summed_up(answer_decays(runs, inputs, frequencies, seed, summary), summary)
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
-    asked = tuple(float(level.level.max()) for level in inputs)
+    highest = tuple(float(level.level.max()) for level in inputs)
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
     summary.notes.extend(describe_shares(levels, trusted))
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
-    campaign = _summed_up(Campaign(modes, tuple(tested), asked, runs[0].drive_unit, level_name=drive), summary)
+    campaign = _summed_up(Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive), summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))
 
 
 def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
-    """The campaign with what was understood of the files and which levels lie apart."""
+    """The campaign with the summary of its files and cautions on levels that lie apart."""
     for mode in campaign.modes:
         if mode.level_caution:
             summary.note(f"{mode.name}: {mode.level_caution}")
@@ -110,7 +110,7 @@ def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
 def _answer_driven(
     levels: Sequence[Level], mode: DrivenMode, design: Sequence[DesignLevel], seed: int, limits: Mapping[str, float]
 ) -> ModeAnswer:
-    """Tested and design levels of a mode of a structure that is driven, and the notches that ``limits`` ask for."""
+    """Tested and design levels of a mode of a driven structure, and the notches required by ``limits``."""
     run = levels[0].run
     of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
     tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
@@ -123,7 +123,7 @@ def _answer_driven(
     loads, apart = predicted.loads, predicted.plan.fit.level_caution
     bands = np.array([loads.average.median, loads.average.low, loads.average.high]).T
     fitted = zip(levels, tested, bands[:, 0], mode.frequency, mode.ratio, strict=False)
-    steady = [_find_steady(prepared, own.name, of_force * F, A) or (float(f), float(z)) for own, F, A, f, z in fitted]
+    steady = [_find_steady(prepared, lev.name, of_force * F, A) or (float(f), float(z)) for lev, F, A, f, z in fitted]
     frequency = _frequencies(np.array([f for f, _ in steady]), bands[:, 0], len(levels))
     places = []
     for k, level in enumerate(asked):
@@ -144,8 +144,8 @@ def _answer_driven(
     notches = [find_notches(*known, level, limits, swept, run.drive_unit) for level in wanted]
     forces = tuple(float(of_force * level) for level in wanted)
     answers = tuple(places[: len(tested) + len(wanted)])
-    own = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
-    return ModeAnswer(rank_first(prepared, seed), answers, *own, list_laws(predicted))
+    fields = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
+    return ModeAnswer(rank_first(prepared, seed), answers, *fields, list_laws(predicted))
 
 
 def _answer_level(
@@ -157,13 +157,13 @@ def _answer_level(
     ratio: tuple[float, float, float] | None,
     cautions: tuple[str, ...],
 ) -> At:
-    """The responses at a ``level`` at the mode: of the run that was ``tested`` there, else by the ``highest`` one."""
+    """The responses at a ``level`` at the mode: of the run ``tested`` at it, else by the ``highest`` level."""
     run = (tested or highest).run
     response: tuple[Response, ...] = ()
     if ratio:
-        seen = mode.residues_at(tested) if tested else (mode.residues, mode.residues_sd)
+        residues = mode.residues_at(tested) if tested else (mode.residues, mode.residues_sd)
         drive = level * unit(run.drive_unit).factor
-        response = tuple(_list_responses(tested or highest, mode.number, seen, frequency, ratio, drive))
+        response = tuple(_list_responses(tested or highest, mode.number, residues, frequency, ratio, drive))
     stated = float(tested.run.level or 0.0) if tested else level
     if stated == level:
         return At(level, tested is not None, frequency, ratio, response, cautions)
@@ -172,10 +172,10 @@ def _answer_level(
 
 
 def _find_steady(prepared: PreparedRecord, sweep: str, force: float, amplitude: float) -> tuple[float, float] | None:
-    """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a tested level made steady; None where nothing was done.
+    """Frequency (Hz) and damping ratio F/(2 m w^2 A) of a swept level made steady; None if its rows were steady.
 
-    Steady states of swept rows are at resonance under less force than was swept with, and so of another damping:
-    ``amplitude`` is that under the ``force`` itself, by the laws of all levels; the tested one where they have none.
+    Steady states of swept rows are at resonance under less force than was swept with, and so at another damping.
+    ``amplitude`` is that under the full ``force``, by the laws of all levels; if it is NaN, the tested one is used.
     """
     if not prepared.measured.notes:
         return None
@@ -186,14 +186,14 @@ def _find_steady(prepared: PreparedRecord, sweep: str, force: float, amplitude: 
 
 
 def _find_input(level: Level, frequency: float) -> float:
-    """The input at a mode in the unit of the drive: the run's level, but where it was notched there."""
+    """The input at a mode in the unit of the drive: the run's level, unless it was notched there."""
     stated = float(level.run.level or 0.0)
     measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
     return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
 
 
 def _frequencies(tested: FloatArray, amplitude: FloatArray, count: int) -> FloatArray:
-    """Tested frequencies, then those of the design levels on a straight line through the tested ones over amplitude."""
+    """Tested frequencies, then those of further levels on the straight line through the tested ones over amplitude."""
     beyond = amplitude[count:]
     if count < 3 or not np.isfinite(amplitude).all():
         return np.concatenate([tested, np.full(len(beyond), tested[-1])])
@@ -209,9 +209,9 @@ def _list_responses(
     ratio: tuple[float, float, float],
     drive: float,
 ) -> Iterator[Response]:
-    """Peak of every sensor kept, at a band of damping ratios (median, low, high): the largest is the lowest peak.
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high); the largest gives the lowest peak.
 
-    ``seen``: residues (sensors,) of the mode of number ``k``, NaN of a sensor left out, and their relative doubt.
+    ``seen``: residues (sensors,) of mode number ``k``, NaN for a sensor left out, and their relative standard errors.
     """
     residues, residues_sd = seen
     peaks = np.array([_peaks(level, k, residues, frequency, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
@@ -226,9 +226,9 @@ def _list_responses(
 
 
 def _peaks(level: Level, k: int, residues: FloatArray, frequency: float, ratio: float) -> FloatArray:
-    """|H| of each sensor (sensors,) at its peak nearest to the resonance, with the other modes and the base.
+    """|H| of each sensor (sensors,) at its peak nearest to the resonance, including the other modes and the base.
 
-    Where a sensor has no peak there (it stands on the slope of a neighbour) it is |H| at the resonance.
+    For a sensor without a peak there (on the flank of a neighbouring mode) it is |H| at the resonance.
     """
     fit = level.fit
     f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
@@ -258,8 +258,9 @@ def find_notches(
     """The notch of each limited sensor at a mode, at a design level.
 
     Args:
-        places: levels with responses and damping ratios, from well below to the design level. top: largest tested.
-        limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz. drive_unit: of levels.
+        places: levels with responses and damping ratios, from well below to the design level. top: largest tested
+            level. limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz. drive_unit: of
+            levels.
     """
     notches = []
     for sensor, limit in limits.items():
@@ -277,20 +278,20 @@ def find_notches(
         low, high = _find_ends(f, z, design / allowed, swept) if allowed < design else (None, None)
         depth = max(20.0 * log10(design / allowed), 0.0)
         in_unit, more = str(rows[0][4]), 20.0 * log10(allowed / top)
-        found = (mode, sensor, in_unit, limit, design, allowed, depth, low, high, more, top, drive_unit)
-        notches.append(Notch(*found))
+        fields = (mode, sensor, in_unit, limit, design, allowed, depth, low, high, more, top, drive_unit)
+        notches.append(Notch(*fields))
     return tuple(notches)
 
 
 def _find_ends(frequency: float, ratio: float, times: float, swept: tuple[float, float]) -> tuple[float, float]:
-    """Where a mode moves as much under ``times`` the input as at its resonance under one, or the end of the sweep."""
+    """Frequencies where a mode moves as much under ``times`` the input as at its resonance, within the sweep."""
     middle, half = 1.0 - 2.0 * ratio**2, 2.0 * ratio * sqrt(times**2 - 1.0 + ratio**2)
     low, high = (frequency * sqrt(max(square, 0.0)) for square in (middle - half, middle + half))
     return max(low, swept[0]), min(high, swept[1])
 
 
 def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:
-    """Level at which the upper bound meets the limit, straight on logarithmic axes; in proportion beyond the ends."""
+    """Level at which the upper bound meets the limit: linear on logarithmic axes, in proportion beyond the ends."""
     rising = np.maximum.accumulate(upper)
     if limit <= rising[0] or limit >= rising[-1]:
         end = 0 if limit <= rising[0] else -1

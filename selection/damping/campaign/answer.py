@@ -1,4 +1,4 @@
-"""The answer of a campaign as objects and as the form ``campaign/1``: modes, their levels, the peak of each sensor."""
+"""Results of a campaign as objects and as the form ``campaign/1``: modes, their levels, the peak of each sensor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from damping.records.view import Finding
 
 LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
-#: Least relative standard uncertainty of a measured damping ratio: noise of the drive and of calibration.
+#: Least relative standard uncertainty of a measured damping ratio, for noise of the drive and calibration.
 LEAST_SPREAD = 0.01
 
 
@@ -37,9 +37,9 @@ class Response:
 
 @dataclass(frozen=True)
 class At:
-    """A mode at a level; ``tested`` or a design level; bands are (median, low, high), None where there is no answer.
+    """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
 
-    ``reached``: the input at the mode, where it is not the level because the run was notched there.
+    ``reached``: the input at the mode, if the run was notched there and the input is not the level.
     """
 
     level: float
@@ -58,10 +58,10 @@ class At:
 
 @dataclass(frozen=True)
 class Notch:
-    """What a limit of a sensor asks at one mode.
+    """The notch that the limit of a sensor requires at one mode.
 
     ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None where no notch is needed). ``more_db``: largest step above ``tested``, the
+    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
     top level at this mode, in dB. Levels are in ``drive_unit``.
     """
 
@@ -89,7 +89,7 @@ class Notch:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A peak that was measured beside its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
+    """A measured peak and its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
 
     mode: str
     sensor: str
@@ -101,12 +101,12 @@ class Outcome:
 
     @property
     def above_db(self) -> float:
-        """By how much the measured peak is above the predicted median."""
+        """Measured peak over the predicted median, dB."""
         return float(20.0 * np.log10(self.measured / self.predicted[0]))
 
     @property
     def held(self) -> bool:
-        """Whether it lies in the band."""
+        """Whether the measured peak lies in the predicted band."""
         return self.predicted[1] <= self.measured <= self.predicted[2]
 
     def __str__(self) -> str:
@@ -118,15 +118,15 @@ class Outcome:
         )
 
 
-SAME_MODE = 0.05  #: modes of two campaigns are one where their frequencies differ by no more than this share
+SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
-    """Every tested level that is not among those tested before, held against what was predicted then.
+    """Compare every newly tested level with the earlier predictions.
 
     Args:
-        before: predicted and tested peaks of the campaign before the run. Between levels a peak is straight on
-            logarithmic axes; outside nothing was predicted.
+        before: predicted and tested peaks of the earlier campaign. Between levels a peak is interpolated linearly on
+            logarithmic axes; outside there is no prediction.
     """
     predictions = []
     for mode in campaign.modes:
@@ -135,8 +135,8 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
             if any(earlier.tested and abs(earlier.level / at.input - 1.0) < 0.01 for earlier in near):
                 continue
             for response in at.response:
-                own = (row for row in near if (row.sensor, row.unit) == (response.sensor, response.unit))
-                rows = sorted({row.level: row.band for row in own}.items())
+                same = (row for row in near if (row.sensor, row.unit) == (response.sensor, response.unit))
+                rows = sorted({row.level: row.band for row in same}.items())
                 level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
                 if len(rows) < 2 or not level[0] <= at.input <= level[-1]:
                     continue
@@ -149,7 +149,7 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
 
 @dataclass(frozen=True)
 class SensorPrediction:
-    """Peak of a sensor at a level of a mode of ``frequency`` Hz as a form ``campaign/1`` holds it."""
+    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``."""
 
     frequency: float
     level: float
@@ -163,8 +163,8 @@ class SensorPrediction:
 class ModeAnswer:
     """A mode with its record and its levels.
 
-    ``law``: the one that a ranking of every row puts first. ``laws``: those that predictions average, with their
-    weights on the resonances. ``level_caution``: what is to be said of levels that lie apart from the others.
+    ``law``: first in the ranking on every row. ``laws``: those that predictions average, with their weights on the
+    resonances. ``level_caution``: caution on levels that lie apart from the others.
     """
 
     law: str
@@ -184,30 +184,29 @@ class ModeAnswer:
 
     @property
     def frequency(self) -> float:
-        """Frequency at the lowest tested level, Hz: of swept rows that of their steady states."""
+        """Frequency at the lowest tested level, Hz; for swept rows that of their steady states."""
         tested = {at.level: at.frequency for at in self.places if at.tested}
         return tested[min(tested)] if tested else self.mode.frequency
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """The audit of its record."""
+        """Findings of the audit of the record."""
         return audit(self.record, self.mode).findings
 
 
 def predict_mode(
     record: Record, mode: Mode, forces: Sequence[float], seed: int
 ) -> tuple[Extrapolation, PreparedRecord]:
-    """Amplitude at phase resonance at each modal force, averaged over laws on the draws of their evidence.
+    """Amplitude at phase resonance at each modal force, averaged over laws with the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
     prepared = prepare_record(record, mode, audit(record, mode))
-    asked = np.array(forces, dtype=float)
-    return predict_record(prepared, asked, (), LEVEL, seed, fresh=False), prepared
+    return predict_record(prepared, np.array(forces, dtype=float), (), LEVEL, seed, fresh=False), prepared
 
 
 def rank_first(prepared: PreparedRecord, seed: int) -> str:
-    """The law that a ranking of every row puts first, as ``damping rank`` does of the record."""
+    """The first law of the ranking on every row, as in ``damping rank``."""
     return weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
 
 
@@ -217,15 +216,15 @@ def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
 
 
 def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
-    """What was done, a level that lies ``apart`` from the others where the ``row`` does not say so, and the row's."""
-    known = not apart or any(apart in said for said in row)
+    """Notes on preparation, the caution ``apart`` on a level unless it is in the ``row``, and cautions of the row."""
+    known = not apart or any(apart in caution for caution in row)
     notes = prepared.notes
     return (*notes, *row) if known else (*notes, apart, *row)
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """All modes, the levels and their unit, and what was understood of the files."""
+    """All modes, the levels and their unit, and the summary of the files."""
 
     modes: tuple[ModeAnswer, ...]
     levels: tuple[float, ...]
@@ -233,7 +232,7 @@ class Campaign:
     unit: str
     summary: Summary = field(default_factory=Summary)
     outcomes: tuple[Outcome, ...] = ()
-    level_name: str = "amplitude"  #: what a level is one of
+    level_name: str = "amplitude"  #: quantity of a level
 
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""

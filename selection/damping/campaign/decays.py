@@ -1,7 +1,7 @@
-"""Free decays of several sensors and modes: modes by peaks of the spectrum, shapes, each mode's record and its answer.
+"""Free decays of several sensors and modes: modes from spectral peaks, their shapes, records and results.
 
-The motion of a mode is the sensors' motion projected on its shape by the pseudo-inverse of all shapes, so that what is
-left of the others in it is what the shapes do not tell apart; the window of ``signals.ringdown`` rejects that.
+The motion of a mode is the sensors' motion projected on its shape by the pseudo-inverse of all shapes. What the shapes
+leave of the other modes is rejected by the window of ``signals.ringdown``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,24 +41,25 @@ from damping.signals.ringdown import PERIODS, list_weights, ring_down
 PARTS = 8  #: parts of a record whose spectra are averaged
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
 ABOVE = 30.0  #: least power of a peak, over the median of the spectrum
-LEVELS = 8  #: levels that a decay is cut into
-_ELSEWHERE = 0.08  # a peak whose decay has another frequency by more is none of a mode
-_SAMPLES = 8.0  # a period must have more
-_HARMONIC = 0.02  # a multiple to the resolution of the spectrum
+LEVELS = 8  #: levels that a decay is split into
+_ELSEWHERE = 0.08  # largest relative difference between the frequencies of a peak and of its decay
+_SAMPLES = 8.0  # a period must have more samples than this
+_HARMONIC = 0.02  # relative deviation from a multiple, by the resolution of the spectrum
 _SAME_SHAPE = 0.98  # modal assurance criterion
 _NO_PEAK = "no mode: no sensor has a peak in its spectrum above the noise"
-REACH = 30.0  #: amplitudes are answered up to this many times those of the test, or below: beyond no law is known
+REACH = 30.0  #: amplitudes are predicted up to this factor above and below those of the test
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
-#: Largest amplitude of each run, what is to be known, and the record of a mode of mass 1 with that mode.
+#: Largest amplitude of each run, cautions, record of a mode of mass 1, and the mode.
 FittedDecay: TypeAlias = tuple[FloatArray, tuple[str, ...], Record, Mode]
 
 
 @dataclass(frozen=True)
 class DecayMode:
-    """A mode of free decays: ``shape`` (sensors,), 1 at ``reference``, NaN where a sensor is left out.
+    """A mode of free decays: ``shape`` (sensors,), 1 at ``reference``, NaN for a sensor left out.
 
-    ``tops`` (runs,): largest amplitude of displacement taken of each run; the frequency of ``mode`` is at the smallest.
+    ``tops`` (runs,): largest displacement amplitude used of each run; ``mode`` has the frequency at the smallest
+    amplitude.
     """
 
     reference: int
@@ -77,8 +78,8 @@ def decay_modes(
     """The modes of free decays.
 
     Args:
-        frequencies: Hz, where they are known; else the peaks of the spectrum of the smallest decay.
-        summary: grows by the peaks that are not used, and why.
+        frequencies: Hz, if known; else the peaks of the spectrum of the smallest decay.
+        summary: gets a note on each peak that is not used.
 
     InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
@@ -100,13 +101,13 @@ def decay_modes(
         raise AnalysisError("; ".join([_NO_PEAK, *_list_unused(unused)]))
     shapes = [_shape(*loudest, frequency, [other for other in at if other != frequency]) for frequency in at]
     if not frequencies:
-        own = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
-        at, shapes = [at[k] for k in own], [shapes[k] for k in own]
+        modal = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
+        at, shapes = [at[k] for k in modal], [shapes[k] for k in modal]
     inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
     parts = [[(run.label, t, row @ x) for run, (t, x) in zip(runs, motions, strict=True)] for row in inverse]
-    found, unusable = _fit_modes(parts, at, order, known=bool(frequencies))
+    fitted, unusable = _fit_modes(parts, at, order, known=bool(frequencies))
     modes = []
-    for k, (tops, cautions, record, mode) in found.items():
+    for k, (tops, cautions, record, mode) in fitted.items():
         shape, sd, follows = shapes[k]
         left_out = {**runs[0].left_out, **find_unfit_sensors(names, loudest[1], follows)}
         kept = np.array([name not in left_out for name in names])
@@ -117,7 +118,7 @@ def decay_modes(
     if summary is not None:
         for note in _list_unused(unused | unusable):
             summary.note(note)
-    if unusable:  # their shapes have no part in telling the others apart; what was not used has been said
+    if unusable:  # without their shapes; the notes on them are already in the summary
         return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
     return modes
 
@@ -125,25 +126,25 @@ def decay_modes(
 def _fit_modes(
     motions: Sequence[Sequence[tuple[str, FloatArray, FloatArray]]], at: Sequence[float], order: int, *, known: bool
 ) -> tuple[dict[int, FittedDecay], dict[float, str]]:
-    """The decay of each mode that has one, by its place in ``at``, and why each other frequency has none.
+    """The decay of each mode, by its index in ``at``, and why each other frequency has none.
 
-    ``known``: the frequencies are stated, so that AnalysisError is of the first without a decay.
+    ``known``: the frequencies were stated; AnalysisError is raised for the first without a decay.
     """
-    found: dict[int, FittedDecay] = {}
+    decays: dict[int, FittedDecay] = {}
     unusable: dict[float, str] = {}
     for k, (frequency, motion) in enumerate(zip(at, motions, strict=True)):
         try:
-            decay = _mode(motion, frequency, order, f"mode-{len(found) + 1}")
+            decay = _mode(motion, frequency, order, f"mode-{len(decays) + 1}")
         except AnalysisError as error:
             if known:
                 raise
             unusable[frequency] = str(error)
             continue
         if known or abs(decay[3].frequency / frequency - 1.0) <= _ELSEWHERE:
-            found[k] = decay
+            decays[k] = decay
         else:
             unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
-    return found, unusable
+    return decays, unusable
 
 
 def _list_unused(peaks: Mapping[float, str]) -> list[str]:
@@ -151,7 +152,7 @@ def _list_unused(peaks: Mapping[float, str]) -> list[str]:
 
 
 def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
-    """Whether a peak is an odd multiple of a lower one's frequency and has its shape: what nonlinear damping adds."""
+    """Whether a peak is an odd harmonic of a lower one with the same shape, as nonlinear damping generates."""
     for j in range(k):
         times = at[k] / at[j]
         odd = 2 * round((times - 1.0) / 2.0) + 1
@@ -162,30 +163,30 @@ def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> b
 
 
 def _find_factor(sensor: Channel) -> float:
-    """The unit of a sensor in SI; 1 where it has none."""
+    """The unit of a sensor in SI; 1 if it has none."""
     return unit(sensor.unit or "1").factor
 
 
 def _peaks(t: FloatArray, x: FloatArray) -> tuple[list[float], list[float]]:
-    """Frequencies of the peaks of the sum of all spectra, of at least four periods in a part.
+    """Frequencies of the peaks of the sum of all spectra, with at least four periods in a part.
 
-    First those that a decay can be seen of, up to an eighth of the sampling, then those beyond.
+    First those below an eighth of the sampling rate, whose decay can be analysed, then those above.
     """
     rate = (len(t) - 1) / (t[-1] - t[0])
     f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // PARTS * 2, axis=1)
     power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)
     places, _ = find_peaks(power, prominence=PROMINENCE)
     floor = np.median(power) + np.log(ABOVE)
-    found = [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k]]
-    return [at for at in found if at < rate / _SAMPLES], [at for at in found if at >= rate / _SAMPLES]
+    peaks = [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k]]
+    return [at for at in peaks if at < rate / _SAMPLES], [at for at in peaks if at >= rate / _SAMPLES]
 
 
 def _shape(
     t: FloatArray, x: FloatArray, frequency: float, others: Sequence[float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape (sensors,), 1 where largest, its standard error, and how much of each sensor's motion there it explains.
+    """Shape (sensors,), 1 where largest, its standard error, and the share of each sensor's motion that it explains.
 
-    ``others``: frequencies of the other modes, which are not in it.
+    ``others``: frequencies of the other modes, which are filtered out.
     """
     dt = float((t[-1] - t[0]) / (len(t) - 1))
     thin = max(int(1.0 / (20.0 * frequency * dt)), 1)
@@ -205,7 +206,7 @@ def _shape(
 def _mode(
     motions: Sequence[tuple[str, FloatArray, FloatArray]], frequency: float, order: int, name: str
 ) -> FittedDecay:
-    """A mode of mass 1 by its motion in each run."""
+    """A mode of mass 1 from its motion in each run."""
     tables: list[pd.DataFrame] = []
     tops, cautions = [], []
     for label, t, q in motions:
@@ -235,7 +236,7 @@ def answer_decays(
     seed: int,
     summary: Summary,
 ) -> Campaign:
-    """The answer of runs that are free decays, at every tested and design amplitude; ``summary`` grows."""
+    """Results for free decays at every tested and design amplitude; notes are added to ``summary``."""
     answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies, summary))
     tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
     beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
@@ -246,12 +247,12 @@ def answer_decays(
 def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most.
 
-    They are in the unit of the first sensor, whatever that of another is: levels of all modes stand side by side.
+    All are in the unit of the first sensor, so that levels of all modes can be compared.
     """
     sensor = run.channels[mode.reference]
     table = mode.record.frame.sort_values("amplitude", ignore_index=True)
     backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
-    # what the sensor reads along the backbone: levels are readings
+    # reading of the sensor along the backbone: levels are readings
     along = np.geomspace(float(table["amplitude"].iloc[0]) / REACH, REACH * top, _ALONG)
     frequency = backbone.frequency_at(along, LEVEL).median
     along, frequency = along[np.isfinite(frequency)], frequency[np.isfinite(frequency)]
@@ -283,12 +284,12 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
         places.append(At(level, False, float(of.median[k]), known, response, cautions))
     forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
-    own = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
-    return ModeAnswer(law, tuple(places), *own)
+    fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
+    return ModeAnswer(law, tuple(places), *fields)
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:
-    """Amplitude of every sensor kept, by the shape; ``level`` in the unit of the first."""
+    """Amplitude of every sensor kept, by the shape; ``level`` in the unit of the first sensor."""
     for s, sensor in enumerate(run.channels):
         if np.isfinite(mode.shape[s]):
             factor = _find_factor(run.channels[0]) / _find_factor(sensor)

@@ -4,11 +4,11 @@ Motions are accelerations per unit of drive, H (sensors, n). With G_k = 1/(w_k^2
 
     H_s = c_s + e_s w^2 + sign sum_k r_sk w^2 G_k,
 
-sign +1 for a base that shakes (r = shape x participation) and -1 for a force (r = shape/modal mass); c and e hold the
-motion of the base and modes outside the band. Damping changes with amplitude within a level, so that the ratio of level
-to level is not forced into any law: z = z_p (1 + s (rho - 1) + t (1/rho - 1)), rho the amplitude under the drive of the
-row over that at the peak, where t, the share of friction, is free only where the rows demand it. Residues are linear
-and solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+sign +1 for base excitation (r = shape x participation) and -1 for a force (r = shape/modal mass); c and e represent the
+motion of the base and modes outside the band. Within a level damping may change with amplitude, so that the ratios from
+level to level are not forced into a law: z = z_p (1 + s (rho - 1) + t (1/rho - 1)), rho the amplitude under the drive
+of the row over that at the peak. t, the share of friction, is free only if the rows demand it. Residues are linear and
+solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from damping.campaign.poles import Poles
 from damping.campaign.runs import CampaignRun
 
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
-LEAST_T = 8.0  #: least residue of a mode at one sensor, in its standard errors: a smaller one is no mode
-SMALLEST_RATIO = 1e-5  #: least damping ratio that a mode may have
-LARGEST_RATIO = 0.2  #: largest damping ratio that a mode may have
-FEWEST_ROWS = 5  #: rows of which one in the middle may be a peak
+LEAST_T = 8.0  #: least residue of a mode at one sensor, in standard errors
+SMALLEST_RATIO = 1e-5  #: least damping ratio of a mode
+LARGEST_RATIO = 0.2  #: largest damping ratio of a mode
+FEWEST_ROWS = 5  #: fewest rows in which a peak can be found
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
-_FRICTION_PAYS = 20.0  #: fall of the squared misfit at which friction is believed: e^10 in likelihood
+_FRICTION_PAYS = 20.0  #: least fall of the squared misfit to accept friction: e^10 in likelihood
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ModalFit(Poles):
     noise: FloatArray
 
     def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
-        """H (sensors, n) without everything but one mode: what is left is its residue times sign w^2 G and noise."""
+        """H (sensors, n) minus all terms but one mode: its residue times sign w^2 G, and noise."""
         columns = self.columns(f)
         columns[:, 2 + mode] = 0.0
         return np.asarray(H - self.local[mode] @ columns.T)
@@ -61,8 +61,8 @@ class ModalFit(Poles):
 class Level:
     """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
 
-    ``third`` (sensors, n): third harmonics likewise, where they were tracked. ``name``: of the level in records, what
-    was driven, of its own for each of several runs at one level.
+    ``third`` (sensors, n): third harmonics per unit of drive, if tracked. ``name``: label in records, the level, unique
+    for each of several runs at one level.
     """
 
     run: CampaignRun
@@ -77,8 +77,8 @@ class Level:
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:
     """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise.
 
-    H_s(low) is the motion of the base, which a force (``sign`` -1) has not: there it is 0, as the first rows may be the
-    flank of a mode. The noise is taken from second differences, in which a smooth curve leaves nothing.
+    H_s(low) is the motion of the base; under a force (``sign`` -1) it is taken as 0, as the first rows may be the flank
+    of a mode. The noise is estimated from second differences, which are small for a smooth curve.
     """
     if len(f) < FEWEST_ROWS:
         return []
@@ -103,14 +103,14 @@ def fit_level(
 
     Args:
         f: (n,) Hz. H: (sensors, n) accelerations per unit of drive. sign: +1 base, -1 force.
-        ratios: damping ratios to start from; by default from the width of each peak. drive: its size (n,), in any unit.
+        ratios: initial damping ratios; by default from the width of each peak. drive: amplitude (n,), in any unit.
     """
     frequency = np.array(sorted(starts), dtype=float)
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
     driven = np.array([f, np.broadcast_to(drive, f.shape)])
     poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), np.zeros(len(frequency)), sign, driven)
     noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
-    # as the starts have them: a gap of about CLUSTER may open or close as frequencies move
+    # clusters of the starting frequencies: a gap of about CLUSTER may open or close during the fit
     bands = [(cluster, poles.rows_about(f, cluster)) for cluster in poles.clusters]
     for _ in range(_PASSES):
         for cluster, rows in bands:
@@ -126,13 +126,13 @@ def fit_level(
 
 
 def _measure_misfit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> float:
-    """Sum of squares of what the poles leave, over the noise."""
-    left = _solve_residues(poles.columns(f), H, _evaluate_sd(H, noise))[1]
-    return float(np.sum(np.abs(left) ** 2))
+    """Sum of squared residuals over the noise."""
+    residual = _solve_residues(poles.columns(f), H, _evaluate_sd(H, noise))[1]
+    return float(np.sum(np.abs(residual) ** 2))
 
 
 def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
-    """Damping ratio by the half-power width of the peak of the sensor that moves most there."""
+    """Damping ratio from the half-power width of the peak of the sensor that moves most there."""
     place = int(np.argmin(np.abs(f - at)))
     largest: FloatArray = np.abs(H[int(np.argmax(np.abs(H[:, place])))])
     below = np.flatnonzero(largest <= largest[place] / np.sqrt(2.0))
@@ -143,7 +143,7 @@ def _width(f: FloatArray, H: ComplexArray, at: float) -> float:
 def _fit_cluster(
     f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray, *, friction: bool = False
 ) -> Poles:
-    """The poles with those of a cluster improved, the others held; ``friction``: with a share of it, else without."""
+    """The poles with one cluster fitted, the others held; ``friction``: whether its share is free, else 0."""
     sd, count, parts = _evaluate_sd(H, noise), len(cluster), 3 + friction
 
     def misfit(x: FloatArray) -> FloatArray:
@@ -159,9 +159,9 @@ def _fit_cluster(
 
 
 def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Coefficients (sensors, columns), real, and what they leave (sensors, n) over the noise."""
+    """Real coefficients (sensors, columns), and residuals (sensors, n) over the noise."""
     coefficients = np.empty((len(H), columns.shape[1]))
-    left = np.empty_like(H)
+    residual = np.empty_like(H)
     for s, row in enumerate(H):
         scaled = columns / sd[s][:, None]
         stacked = np.concatenate([scaled.real, scaled.imag])
@@ -169,23 +169,23 @@ def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> t
         target = row / sd[s]
         parts = np.concatenate([target.real, target.imag])
         coefficients[s] = np.linalg.lstsq(stacked / size, parts, rcond=None)[0] / size
-        left[s] = target - scaled @ coefficients[s]
-    return coefficients, left
+        residual[s] = target - scaled @ coefficients[s]
+    return coefficients, residual
 
 
 def _measure_size(columns: FloatArray) -> FloatArray:
-    """Norm of each column, 1 of one that is zero."""
+    """Norm of each column; 1 for a zero column."""
     size = np.linalg.norm(columns, axis=0)
     return np.where(size == 0.0, 1.0, size)
 
 
 def _evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
-    """Standard deviation (sensors, n) of each part of H."""
+    """Standard deviation (sensors, n) of the real and of the imaginary part of H."""
     return np.asarray(np.hypot(noise[0] * np.abs(H), noise[1]))
 
 
 def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> FloatArray:
-    """Relative and constant part of the noise, by what the fit leaves in the bands: |left|^2 = 2 (a^2 |H|^2 + b^2)."""
+    """Relative and constant part a, b of the noise from residuals in the bands: |residual|^2 = 2 (a^2 |H|^2 + b^2)."""
     sizes, squares = [], []
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
@@ -196,27 +196,27 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
     size, square = np.concatenate(sizes), np.concatenate(squares)
     parts = [part for part in np.array_split(np.argsort(size), 12) if len(part)]
     means = np.array([np.mean(size[part]) for part in parts])
-    has = np.array([np.median(square[part]) / 0.693 for part in parts])  # of an exponential: median over mean
-    weight = 1.0 / has.clip(min=1e-30)
+    levels = np.array([np.median(square[part]) / 0.693 for part in parts])  # 0.693: median over mean, exponential
+    weight = 1.0 / levels.clip(min=1e-30)
     design = np.column_stack([means, np.ones_like(means)]) * weight[:, None]
-    squares_of_noise = np.linalg.lstsq(design, has * weight, rcond=None)[0]
-    least = np.quantile(has, 0.1)
+    squares_of_noise = np.linalg.lstsq(design, levels * weight, rcond=None)[0]
+    least = np.quantile(levels, 0.1)
     return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * least, 1e-20)])
 
 
 def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:
-    """Residues and standard errors of every mode in its own band, those of damping free."""
+    """Residues and standard errors of every mode in its band, with the poles of its cluster free."""
     sensors, modes = len(H), len(poles.frequency)
     residues, residues_sd = np.zeros((sensors, modes)), np.zeros((sensors, modes))
     local, ratio_sd = np.zeros((modes, sensors, 2 + modes)), np.zeros(modes)
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
         columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
-        coefficients, left = _solve_residues(columns, H[:, rows], sd)
+        coefficients, residual = _solve_residues(columns, H[:, rows], sd)
         width = columns.shape[1]
         free = 3 * len(cluster) + np.count_nonzero(poles.friction[cluster])
-        freedom = max(2 * left.size - sensors * width - free, 1)
-        misfit = max(float(np.sum(np.abs(left) ** 2)) / freedom, 1.0)
+        freedom = max(2 * residual.size - sensors * width - free, 1)
+        misfit = max(float(np.sum(np.abs(residual) ** 2)) / freedom, 1.0)
         variance = np.diag(misfit * _covariance(f[rows], columns, coefficients, sd, cluster, poles))
         for place, k in enumerate(cluster):
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
@@ -229,7 +229,7 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
 def _covariance(
     f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
-    """Covariance of all coefficients, then of ln z, of f (relative), of s and of t of the cluster's modes."""
+    """Covariance of all coefficients, then of ln z, f (relative), s and t of the modes in the cluster."""
     sensors, width, n = *coefficients.shape, len(f)
     moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
@@ -246,8 +246,8 @@ def _covariance(
 
 
 def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, float]]:
-    """The poles with one value of one mode moved, and by how much: ratios (ln), frequencies (relative), slopes, and
-    friction where there is some.
+    """The poles with one parameter of one mode changed, and the step: ratios (ln), frequencies (relative), slopes, and
+    friction if it is not 0.
     """
     names = ("ratio", "frequency", "slope", "friction")
     for which, step in zip(names, (1e-4, 1e-6, 1e-3, 1e-3), strict=True):

@@ -1,4 +1,4 @@
-"""Poles of a level whose damping changes with amplitude within it (see `damping.campaign.modal_fit`), and G of one."""
+"""Poles of a level with amplitude-dependent damping (see `damping.campaign.modal_fit`), and the receptance G of one."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray, IntArray
 
 CLUSTER = 0.15  #: modes closer than this share of their frequency are fitted together
-BAND = 0.12  #: rows this far away from a cluster belong to its band
-_HALVINGS = 10  # of the interval of rho, to 1e-3; then to 1e-12
+BAND = 0.12  #: rows within this relative distance of a cluster belong to its band
+_HALVINGS = 10  # bisections of the interval of rho, to 1e-3; Newton steps then reach 1e-12
 _NEWTON_STEPS = 3
 _STILL = 1e-9  #: amplitude, over that at the peak, of a row that friction holds
 _FEWEST_ROWS = 6
-_LEAST_FRICTION = 1e-3  #: share of friction below which there is none
+_LEAST_FRICTION = 1e-3  #: smaller shares of friction are set to 0
 
 
 @dataclass(frozen=True)
 class Poles:
     """Modes of one level, rising in frequency: ``frequency`` f_k in Hz, ``ratio`` z_p, ``slope`` s, ``friction`` t.
 
-    Each (modes,). ``drive`` (2, n): frequencies in Hz and the drive there in any unit, by which a mode moves more.
+    Each (modes,). ``drive`` (2, n): frequencies in Hz and the drive there, in any unit, which scales the amplitude.
     """
 
     frequency: FloatArray
@@ -34,10 +34,10 @@ class Poles:
     drive: FloatArray
 
     def columns(self, f: FloatArray) -> ComplexArray:
-        """Columns (n, 2 + modes) at frequencies f whose real coefficients give H of a sensor."""
+        """Columns (n, 2 + modes) at frequencies f (n,); H of a sensor is their sum with real coefficients."""
         w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, self.friction, strict=True)
-        there, at_modes = np.interp(f, *self.drive), np.interp(self.frequency, *self.drive)
-        terms = [self.sign * w**2 * receptance(f, *mode, there / at) for mode, at in zip(modes, at_modes, strict=True)]
+        drive, at_modes = np.interp(f, *self.drive), np.interp(self.frequency, *self.drive)
+        terms = [self.sign * w**2 * receptance(f, *mode, drive / at) for mode, at in zip(modes, at_modes, strict=True)]
         return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
 
     def with_cluster(
@@ -48,9 +48,9 @@ class Poles:
         slope: FloatArray,
         friction: FloatArray | float = 0.0,
     ) -> Poles:
-        """The poles with those of a cluster replaced: frequencies by relative shifts, ratios by their logarithms.
+        """The poles with a cluster changed: frequencies by relative shifts, ratios given by their logarithms.
 
-        ``friction`` is the share of the most that leaves one amplitude to a row, t = 1 + s or 1.
+        ``friction`` is a share of the largest t at which every row has a single amplitude, 1 + s or 1.
         """
         friction = np.minimum(1.0, 1.0 + slope) * friction
         friction = np.where(friction < _LEAST_FRICTION, 0.0, friction)
@@ -61,12 +61,12 @@ class Poles:
 
     @property
     def clusters(self) -> list[list[int]]:
-        """Modes that are fitted together."""
+        """Groups of modes that are fitted together."""
         gaps = np.flatnonzero(self.frequency[1:] / self.frequency[:-1] - 1.0 >= CLUSTER)
         return [part.tolist() for part in np.split(np.arange(len(self.frequency)), gaps + 1)]
 
     def rows_about(self, f: FloatArray, cluster: Sequence[int]) -> IntArray:
-        """Rows about a cluster, and no more than half the way to its neighbours."""
+        """Rows about a cluster, at most half the way to its neighbours."""
         frequency, first, last = self.frequency, cluster[0], cluster[-1]
         low, high = frequency[first] * (1.0 - BAND), frequency[last] * (1.0 + BAND)
         if first > 0:
@@ -85,8 +85,10 @@ def receptance(
     friction: float = 0.0,
     drive: FloatArray | float = 1.0,
 ) -> ComplexArray:
-    """G (n,) of a mode whose damping ratio at amplitude rho of its peak is z = ratio (1 + slope (rho - 1) + friction
-    (1/rho - 1)), rho = |G| ``drive`` over |G| at the peak: the drive (n,) is that of each row over that at the peak.
+    """G (n,) of a mode with damping ratio z = ratio (1 + slope (rho - 1) + friction (1/rho - 1)).
+
+    rho = |G| ``drive`` over |G| at the peak is the amplitude over that at the peak; ``drive`` (n,): drive of each row
+    over that at the peak.
     """
     w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
     elastic = w_k**2 - w**2

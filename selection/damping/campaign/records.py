@@ -1,8 +1,8 @@
-"""Levels of a campaign tied into modes, and each mode as a record: modal force and amplitude against frequency.
+"""Levels of a campaign joined into modes, and each mode as a record: modal force and amplitude against frequency.
 
-The coordinate of a mode is its motion at the sensor that moves most in it (the reference). With residues r the modal
-force is |r_ref| times the base acceleration and the mass 1 where the base shakes, and the force as measured with the
-mass 1/|r_ref| where a force does; only products of the two can be known, and no answer needs more.
+The coordinate of a mode is its motion at the sensor that moves most in it (the reference). With residues r, under base
+excitation the modal force is |r_ref| times the base acceleration and the mass 1; under a force, it is the measured
+force and the mass 1/|r_ref|. Only products of shape and participation, or shape and 1/mass, are known or needed.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -23,19 +23,19 @@ from damping.records.record import Record
 from damping.records.text import name_apart
 
 WRITTEN = 1.5  #: rows with |cot phase| up to this are written
-MOST_ROWS = 21  #: rows of a level, at most
-FEWEST_ROWS = 3  #: rows of a level, at least
-CONTROLLED = 0.1  #: a drive whose readings lie within this share of their median is controlled to be the same
-ALIKE = 0.9  #: shapes of two levels are alike (modal assurance criterion) above this
+MOST_ROWS = 21  #: most rows of a level
+FEWEST_ROWS = 3  #: fewest rows of a level
+CONTROLLED = 0.1  #: a drive whose readings range over less than this share of their median is controlled to be constant
+ALIKE = 0.9  #: least modal assurance criterion between the shapes of two levels
 
 
 @dataclass(frozen=True)
 class DrivenMode:
     """A mode of all levels.
 
-    ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN of a sensor left out; ``reference`` is the
-    place of the sensor of the coordinate. ``frequency``, ``ratio``, ``ratio_sd`` (levels,). ``left_out`` says why, by
-    sensor.
+    ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN for a sensor left out; ``reference`` is
+    the index of the sensor of the coordinate. ``frequency``, ``ratio``, ``ratio_sd`` (levels,). ``left_out``: reasons
+    by sensor.
     """
 
     number: int
@@ -51,13 +51,13 @@ class DrivenMode:
     mode: Mode
 
     def residues_at(self, level: Level) -> tuple[FloatArray, FloatArray]:
-        """Residues as one level has them, and their relative standard errors, NaN of a sensor left out."""
-        own = np.where(np.isfinite(self.residues), level.fit.residues[:, self.number], np.nan)
-        return own, level.fit.residues_sd[:, self.number] / np.abs(own)
+        """Residues at one level, and their relative standard errors, NaN for a sensor left out."""
+        residues = np.where(np.isfinite(self.residues), level.fit.residues[:, self.number], np.nan)
+        return residues, level.fit.residues_sd[:, self.number] / np.abs(residues)
 
 
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
-    """Every level with its modes, found on the lowest and followed upwards.
+    """Every level with its modes, found at the lowest level and followed upwards.
 
     InputError: sensors whose motion is not understood. AnalysisError: no mode.
     """
@@ -73,8 +73,8 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
             if not starts:
                 raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
         fit = fit_level(f, H, starts, sign, ratios, _hold_steady(drive))
-        while not (levels or len(frequencies)) and not (own := _keep_place(fit.frequency, starts)).all():
-            starts = [start for start, kept in zip(starts, own, strict=True) if kept]
+        while not (levels or len(frequencies)) and not (stays := _keep_place(fit.frequency, starts)).all():
+            starts = [start for start, kept in zip(starts, stays, strict=True) if kept]
             fit = fit_level(f, H, starts, sign, (), _hold_steady(drive))
         levels.append(Level(run, f, H, drive, fit, third, name))
         starts, ratios = list(fit.frequency), list(fit.ratio)
@@ -84,20 +84,20 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
 def fit_right_levels(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
 ) -> tuple[list[Level], dict[str, str]]:
-    """Every level fitted without the sensors that are misread, and why each is (see ``find_misread``)."""
+    """Every level fitted without misread sensors, and the reason for each of these (see ``find_misread``)."""
     levels = fit_levels(runs, frequencies)
     misread = find_misread(levels, trusted)
     return fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels, misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
-    """Whether each mode ended nearest to the peak it was sought at; one that went to another's is no mode.
+    """Whether each fitted frequency stayed nearest to its starting peak; a mode that moved to another peak is dropped.
 
-    Such peaks are the ringing of a sweep that begins, and noise. One is kept at least.
+    Such peaks are ringing at the start of a sweep, and noise. At least one mode is kept.
     """
     away = np.abs(fitted[:, np.newaxis] - np.sort(starts))
-    own: BoolArray = np.argmin(away, axis=1) == np.arange(len(fitted))
-    return own if own.any() else np.arange(len(fitted)) == np.argmin(np.diag(away))
+    stays: BoolArray = np.argmin(away, axis=1) == np.arange(len(fitted))
+    return stays if stays.any() else np.arange(len(fitted)) == np.argmin(np.diag(away))
 
 
 def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
@@ -121,9 +121,9 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
 
 
 def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None) -> list[DrivenMode]:
-    """Modes of all levels by order of frequency, those that no sensor sees left out. AnalysisError: none is left.
+    """Modes of all levels in order of frequency, without those that no sensor shows. AnalysisError: none is left.
 
-    ``misread``: sensors that the levels are without, and why.
+    ``misread``: sensors already removed from the levels, and why.
     """
     out = {**(misread or {}), **find_bad_sensors(levels)}
     modes: list[DrivenMode] = []
@@ -139,7 +139,7 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
 
 
 def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
-    """The mode of place ``k`` of every level, by the sensors that are not left out; None where none of them sees it."""
+    """Mode ``k`` of every level from the sensors that are not left out; None if none of them shows it."""
     names = levels[0].run.names
     r = np.array([level.fit.residues[:, k] for level in levels])
     sd = np.array([level.fit.residues_sd[:, k] for level in levels]).clip(min=1e-300)
@@ -178,7 +178,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:
-    """Rows near resonance of every level: the sensors' motion without the other modes, weighed by their residues."""
+    """Rows near resonance of every level: the sensors' motion without the other modes, weighted by their residues."""
     kept = np.isfinite(residues)
     r = residues[kept]
     tables = []
@@ -208,7 +208,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         )
         if level.run.rate is not None:
             table["sweep_rate"] = level.run.rate[level.run.x > 0.0][rows]
-        if level.third is not None and not level.run.is_base_driven:  # a base has a third harmonic of its own
+        if level.third is not None and not level.run.is_base_driven:  # a base motion contains a third harmonic too
             third = level.third[:, rows][kept]
             p = np.sum(weight * third, axis=0) / np.sum(weight * r[:, None], axis=0)
             table["amplitude_3"] = factor * np.abs(p) * drive / (3.0 * w) ** 2
@@ -219,13 +219,13 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
 
 
 def _hold_steady(drive: FloatArray) -> FloatArray:
-    """The drive (n,), its median where it is controlled: its scatter is then that of its reading."""
+    """The drive (n,); its median if it is controlled, as its scatter is then that of the readings."""
     middle = np.median(drive)
     return np.full_like(drive, middle) if np.ptp(drive) < CONTROLLED * middle else drive
 
 
 def _rows_near(level: Level, k: int) -> np.ndarray:
-    """Rows about a resonance, evenly thinned where there are many."""
+    """Rows about a resonance, evenly thinned if there are many."""
     at, ratio = level.fit.frequency[k], level.fit.ratio[k]
     cot = np.abs(level.f / at - at / level.f) / (2.0 * ratio)
     rows = np.flatnonzero(cot <= WRITTEN)

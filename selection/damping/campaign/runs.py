@@ -1,6 +1,6 @@
-"""Runs of a campaign and their channels, and what a person corrects of them: levels, roles, units.
+"""Runs of a campaign and their channels, and user corrections of levels, roles and units.
 
-Corrections are a small TOML file. Names are those of the table that is shown::
+Corrections are a small TOML file, with the names of the printed table::
 
     [drive]
     control = "maximum"                       # of several control channels; else their average
@@ -31,10 +31,10 @@ from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import count, describe_shortened
 
-#: What a label says of a level: a number with a unit.
+#: A level in a label: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
 DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
-LABEL_AGREES = 0.15  #: a control that is off from the level in its label by no more than this is that level
+LABEL_AGREES = 0.15  #: a control within this share of the level in its label has that level
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
 NamedUnit: TypeAlias = tuple[str, str]  #: name of a channel and its unit
@@ -42,7 +42,7 @@ NamedUnit: TypeAlias = tuple[str, str]  #: name of a channel and its unit
 
 @dataclass(frozen=True)
 class ChannelCorrection:
-    """What is stated of a channel: ``role`` and ``unit`` empty where not; ``scale`` holds the sign."""
+    """Corrections of a channel: ``role`` and ``unit``, empty if not stated; ``scale`` includes the sign."""
 
     role: str = ""
     unit: str = ""
@@ -51,7 +51,7 @@ class ChannelCorrection:
 
 @dataclass(frozen=True)
 class Corrections:
-    """By label of a run its level (None: left out), by name of a channel what is stated of it, and the ``control``."""
+    """Levels by label of the run (None: left out), channel corrections by name, and the ``control`` strategy."""
 
     levels: Mapping[str, float | None] = field(default_factory=dict)
     channels: Mapping[str, ChannelCorrection] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Corrections:
     source: str = ""
 
     def of(self, name: str) -> ChannelCorrection:
-        """What is stated of a channel."""
+        """Corrections of a channel."""
         return self.channels.get(name, ChannelCorrection())
 
     def is_drive(self, name: str) -> bool:
@@ -68,32 +68,32 @@ class Corrections:
         return role == "drive" or (not role and bool(DRIVE.search(name)))
 
     def choose_drive(self, units: Mapping[str, str]) -> str | None:
-        """The channel that is the drive, of all by their units: as stated, by its name, or the only force."""
+        """The drive among channels with their ``units``: as stated, by its name, or the only force."""
         named = next((name for name in units if self.is_drive(name)), None)
         free = {name: self.of(name).unit or text for name, text in units.items() if not self.of(name).role}
         forces = [name for name, text in free.items() if find_powers(text) == (1, 0, 0)]
         return named or (forces[0] if len(forces) == 1 else None)
 
     def join_controls(self, values: Sequence[Samples]) -> Samples:
-        """One drive (n,) of several control channels: their average, or at each row the one that is largest."""
+        """One drive (n,) from several control channels: their average, or the largest in each row."""
         stacked = np.array(values)
         if self.control == "average":
             return np.asarray(np.mean(stacked, axis=0))
         return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
 
     def require_known(self, runs: Collection[str], channels: Collection[str]) -> None:
-        """InputError for a run or channel that the files do not have, naming the nearest one."""
-        for what, stated, known in (("run", self.levels, runs), ("channel", self.channels, channels)):
+        """Raise InputError for a run or channel that the files do not have; it names the nearest one."""
+        for kind, stated, known in (("run", self.levels, runs), ("channel", self.channels, channels)):
             for name in stated:
                 if name not in known:
                     nearest = describe_nearest(name, known) or "none"
-                    raise InputError(f"no {what} {name!r}", file=self.source or None, expected=f"such as {nearest!r}")
+                    raise InputError(f"no {kind} {name!r}", file=self.source or None, expected=f"such as {nearest!r}")
 
 
 def read_corrections(path: str | Path) -> Corrections:
     """The corrections in a TOML file.
 
-    InputError: a file that is none, an unknown key, or a value that is not what it should be, with its line.
+    InputError: a file that cannot be read, an unknown key, or an invalid value, with its line.
     """
     top = read_toml(path)
     top.only("drive", "runs", "channels")
@@ -128,8 +128,8 @@ _MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acce
 class Channel:
     """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
 
-    ``per_drive``: values are ratios to the drive; ``at_drive``: measured where the force acts, along it; ``third``: the
-    third harmonic of a history that was tracked, its phase at three times that of the drive.
+    ``per_drive``: values are ratios to the drive; ``at_drive``: measured at the force and along it; ``third``: third
+    harmonic of a tracked time history, with the phase relative to three times that of the drive.
     """
 
     name: str
@@ -150,8 +150,8 @@ class Channel:
 class CampaignRun:
     """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors.
 
-    ``rate`` (n,): Hz/s at which the frequency moved, where it is known. ``left_out``: sensors that are not among the
-    channels because of what they read, each with why.
+    ``rate`` (n,): sweep rate in Hz/s, if known. ``left_out``: sensors removed from the channels because of their
+    readings, with reasons.
     """
 
     label: str
@@ -181,7 +181,7 @@ class CampaignRun:
 
 @dataclass(frozen=True)
 class DesignLevel:
-    """A design input: ``level`` (n,) in the unit of the drive over ``frequency`` (n,) Hz; one of each: everywhere."""
+    """A design input: ``level`` (n,) in the unit of the drive over ``frequency`` (n,) Hz; a single pair is constant."""
 
     frequency: FloatArray
     level: FloatArray
@@ -193,11 +193,11 @@ class DesignLevel:
 
     @classmethod
     def flat(cls, level: float) -> DesignLevel:
-        """One level at all frequencies."""
+        """The same level at all frequencies."""
         return cls(np.array([1.0]), np.array([float(level)]))
 
     def at(self, frequency: float) -> float:
-        """The level there, straight between the corners on logarithmic axes, flat beyond the ends."""
+        """The level at a frequency: linear between corners on logarithmic axes, constant beyond the ends."""
         if len(self.level) == 1:
             return float(self.level[0])
         corners = np.log(self.frequency), np.log(self.level)
@@ -205,7 +205,7 @@ class DesignLevel:
 
 
 def describe_quantity(text: str, name: str) -> str:
-    """What a unit is one of; that of no unit an acceleration. InputError where that is no motion."""
+    """Quantity of motion by its unit; acceleration if there is no unit. InputError for other quantities."""
     powers = find_powers(text) if text else (0, 1, -2)
     if powers not in _MOTIONS:
         expected = "a displacement, velocity or acceleration (--correct states its unit, or role = 'out')"
@@ -214,9 +214,9 @@ def describe_quantity(text: str, name: str) -> str:
 
 
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
-    """The runs with the sensors that every run has, in the order of the first.
+    """The runs reduced to the sensors that every run has, in the order of the first.
 
-    InputError: there is none, or two of one run have one name.
+    InputError: there is no such sensor, or two sensors of a run have the same name.
     """
     for run in runs:
         name = next((name for name in run.names if run.names.count(name) > 1), None)
@@ -229,18 +229,18 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
         raise InputError("no sensor is in every run", expected="runs of one set of sensors")
     by_name = [{channel.name: channel for channel in run.channels} for run in runs]
     left_out = {name: why for run in runs for name, why in run.left_out.items()}
-    channels = (tuple(own[name] for name in kept) for own in by_name)
-    return [replace(run, channels=own, left_out=left_out) for run, own in zip(runs, channels, strict=True)]
+    common = (tuple(channels[name] for name in kept) for channels in by_name)
+    return [replace(run, channels=channels, left_out=left_out) for run, channels in zip(runs, common, strict=True)]
 
 
 def find_level(text: str) -> tuple[float, str] | None:
-    """A level and its unit in a label; None where there is none."""
+    """A level and its unit in a label; None if there is none."""
     match = LEVEL.search(text)
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
 
 
 def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:
-    """One row for each run and for each channel: what can be corrected, by the names that a correction uses."""
+    """Add one row for each run and channel that can be corrected, under the name that a correction uses."""
     for run in runs:
         drive = "free decay" if run.is_time else f"level {run.level:g} {run.drive_unit}"
         kind = "" if run.is_time else (", base drive" if run.is_base_driven else ", driven by a force")

@@ -1,4 +1,4 @@
-"""Sensors of a campaign whose readings are not to be believed, each with why: dead, reversed, of another gain."""
+"""Sensors of a campaign with wrong readings, and the reason for each: dead, reversed, wrong gain."""
 
 from collections.abc import Collection, Mapping, Sequence
 
@@ -10,45 +10,45 @@ from damping.campaign.runs import Channel
 from damping.errors import InputError
 from damping.formats.quantity import unit
 
-DEAD = 0.02  #: a sensor is dead where it reads less than this share of what the sensors read in the middle
-#: Least share of a sensor's motion at the frequency of a mode that is the mode's, for the sensor to count.
+DEAD = 0.02  #: a sensor is dead if it reads less than this share of the median sensor
+#: Least share of the mode in a sensor's motion at the mode's frequency, for the sensor to count.
 FOLLOWS = 0.9
-#: A sensor that reads more of the base than this below resonance, where 1 is right, is in another unit or of another
-#: gain: half way from 2 of peak-to-peak values to the third that a fast sweep may be off.
+#: A sensor that reads more of the base than this below resonance, where 1 is right, has a wrong unit or gain: half way
+#: between 2, of peak-to-peak values, and the third by which a fast sweep may be off.
 MISREAD = 1.6
-#: A share of the base this near to 1 or 0 is that of an absolute motion or of one relative to it or across it: half of
-#: mounting, of calibration and of the slope of a resonance; rms values for peak are 0.29 off.
+#: A share of the base this near to 1 or 0 is that of an absolute motion, or of one relative to the base or across it.
+#: Mounting, calibration and the flank of a resonance cause half of it; rms values for peak are 0.29 off.
 NEAR = 0.25
-ACROSS = 0.1  #: largest share of the base that a sensor across it reads by its transverse sensitivity and by tilt
-EXPLAINED = 0.05  #: relative deviation up to which a share is that of a wrong unit or scaling
-ALIKE = 0.1  #: relative deviation from the middle of the sensors up to which shares are one common factor
-LEAST_SHARE = 0.3  #: share of the base below which a sensor does not follow it, where most do
+ACROSS = 0.1  #: largest share of the base that a sensor across it reads by transverse sensitivity and tilt
+EXPLAINED = 0.05  #: largest relative deviation of a share from that of a wrong unit or scaling
+ALIKE = 0.1  #: largest relative deviation of shares with a common factor from the median of the sensors
+LEAST_SHARE = 0.3  #: share of the base below which a sensor does not follow it, if most do
 LOWEST = 1.1  #: rows up to this many times the lowest frequency show the motion of the base
-#: What a share of the base is where amplitudes are not those of the drive.
+#: Share of the base by the mistake in scaling of amplitudes.
 SCALINGS = {
     0.5: "peak-to-peak of the drive?",
     0.5**0.5: "rms for peak?",
     2.0**0.5: "rms of the drive for peak?",
     2.0: "peak-to-peak for peak?",
 }
-#: Units that a motion may be in, by the power of time.
+#: Possible units of motion, by the power of time.
 UNITS: dict[int, tuple[str, ...]] = {0: ("m", "mm", "cm", "in", "ft"), -1: ("m/s", "mm/s", "cm/s", "in/s", "ft/s")}
 UNITS[-2] = ("g", *(f"{length}/s^2" for length in UNITS[0]))
-#: Change of a sensor's gain from level to level beside the others at which it is left out: mode shapes of joints that
-#: slip change by a few per cent.
+#: Change of a sensor's gain between levels, relative to the others, from which it is left out: slipping joints change
+#: mode shapes by a few per cent.
 CHANGED = 0.1
-#: ... and how many times the other sensors' largest change it is.
+#: Least ratio of that change to the largest change of the other sensors.
 STANDS_OUT = 3.0
 
 
 def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict[str, str]:
-    """Sensors that are in another unit or of another gain by what they read of the base, each with why.
+    """Sensors with a wrong unit or gain by their reading of the base, with reasons.
 
-    One that reads ten times too much outweighs all others in the fit: modes are to be sought again without it.
-    ``trusted``: stated to be right. InputError: no sensor is left.
+    A sensor that reads ten times too much outweighs all others in the fit: modes must be fitted again without it.
+    ``trusted``: sensors stated to be right. InputError: no sensor is left.
     """
     odd = _find_odd_shares(levels, trusted)
-    bad = {name: told for name, told in odd.items() if abs(told[0]) > MISREAD or abs(told[0]) < NEAR}
+    bad = {name: found for name, found in odd.items() if abs(found[0]) > MISREAD or abs(found[0]) < NEAR}
     if len(bad) == len(levels[0].run.names):
         expected = "--correct FILE.toml with their unit or that of the drive, or role = 'sensor' of one that is right"
         raise InputError(f"every sensor is misread: {_join_shares(bad)}", expected=expected)
@@ -57,7 +57,7 @@ def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict
 
 
 def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> list[str]:
-    """A caution of the sensors that read another share of the base than 1 or 0, of those that are not left out."""
+    """A caution on the kept sensors that read another share of the base than 1 or 0; empty if there are none."""
     bad = find_bad_sensors(levels)
     odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
     right = "below resonance a sensor reads 1 times the base, or 0 across or relative to it"
@@ -66,22 +66,22 @@ def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> l
 
 
 def _join_shares(odd: Mapping[str, tuple[float, str]]) -> str:
-    """Sensors and what they read of the base, those with one cause together."""
-    told = []
+    """Sensors and their shares of the base, grouped by cause."""
+    groups = []
     for cause in dict.fromkeys(cause for _, cause in odd.values()):
-        shares = {name: share for name, (share, own) in odd.items() if own == cause}
+        shares = {name: share for name, (share, sensor_cause) in odd.items() if sensor_cause == cause}
         ends = dict.fromkeys(f"{end(shares.values()):.3g}" for end in (min, max))
         verb = "reads" if len(shares) == 1 else "read"
-        told.append(f"{', '.join(map(repr, shares))} {verb} {' to '.join(ends)}{cause}")
-    return ", ".join(told)
+        groups.append(f"{', '.join(map(repr, shares))} {verb} {' to '.join(ends)}{cause}")
+    return ", ".join(groups)
 
 
 def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, tuple[float, str]]:
-    """The share of the base of each sensor that reads neither 1 nor 0 of it, with what explains it.
+    """The share of the base of each sensor that reads neither 1 nor 0 of it, with its cause if known.
 
-    Where most sensors have an explanation or one common factor, explained shares near 0 and 1 are told too. Else, where
-    most are odd or fewer than half read 1 or 0 closely, the sweep may begin above a mode, whose motion is in all of
-    them: then a share is told from ``MISREAD`` on, and only beside a majority of others.
+    If most sensors have a known cause or one common factor, shares near 0 and 1 with a known cause are included. Else,
+    if most are odd or fewer than half are close to 1 or 0, the sweep may begin above a mode, whose motion is in all of
+    them: then only shares above ``MISREAD`` are included, and only if they are not the majority.
     """
     run = levels[0].run
     if not run.is_base_driven:
@@ -91,18 +91,18 @@ def _find_odd_shares(levels: Sequence[Level], trusted: Collection[str]) -> dict[
     explained = np.array([bool(cause) for cause in causes])
     off = np.minimum(np.abs(share), np.abs(share - 1.0))
     odd = off > np.maximum(NEAR, doubt)
-    alike = np.abs(share - np.median(share)) < ALIKE * abs(np.median(share))
-    common = explained | (odd & alike & (len(share) > 1))
+    common_share = np.abs(share - np.median(share)) < ALIKE * abs(np.median(share))
+    common = explained | (odd & common_share & (len(share) > 1))
     if np.mean(common) > 0.5:
         odd |= explained
     elif np.mean(odd) > 0.5 or np.mean(off < ACROSS) < 0.5:
         odd &= (np.abs(share) > MISREAD) & (np.mean(odd) <= 0.5)
-    told = zip(run.names, odd, share, causes, strict=True)
-    return {name: (float(part), cause) for name, is_odd, part, cause in told if is_odd and name not in trusted}
+    rows = zip(run.names, odd, share, causes, strict=True)
+    return {name: (float(part), cause) for name, is_odd, part, cause in rows if is_odd and name not in trusted}
 
 
 def _explain(share: float, doubt: float, sensor: Channel, drive: str) -> str:
-    """The wrong scaling, or unit of the sensor or of the ``drive``, that gives such a share of the base; '': none."""
+    """The wrong scaling, or unit of the sensor or of the ``drive``, that explains a share of the base; '': none."""
     causes = [*SCALINGS.items(), *((k, f"{other} for {sensor.unit}?") for other, k in _list_factors(sensor.unit))]
     causes += [(1.0 / k, f"the drive in {other} for {drive}?") for other, k in _list_factors(drive)]
     known = (cause for k, cause in causes if abs(share - k) < EXPLAINED * k and doubt < NEAR * k)
@@ -110,17 +110,17 @@ def _explain(share: float, doubt: float, sensor: Channel, drive: str) -> str:
 
 
 def _list_factors(text: str) -> list[tuple[str, float]]:
-    """Other units of the same kind, and how many of each make one of this."""
-    own = unit(text)
-    others = (other for other in UNITS.get(own.powers[2], ()) if not unit(other).agrees_with(own))
-    return [(other, own.factor / unit(other).factor) for other in others]
+    """Other units of the same quantity, and the number of each in one of this unit."""
+    this = unit(text)
+    others = (other for other in UNITS.get(this.powers[2], ()) if not unit(other).agrees_with(this))
+    return [(other, this.factor / unit(other).factor) for other in others]
 
 
 def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
-    """Sensors that are dead, of a gain that changes, or reversed where all see the base or the force acts at them."""
+    """Sensors that are dead, change their gain, or are reversed against the base or against a force at the sensor."""
     bad, run = {}, levels[0].run
     size = np.median([np.median(np.abs(level.H), axis=1) for level in levels], axis=0)
-    # share of the base's own motion in each sensor: 1 where it is absolute, 0 where relative or across
+    # share of the base motion in each sensor: 1 if absolute, 0 if relative or across
     base, doubt = _measure_shares(levels)
     across = np.maximum(ACROSS, doubt)
     moves = np.any([np.abs(level.fit.residues) > LEAST_T * level.fit.residues_sd for level in levels], axis=(0, 2))
@@ -140,7 +140,7 @@ def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
 
 
 def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
-    """Sensors of a free decay x (sensors, n) with nothing of a mode, each with why; ``follows``: the mode's share."""
+    """Sensors of a free decay x (sensors, n) that do not show a mode, with reasons; ``follows``: the mode's share."""
     size = np.std(x, axis=1)
     out: dict[str, str] = {}
     for name, motion, part in zip(names, size, follows, strict=True):
@@ -152,31 +152,31 @@ def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray)
 
 
 def _measure_shares(levels: Sequence[Level]) -> tuple[FloatArray, FloatArray]:
-    """Share of the base in each sensor (sensors,) and its doubt, in the middle of the levels."""
+    """Share of the base in each sensor (sensors,) and its uncertainty, medians over the levels."""
     share, doubt = np.median([_measure_base(level) for level in levels], axis=0)
     return share, doubt
 
 
 def _measure_base(level: Level) -> tuple[FloatArray, FloatArray]:
-    """Motion of each sensor (sensors,), per that of the base, in the lowest rows, without that of the modes; its doubt.
+    """Motion of each sensor (sensors,) over that of the base in the lowest rows, without the modes; its uncertainty.
 
-    In a mode's band the constant of the fit is no such share: neighbours too close to be told apart are in it. What
-    modes that were not found leave grows about as f^2: the doubt is what a line in f^2 loses on the way to f = 0.
+    The constant of the fit in a mode's band is not this share: it includes unresolved neighbouring modes. The motion of
+    modes that were not found grows about as f^2: the uncertainty is the change of a line in f^2 down to f = 0.
     """
     rows = level.f <= LOWEST * level.f[0]
     modes = level.fit.residues @ level.fit.columns(level.f[rows])[:, 2:].T
-    left = (level.H[:, rows] - modes).real
+    residual = (level.H[:, rows] - modes).real
     square = level.f[rows] ** 2 / np.mean(level.f[rows] ** 2) - 1.0
     if len(square) < 2:
-        return np.median(left, axis=1), np.full(len(left), NEAR)
-    return np.median(left, axis=1), np.abs(left @ square) / (square @ square)
+        return np.median(residual, axis=1), np.full(len(residual), NEAR)
+    return np.median(residual, axis=1), np.abs(residual @ square) / (square @ square)
 
 
 def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
-    """The sensor whose share of the modes' motion is another at one level, where one stands out of three or more.
+    """The sensor whose share of the modes' motion changes at one level, if one of three or more stands out.
 
-    A shape hardly changes with level: ln|r| of a mode less its median over the levels, less that of the sensors in the
-    middle, is a gain. Of several modes the median counts, each where the sensor moves with it.
+    A shape hardly changes with level: ln|r| of a mode minus its median over the levels, minus the median of that over
+    the sensors, is a change of gain. The median over the modes that the sensor shows is used.
     """
     names = levels[0].run.names
     if len(levels) < 2 or len(names) < 3:
@@ -192,12 +192,12 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
     size = size[..., known]
     moved = size - np.median(size, axis=0)
     moved -= np.nanmedian(moved, axis=1, keepdims=True)
-    gain = np.array([_find_middle(own) for own in moved.swapaxes(0, 1)])  # (sensors, levels)
+    gain = np.array([_find_middle(of_sensor) for of_sensor in moved.swapaxes(0, 1)])  # (sensors, levels)
     change = np.ptp(gain, axis=1)
     worst = int(np.argmax(change))
     if change[worst] < CHANGED or change[worst] < STANDS_OUT * np.max(np.delete(change, worst)):
         return {}
-    at = int(np.argmax(np.abs(gain[worst])))  # of two levels neither is the odd one
+    at = int(np.argmax(np.abs(gain[worst])))  # with two levels, either may be wrong
     times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
     told = (
         f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
@@ -206,6 +206,6 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
 
 
 def _find_middle(moved: FloatArray) -> FloatArray:
-    """Medians (levels,) of what is known of a sensor's modes, (levels, modes); 0 where nothing is."""
+    """Medians (levels,) over a sensor's modes (levels, modes) with finite values; 0 if there are none."""
     known = moved[:, np.isfinite(moved).all(axis=0)]
     return np.asarray(np.median(known, axis=1)) if known.size else np.zeros(len(moved))

@@ -1,7 +1,7 @@
-"""Files of a campaign to runs: which level, which drive, which sensors, found in labels, units, groups and channels.
+"""Files of a campaign to runs: level, drive and sensors from labels, units, groups and channels.
 
-A universal file says it in ID lines, points and units; an HDF5 file in a group a run; a table of time in a file a run.
-A drive in time is tracked some lines or samples at a time, so that a file of any size takes the memory of a block.
+A universal file has them in ID lines, points and units; an HDF5 file in one group per run; a table of time histories in
+one file per run. A drive in time is tracked block by block, so that a file of any size takes the memory of a block.
 """
 
 import re
@@ -32,21 +32,21 @@ from damping.records.text import name_apart, read_bytes, read_start
 from damping.signals.windows import UNEVEN
 
 SAMPLES = 2_000_000  #: samples of all channels that are read together
-#: A level in an ID line with the word for it: what differs from run to run, and so is no part of a sensor's name.
+#: A level in an ID line, with the word for it: it differs between runs and is not part of a sensor's name.
 OF_LEVEL = re.compile(rf"(?:\b[Ll]evel\s*[:=]?\s*)?{LEVEL.pattern}")
 _NO_LEVEL = "one run"  # the run of functions whose ID lines name no level
-#: Names of several channels that drive, such as ``force_1``.
+#: Names of numbered drive channels, such as ``force_1``.
 NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
-LOOKED_AT = 100_000  #: first bytes of a table by which its layout is told
+LOOKED_AT = 100_000  #: first bytes of a table from which its layout is determined
 
 
 def read_runs(
     files: Sequence[Path], max_size: int, corrections: Corrections | None = None
 ) -> tuple[list[CampaignRun], Summary]:
-    """The runs of some files, lowest level first, as corrected, with their common sensors, and what was understood.
+    """The corrected runs of some files, lowest level first, with their common sensors, and a summary.
 
-    InputError: a file that cannot be read, or in which no runs are found, with what is expected; a correction of what
-    is not there; no sensor that every run has.
+    InputError: a file that cannot be read or contains no runs, with what is expected; a correction of an unknown run or
+    channel; no sensor common to all runs.
     """
     summary, stated = Summary(), corrections or Corrections()
     runs: list[CampaignRun] = []
@@ -80,19 +80,19 @@ def _read(source: Source) -> list[CampaignRun]:
 
 
 def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]:
-    """Functions of a universal file by their level: as the first ID line says, else another one that all have.
+    """Functions of a universal file by level: that in the first ID line, else in another ID line of all functions.
 
-    That line tells functions of one title and place apart, or is one level and nothing else.
+    The other line must distinguish functions of the same title and place, or contain one level and nothing else.
     """
     places = [(f.of.title, f.of.place, f.of.function, f.of.quantity) for f in functions]
     labels = [_label_level(f.of.title) for f in functions]
     further = zip(*(f.of.notes for f in functions), strict=True) if set(labels) == {_NO_LEVEL} else ()
     for lines in further:
-        own = [_label_level(line) for line in lines]
-        bare = len(set(own)) == 1 and all(OF_LEVEL.fullmatch(line) for line in lines)
-        apart = len(set(zip(own, places, strict=True))) == len(functions) > len(set(places))
-        if _NO_LEVEL not in own and (bare or apart):
-            labels = own
+        in_line = [_label_level(line) for line in lines]
+        bare = len(set(in_line)) == 1 and all(OF_LEVEL.fullmatch(line) for line in lines)
+        apart = len(set(zip(in_line, places, strict=True))) == len(functions) > len(set(places))
+        if _NO_LEVEL not in in_line and (bare or apart):
+            labels = in_line
             break
     groups: dict[str, list[Function]] = {}
     for label, function in zip(labels, functions, strict=True):
@@ -101,13 +101,13 @@ def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]
 
 
 def _label_level(text: str) -> str:
-    """The run of a text by the level in it."""
+    """The label of a run, from the level in a text."""
     level = find_level(text)
     return f"{level[0]:g} {level[1]}" if level else _NO_LEVEL
 
 
 def _name_functions(group: Sequence[Function]) -> list[str]:
-    """Names of channels: the ID lines without their level; the points of responses that these do not tell apart."""
+    """Names of channels: ID lines without their level, or the points of responses if these are not unique."""
     titles = [" ".join(OF_LEVEL.sub("", function.of.title, count=1).split()).strip(" ,;:") for function in group]
     return [
         title if title and (titles.count(title) == 1 or (not f.of.per and DRIVE.search(title))) else f.of.point
@@ -116,7 +116,7 @@ def _name_functions(group: Sequence[Function]) -> list[str]:
 
 
 def _join_functions(label: str, group: Sequence[Function], source: Source) -> CampaignRun:
-    """The run of some functions of a universal file: of frequency, or of time (tracked where one is the drive)."""
+    """The run of some functions of a universal file: of frequency, or of time (tracked if one is the drive)."""
     if not any(function.of.is_time for function in group):
         return _read_spectra(label, group, source)
     units = [(name, f.of.numerator.unit) for name, f in zip(_name_functions(group), group, strict=True)]
@@ -173,7 +173,7 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
-    """Runs of an HDF5 file of mere arrays: every group with a frequency or times, a drive and other arrays."""
+    """Runs of an HDF5 file of plain arrays: every group with a frequency or times, a drive and other arrays."""
     groups: dict[str, dict[str, str]] = {}
     for path in contents.known:
         group, _, leaf = path.rpartition("/")
@@ -199,7 +199,7 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
 
 
 def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[str, str]) -> CampaignRun:
-    """The run of a group with a frequency, a drive and complex spectra, each by its name in the group."""
+    """The run of a group with a frequency, a drive and complex spectra, named as in the group."""
     stated = source.stated.of(drive)
     contents = read_arrays(source.file, "hdf5", list(paths.values()), source.most)
     f = contents.arrays[paths[x]][0].real.reshape(-1)
@@ -243,7 +243,7 @@ def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence
 
 
 def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[CampaignRun]:
-    """Runs of a file of channels with their time step, one for each of its groups: tracked, or free decays."""
+    """Runs of a file of channels with a time step, one for each group: tracked, or free decays."""
     groups: dict[str, list[str]] = {}
     for path in contents.steps:
         groups.setdefault(path.rpartition("/")[0], []).append(path)

@@ -1,4 +1,4 @@
-"""A file of a campaign: samples against time, a table of them too, as a run that is tracked, or as a free decay."""
+"""A file of a campaign: time histories, also as a table, to a tracked run or a free decay."""
 
 import io
 import re
@@ -32,15 +32,15 @@ from damping.records.text import describe_cell, describe_shortened, is_binary, r
 from damping.signals.histories import track_sine
 from damping.signals.windows import UNEVEN, describe_uneven
 
-#: Words for amplitudes that are not those of the sine.
+#: Words for amplitudes that are not peak amplitudes of the sine.
 SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file: at most ``most`` bytes are read at once, ``stated`` is what is said of it.
+    """A file: at most ``most`` bytes are read at once, ``stated`` holds the corrections.
 
-    ``summary`` grows, and ``channels`` by the names of all that are read.
+    Notes are added to ``summary``, and the names of all channels read to ``channels``.
     """
 
     file: Path
@@ -50,10 +50,10 @@ class Source:
     channels: set[str]
 
     def make_channel(self, name: str, text: str, samples: Samples, quantity: str = "", **known: Any) -> Channel | None:
-        """A channel of the unit ``text`` as it is stated, None where it is stated to be out.
+        """A channel of the unit ``text``, corrected as stated; None if stated to be out.
 
-        A unit that is stated says the quantity too; else it is ``quantity``, or follows from the unit. ``known``:
-        further fields. InputError: the unit is that of no motion, or samples are no numbers.
+        A stated unit defines the quantity too; else it is ``quantity``, or follows from the unit. ``known``: further
+        fields. InputError: the unit is not one of motion, or samples are not finite numbers.
         """
         self.channels.add(name)
         stated = self.stated.of(name)
@@ -65,17 +65,17 @@ class Source:
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
 
     def note_scaling(self, texts: Iterable[str]) -> None:
-        """A caution of each scaling that names or ID lines of spectra say: amplitudes are taken as they are."""
+        """Note a caution on each scaling in names or ID lines of spectra: amplitudes are not converted."""
         for word, text in {match[1].lower(): text for text in texts if (match := SCALED.search(text))}.items():
             taken = "amplitudes are taken as peak values of the sine"
             both = f"if drive and sensors are both {word}, so are levels and peaks"
             self.summary.note(f"caution: {self.file.name} says {describe_shortened(text)!r}: {taken}; {both}")
 
     def set_level(self, run: CampaignRun, label: str) -> CampaignRun:
-        """The run with its level: as the label says where the control agrees, else the median of the control.
+        """The run with its level: that of the label if the control agrees, else the median of the control.
 
-        A control whose label is in g and whose values are that level in m/s^2 holds SI values under a label of g, as
-        universal files may: values of every channel in g are then divided by g.
+        If the label is in g and the control reads that level in m/s^2, the file has SI values labelled g, as universal
+        files may: values of every channel in g are then divided by g.
         """
         assert run.drive is not None
         stated, measured = find_level(label.replace("_", " ")), float(np.median(np.abs(run.drive)))
@@ -100,7 +100,7 @@ class Source:
     def track(
         self, label: str, units: Sequence[NamedUnit], drive: str, step: float, blocks: Iterable[FloatArray]
     ) -> CampaignRun:
-        """The run of blocks of samples (channels, n), one of whose names is the drive."""
+        """The run of blocks of samples (channels, n) tracked by the channel named ``drive``."""
         stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
         self.channels.add(drive)
         text = (stated.unit or units[place][1]).replace("m/s2", "m/s^2")
@@ -126,14 +126,14 @@ class Source:
     def make_decay(
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
     ) -> CampaignRun:
-        """The run of motions against time that nothing drives: a free decay."""
+        """The run of motions against time without a drive: a free decay."""
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
         run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
         return self.leave_clipped(limits, run)
 
     def leave_flat(self, run: CampaignRun) -> CampaignRun:
-        """The run of spectra without sensors whose amplitudes stand at a ceiling under one drive."""
+        """The run of spectra without sensors whose amplitudes stand at a ceiling under a steady drive."""
         assert run.drive is not None
         require_finite(f"drive of {run.label}", run.drive)
         drive, limits = np.abs(run.drive), {}
@@ -143,9 +143,9 @@ class Source:
         return self.leave_clipped(limits, run)
 
     def leave_clipped(self, limits: Mapping[str, float | None], run: CampaignRun) -> CampaignRun:
-        """The run without sensors that stand at a limit (None: at none), but for those whose role is stated.
+        """The run without sensors that stand at a limit (None: no limit), except those with the stated role sensor.
 
-        InputError: none is left.
+        InputError: no sensor is left.
         """
         clipped = [name for name in run.names if limits.get(name) is not None and self.stated.of(name).role != "sensor"]
         why = {name: f"clipped: it stays at {limits[name]:.4g} in {run.label!r}" for name in clipped}
@@ -161,7 +161,7 @@ BLOCK = 8_000_000  #: characters of a table that are read together
 
 
 def read_table(source: Source, start: bytes) -> CampaignRun:
-    """The run of a table of motions against time: tracked where a column is the drive, else a free decay."""
+    """The run of a table of motions against time: tracked if a column is the drive, else a free decay."""
     if is_binary(start):
         expected = "a universal file, HDF5, TDMS or a table of times (damping import reads one response of MAT, LVM)"
         raise InputError("no file of a known kind", expected=expected)
@@ -187,14 +187,14 @@ def read_table(source: Source, start: bytes) -> CampaignRun:
 
 
 def _find_factor(time: ColumnHeader) -> float:
-    """The unit of a column of times in s; 1 where it has none."""
+    """The unit of a column of times in s; 1 if it has none."""
     return ABSCISSAS["time"].get(time.unit.lower(), 1.0)
 
 
 def _track_table(
     source: Source, layout: Layout, headers: Sequence[ColumnHeader], time: ColumnHeader, drive: str
 ) -> CampaignRun:
-    """The run of a table of time, a drive and responses. InputError for cells that are no numbers, or uneven times."""
+    """The run of a table of time, drive and responses. InputError for cells that are not numbers, or uneven times."""
     columns = [k for k, header in enumerate(headers) if header.text and header is not time]
     factor = _find_factor(time)
     blocks = _list_table_blocks(source, layout, [headers.index(time), *columns])
@@ -218,7 +218,7 @@ def _track_table(
 
 
 def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -> Iterator[FloatArray]:
-    """Columns (k, n) of a table, some lines at a time."""
+    """Columns (columns, n) of a table, block by block."""
     delimiter = DELIMITERS[layout.delimiter]
     with source.file.open(encoding=layout.encoding or "utf-8", errors="replace") as stream:
         for _ in range(layout.header):
@@ -254,7 +254,7 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
 
 
 def _find_cell(text: str, delimiter: str, columns: Sequence[int], above: int, expected: str) -> InputError | None:
-    """What is wrong with the first cell of some rows that is no number; ``above``: lines before them."""
+    """The error on the first cell of some rows that is not a number; ``above``: number of lines before the rows."""
     for number, row in enumerate(text.splitlines(), above + 1):
         cells = row.split(None if delimiter == " " else delimiter)
         if not row.strip() or row.lstrip()[0] in "#%":

@@ -1,10 +1,10 @@
 """Resonant amplitude beyond the test: the one chain from rows near resonance to bands at design forces.
 
-    rows near resonance -> which laws, with what weight -> draws of each -> prediction averaged by weight
+    rows near resonance -> laws and their weights -> posterior draws of each -> prediction averaged by weight
 
-The draws are those of the estimate that weighed the laws (importance sampling), or further ones of its proposal.
+The draws come from the importance sampling that weighed the laws, or are fresh draws of its proposal.
 
-Higher levels of a record left out and predicted from the lower ones: an honest check within the record.
+As a check within the record, its higher levels can be left out and predicted from the lower ones.
 """
 
 from collections.abc import Sequence
@@ -51,20 +51,20 @@ from damping.ranking.candidates import load_candidates
 from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 
-#: Levels below a held-out one, at least.
+#: Fewest levels below a held-out level.
 FEWEST_BELOW = 2
-#: Fresh draws of a law for each hundredth of its weight, and once more: the upper end of the Saturn V's band at three
-#: times the tested force then differs by 1.0 % from seed to seed.
+#: Fresh draws of a law for each hundredth of its weight, plus the same number once: the upper end of the Saturn V's
+#: band at three times the tested force then differs by 1.0 % from seed to seed.
 FRESH_DRAWS = 1536
-#: Least that a further level is to take off ln(high/low) of a band: ends differ by as much from seed to seed.
+#: Least reduction of ln(high/low) of a band by a further level: ends differ by as much from seed to seed.
 LEAST_GAIN = 0.01
 
 
 def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
-    """Fresh posterior draws (n, dimension) by the proposal that the evidence ended with; its own where they are poor.
+    """Fresh posterior draws (n, dimension) from the last proposal of the evidence; the evidence's draws if few count.
 
-    The rounds of the evidence end once enough draws count, so that they more often than not miss draws that count for
-    many, where slopes stray far: the upper end of the Saturn V's band at 90 lb was 2.6 % too low by them.
+    The evidence stops once it has enough effective draws, so it usually misses the draws of large weight at which
+    exponents stray far: with its draws the upper end of the Saturn V's band at 90 lb was 2.6 % too low.
     """
     posterior, first = Balanced(law.coordinates.scaled(data.reference), data.scaled()), law.evidence.draws
     fitted = posterior.find_variables(first[:: max(1, len(first) // MOST_FITTED)])
@@ -75,13 +75,13 @@ def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """Predictions with what they rest on.
+    """Predictions, with the laws, weights and draws they come from.
 
     Attributes:
-        plan: laws and weights. members: the laws that take part, with draws. loads: predictions at the forces asked.
-        mode: of the structure, None where nothing of it is known. seed: of everything drawn.
-        levels: further levels that are tried, then the design force, the largest one asked for and allowed; or none.
-        spreads: draws of each member at the forces asked for, then at ``levels``.
+        plan: laws and weights. members: the averaged laws, with draws. loads: predictions at the requested forces.
+        mode: of the structure, None if unknown. seed: of all draws.
+        levels: candidate further levels, then the design force (the largest requested and allowed one); or empty.
+        spreads: draws of each member at the requested forces, then at ``levels``.
     """
 
     plan: Plan
@@ -93,7 +93,7 @@ class Extrapolation:
     spreads: tuple[Spread, ...]
 
     def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
-        """Predictions at other forces (forces,), of the same draws; ``each``, ``still``: see `predict`."""
+        """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
         return predict(self.members, forces, *known, each=each, still=still)
 
@@ -106,9 +106,9 @@ class Extrapolation:
         return table
 
     def choose_next_level(self) -> NextLevel | None:
-        """The further level that would most shrink the band at the largest force asked for.
+        """The further level that would most shrink the band at the largest requested force.
 
-        None within the test, where nothing is predicted there, and where it would gain less than ``LEAST_GAIN``.
+        None if that force is within the test, if its prediction is refused, or if the gain is below ``LEAST_GAIN``.
         """
         if not self.levels.size:
             return None
@@ -138,16 +138,16 @@ def extrapolate_loads(
 
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
-        mode: its mass shows whether it is bistable; scatter is taken as no less than its repeatability.
-        laws: candidates, by default those of the record. plan: where it was made before. all_rows: where the
-            laws are judged on them too. estimate: of marginal likelihoods. fresh: whether laws of weight are drawn from
-            again (:func:`draw_fresh`).
+        mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
+        laws: candidates, by default those of the record. plan: if already made. all_rows: if given, laws are also
+            judged on these. estimate: of marginal likelihoods. fresh: whether to draw afresh from laws of more than
+            ``LEAST_WEIGHT`` (:func:`draw_fresh`).
 
     Raises:
-        InputError: a force or a level that is none, before any work.
+        InputError: an invalid force or level, before any work.
         AnalysisError: no candidate can carry the measured forces.
     """
-    asked = check_loads(forces, level)
+    requested = check_loads(forces, level)
     if plan is None:
         candidates = load_candidates(data) if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
@@ -160,11 +160,11 @@ def extrapolate_loads(
             draws = draw_fresh(law, plan.data, seed) if again else law.evidence.draws
             members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
             done(law.name)
-    design, tested = min(float(asked.max()), plan.limit), plan.data.tested_force
+    design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([asked, levels]), plan.data, _repeatability(mode), seed)
-    at_asked = [spread.at(slice(len(asked))) for spread in spreads]
-    loads = predict(members, asked, plan.data, level, seed, plan, spreads=at_asked)
+    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, _repeatability(mode), seed)
+    at_asked = [spread.at(slice(len(requested))) for spread in spreads]
+    loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
 
 
@@ -179,25 +179,26 @@ def predict_record(
     fresh: bool = True,
     progress: Progress = silent,
 ) -> Extrapolation:
-    """Predictions at the forces, or, of none, at ``times`` the largest tested one.
+    """Predictions at ``forces``, or, if there are none, at ``times`` the largest tested force.
 
     ``estimate``, ``fresh``: see :func:`extrapolate_loads`.
     """
     data, mode = prepared.data, prepared.mode
     asked = forces if len(forces) else np.array(times) * data.tested_force.max()
-    how: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
-    return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **how)
+    options: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
+    return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **options)
 
 
-#: What is asked, as messages name it.
+#: Names of the quantities in messages.
 _AMPLITUDES = {"force": "a force amplitude", "amplitude": "an amplitude"}
 
 
 def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = "force") -> np.ndarray:
-    """The forces (or amplitudes, as ``what`` says) as an array (forces,).
+    """The forces (or amplitudes, as named by ``what``) as an array (forces,).
 
     Raises:
-        InputError: no force, one that is no positive number of a magnitude of records, or a level not within 0 and 1.
+        InputError: no force, a force that is not a number from ``SMALLEST`` to ``LARGEST``, or a level not within 0
+            and 1.
     """
     if np.ndim(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
@@ -211,7 +212,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
 
 
 def list_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
-    """Forces or amplitudes, as ``what`` says, of which there may be one or none; InputError as `check_loads`."""
+    """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
 
@@ -221,16 +222,16 @@ def _is_number(value: object) -> bool:
 
 
 def _repeatability(mode: Mode | None) -> float:
-    """Stated relative standard uncertainty of a level's amplitude; 0 where nothing is known."""
+    """Stated relative standard uncertainty of a level's amplitude; 0 if unknown."""
     return (mode.repeatability.amplitude if mode else None) or 0.0
 
 
 def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
-    """Posterior of one law, run until its parameters and its amplitudes at ``forces`` are known."""
+    """Posterior of one law, sampled until its parameters and its amplitudes at ``forces`` have converged."""
     assert law.coordinates is not None  # a law with a weight was fitted
     assert law.evidence is not None
     name, coordinates, begun = law.name, law.coordinates, law.evidence
-    if begun.effective_draws < LEAST_DRAWS:  # a law that was left as negligible
+    if begun.effective_draws < LEAST_DRAWS:  # the evidence stopped early: the law's weight is negligible
         begun = evidence(coordinates, data, seed)
 
     def amplitudes(x: np.ndarray) -> dict[str, np.ndarray]:
@@ -243,10 +244,10 @@ def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.nd
 def leave_higher_levels_out(
     data: Observations, level: float, seed: int = 0, mode: Mode | None = None, all_rows: Observations | None = None
 ) -> pd.DataFrame:
-    """Predict every sweep of the higher levels from the k lowest ones, for every k >= ``FEWEST_BELOW``.
+    """Predict every sweep of the higher levels from the k lowest levels, for every k >= ``FEWEST_BELOW``.
 
-    Nothing of the higher levels is used: laws are chosen, weighed and given their discrepancy on the lower ones alone.
-    ``all_rows``: of the sweeps of ``data``, where the laws are judged on them too.
+    Nothing of the higher levels is used: laws, weights and discrepancy come from the lower levels alone.
+    ``all_rows``: every row of the sweeps of ``data``; if given, laws are also judged on these.
 
     Returns:
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,

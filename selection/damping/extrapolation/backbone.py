@@ -1,8 +1,8 @@
-"""Resonance frequency and mass of a mode against amplitude: the backbone omega(A) as the sweeps show it.
+"""Resonance frequency and mass of a mode against amplitude: the backbone omega(A) that the sweeps show.
 
 The restoring force beyond the linear spring moves the resonance, omega^2 = omega_n^2 + S/(M A)
-(:func:`damping.predict.steady.backbone`). Its law is not among the damping laws, so that it is learnt from the
-frequencies of the tested resonances.
+(:func:`damping.predict.steady.backbone`). The damping laws do not contain it: it is estimated from the frequencies of
+the tested resonances.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from damping.records.resonance import tabulate_resonances
 
 @dataclass(frozen=True)
 class Interval:
-    """Median and central interval, arrays (rows,); NaN where there is none."""
+    """Median and central interval, arrays (rows,); NaN where undefined."""
 
     median: FloatArray
     low: FloatArray
@@ -35,7 +35,7 @@ class Interval:
 
     @staticmethod
     def known(values: FloatArray) -> Interval:
-        """Values without doubt."""
+        """The interval of values without uncertainty."""
         return Interval(values, values, values)
 
     def form(self, row: int) -> dict[str, float]:
@@ -43,35 +43,35 @@ class Interval:
         return {name: float(getattr(self, name)[row]) for name in ("median", "low", "high")}
 
 
-#: Prior standard deviations of the relative change of frequency from half the largest tested amplitude to it, or since
-#: joints were stuck, alike probable: bolted structures lose a fraction of a per cent to some per cent (Kerschen et al.
-#: 2006, section 2).
+#: Prior standard deviations, equally probable, of the relative change of frequency from half the largest tested
+#: amplitude to the largest, or since joints were stuck: bolted structures lose a fraction of a per cent to some per
+#: cent (Kerschen et al. 2006, section 2).
 CHANGES = (3e-4, 3e-3, 3e-2)
-#: Share of the stiffness that joints may lose: from there on ln omega^2 falls in proportion.
+#: Share of the stiffness that joints may lose: beyond it ln omega^2 falls in proportion.
 MOST_LOST = 0.5
-#: Components of the average below this share of the largest are left out.
+#: Components of the average with a weight below this share of the largest are left out.
 NEGLIGIBLE = 1e-6
 #: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
 FREQUENCY_SCATTER_LOG_SD = 1.5
-#: Quantiles of that prior which stand for it.
+#: Quantiles that represent that prior.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
-#: A frequency this many times a tested one, or as many times below, is another mode's: none is predicted.
+#: A frequency farther than this factor from every tested one belongs to another mode: it is not predicted.
 FARTHEST = 2.0
-#: Change of the resonance, relative, from which on amplitudes are solved along the backbone: what less of it does is
-#: below what a reading errs.
+#: Relative change of the resonance above which amplitudes are solved along the backbone: the effect of a smaller
+#: change is below the error of a reading.
 MOVED = 0.02
-#: Turns of solving for amplitude and frequency, each going half the way: what is left is 2^-8 of the change at first.
+#: Iterations for amplitude and frequency, each going half the way: the remaining change is 2^-8 of the first.
 _TURNS = 8
-#: Farthest from the tested frequencies, in ln omega, that an amplitude is solved at: beyond is no number.
+#: Largest distance from the tested frequencies, in ln omega, at which an amplitude is solved: beyond it is clipped.
 _FAR = 2.0
-#: Step of points that fill the unit interval evenly, however many they are: the golden ratio.
+#: Step of points that fill the unit interval evenly, whatever their number: the golden ratio.
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-#: ln of the amplitude over the largest tested one at which the backbone is tabulated.
+#: ln of the amplitudes, over the largest tested one, at which the backbone is tabulated.
 _TABLE = np.linspace(-5.0, 5.0, 201)
 _STEP = _TABLE[1] - _TABLE[0]
-#: Largest amplitude over the largest tested one that is told from any beyond it: its powers are finite numbers.
+#: Amplitudes, over the largest tested one, are clipped here so that their powers are finite numbers.
 _LARGEST = 1e20
-#: Prior standard deviation of ln omega at the middle of the test about its mean there: nothing is known before.
+#: Prior standard deviation of the intercept of a regression: practically no prior knowledge.
 _ANYWHERE = 1.0
 
 
@@ -79,13 +79,13 @@ _ANYWHERE = 1.0
 class Backbone:
     """Resonance frequency and mass of a mode against amplitude.
 
-    A straight line in a power of amplitude or in what joints lose, or constant, is omega^2, as springs and joints make
-    it, but ln omega^2 where it falls in a power, so that not everything lets go: Bayesian linear regression for each of
-    `list_shapes`, ``CHANGES`` and scatters, averaged by evidence.
+    omega^2 is constant, or linear in a power of amplitude or in the stiffness that joints have lost, as springs and
+    joints make it. Where it falls with a power, ln omega^2 is linear instead, so that stiffness stays positive. A
+    Bayesian linear regression for each of `list_shapes`, ``CHANGES`` and scatters is averaged by evidence.
 
     Attributes:
         amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
-        scatter: of a frequency from sweep to sweep, relative, that the mode states; 0 where it does not.
+        scatter: relative scatter of a frequency from sweep to sweep, as the mode states it; 0 if it does not.
     """
 
     amplitude: FloatArray
@@ -106,30 +106,30 @@ class Backbone:
         return Interval(*(np.where(near, f, np.nan) for f in (median, low, high)))
 
     def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
-        """Amplitude (draws, forces) where C(A, omega(A)) = F: of a ``force`` with draws (draws, 1), F (forces,).
+        """Amplitude (draws, forces) where C(A, omega(A)) = F, for a ``force`` with draws (draws, 1) and F (forces,).
 
-        At the frequency ``omega``, rad/s, of the largest tested force, where half of the draws end within ``MOVED`` of
-        it. At other forces each draw has a backbone of its own, a fixed number of standard deviations from the mean,
-        and its ln omega goes half the way there in each of ``_TURNS``: viscous amplitudes fall as 1/omega, so that this
-        converges for any omega in a power of A below the third.
+        It is solved at the frequency ``omega``, rad/s, of the largest tested force. At forces where the median draw
+        moves by more than ``MOVED``, each draw has a backbone a fixed number of standard deviations from the mean,
+        and ln omega goes half the way there in each of ``_TURNS`` iterations. Viscous amplitudes fall as 1/omega, so
+        this converges if omega is a power of A below the third.
         """
         A = resonant_amplitude(force, F[np.newaxis, :], omega, self.amplitude.max())
         moved = np.nan_to_num(self._log_omega_at(A) - np.log(omega))  # draws without a resonance do not move
         far = np.abs(np.median(moved, axis=0)) > MOVED
         if not far.any():
             return A
-        own, F, at = ndtri((np.arange(len(A)) * _GOLDEN + 0.5) % 1.0)[:, np.newaxis], F[np.newaxis, far], A[:, far]
-        log_omega = np.full(at.shape, np.log(omega))
+        sds, F, A_far = ndtri((np.arange(len(A)) * _GOLDEN + 0.5) % 1.0)[:, np.newaxis], F[np.newaxis, far], A[:, far]
+        log_omega = np.full(A_far.shape, np.log(omega))
         for _ in range(_TURNS):
-            log_omega += 0.5 * np.nan_to_num(self._log_omega_at(at, own) - log_omega)
-            at = resonant_amplitude(force, F, np.exp(log_omega), at)
-        A[:, far] = at
+            log_omega += 0.5 * np.nan_to_num(self._log_omega_at(A_far, sds) - log_omega)
+            A_far = resonant_amplitude(force, F, np.exp(log_omega), A_far)
+        A[:, far] = A_far
         return A
 
     def _log_omega_at(self, amplitude: FloatArray, deviation: FloatArray | float = 0.0) -> FloatArray:
-        """ln omega at amplitudes of any shape: its mean plus ``deviation`` standard deviations, within ``_FAR``."""
+        """ln omega at amplitudes of any shape: mean plus ``deviation`` standard deviations, clipped by ``_FAR``."""
         mean, sd = self._tabulated
-        with np.errstate(over="ignore"):  # an amplitude beyond all numbers is as the largest of the table
+        with np.errstate(over="ignore"):  # an infinite amplitude counts as the largest of the table
             at_largest = np.log(amplitude / self.amplitude.max())
         place = np.clip((at_largest - _TABLE[0]) / _STEP, 0.0, len(_TABLE) - 1.0)
         before = np.minimum(np.nan_to_num(place).astype(np.int64), len(_TABLE) - 2)
@@ -146,12 +146,12 @@ class Backbone:
         return middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
 
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
-        """Mass at each amplitude: straight in the logarithms between tested ones, constant beyond."""
+        """Mass at each amplitude: linear in the logarithms between tested amplitudes, constant beyond."""
         order = np.argsort(self.amplitude, kind="stable")
         return np.exp(np.interp(np.log(amplitude), np.log(self.amplitude[order]), np.log(self.mass[order])))
 
     def stiffness_at(self, amplitude: FloatArray) -> FloatArray:
-        """M omega^2 at each amplitude, as `mass_at`."""
+        """M omega^2 at each amplitude, interpolated as in `mass_at`."""
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
 
     def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -159,35 +159,35 @@ class Backbone:
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
         s = np.hypot(_SCATTERS, self.scatter)
-        found = []
-        for kind, shapes in groupby(list_shapes(), key=lambda own: type(own[0])):
+        regressions = []
+        for kind, shapes in groupby(list_shapes(), key=lambda entry: type(entry[0])):
             listed = list(shapes)
             loosens = kind is Loosening
             at_levels, at = (
                 np.array([find_change(part / top, shape) for shape, _ in listed])
                 for part in (self.amplitude, amplitude)
             )
-            least = -MOST_LOST if loosens else 0.0  # y is omega^2 from here on, ln omega^2 below
-            edge = np.log1p(least)
-            y = np.expm1(np.maximum(risen, edge)) + (1.0 + least) * np.minimum(risen - edge, 0.0)
+            knee = -MOST_LOST if loosens else 0.0  # y is omega^2 from here on, ln omega^2 below
+            edge = np.log1p(knee)
+            y = np.expm1(np.maximum(risen, edge)) + (1.0 + knee) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
             sizes = np.array([0.0] if listed[0][0] is None else CHANGES)
             z, b, covariance = _regress(at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter, sizes, s)
             if loosens:  # half a normal prior: joints do not stiffen
                 z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
-            masses = np.array([mass for _, mass in listed]) / len(sizes)
-            found.append((z + np.log(masses)[:, None, None], b, covariance, at, least))
-        most = max(float(z.max()) for z, *_ in found) + np.log(NEGLIGIBLE)
+            priors = np.array([prior for _, prior in listed]) / len(sizes)
+            regressions.append((z + np.log(priors)[:, None, None], b, covariance, at, knee))
+        cutoff = max(float(z.max()) for z, *_ in regressions) + np.log(NEGLIGIBLE)
         log_z, means, variances = [], [], []
-        for z, b, covariance, at, least in found:
-            shape, size, scatter = np.nonzero(z > most)
-            b, (own, both, other) = b[shape, size, scatter], covariance[:, shape, size, scatter, None]
+        for z, b, covariance, at, knee in regressions:
+            shape, size, scatter = np.nonzero(z > cutoff)
+            b, (var_0, cov, var_1) = b[shape, size, scatter], covariance[:, shape, size, scatter, None]
             mean, x = b[:, :1] + b[:, 1:] * at[shape], at[shape]
-            variance = own + x * (2.0 * both + x * other)
+            variance = var_0 + x * (2.0 * cov + x * var_1)
             log_z.append(z[shape, size, scatter])
-            below = np.minimum(mean - least, 0.0) / (1.0 + least)
-            means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, least)) + below))
-            variances.append(s[scatter, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, least)) ** 2)
+            below = np.minimum(mean - knee, 0.0) / (1.0 + knee)
+            means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, knee)) + below))
+            variances.append(s[scatter, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, knee)) ** 2)
         evidences = np.concatenate(log_z)
         weight = np.exp(evidences - logsumexp(evidences))
         return weight, np.concatenate(means), np.sqrt(np.concatenate(variances))
@@ -196,7 +196,7 @@ class Backbone:
 def _find_quantiles(weight: FloatArray, mean: FloatArray, sd: FloatArray, p: FloatArray) -> FloatArray:
     """Quantiles p (quantiles,) of mixtures of normals of weights (k,), means and deviations (k, rows)."""
     z = ndtri(p)[:, None]
-    of_each = mean + z[..., None] * sd  # none of the mixture lies beyond those of its parts
+    of_each = mean + z[..., None] * sd  # a quantile of the mixture lies between those of its components
     low, high = of_each.min(axis=1), of_each.max(axis=1)
     middle = weight @ mean
     start = middle + z * np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
@@ -210,25 +210,25 @@ def _find_quantiles(weight: FloatArray, mean: FloatArray, sd: FloatArray, p: Flo
 
 
 def _regress(
-    x: FloatArray, one: FloatArray, y: FloatArray, sizes: FloatArray, s: FloatArray
+    x: FloatArray, c: FloatArray, y: FloatArray, sizes: FloatArray, s: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Regression y = b_0 one + b_1 x + noise of each deviation s (scatters,), for every x (shapes, levels) and size.
+    """Regression y = b_0 c + b_1 x + noise of standard deviation s (scatters,), for every x (shapes, levels) and size.
 
-    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), of ``sizes`` (sizes,); b_1 is 0 where the size is.
+    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), with ``sizes`` (sizes,); b_1 is 0 where the size is 0.
 
     Returns:
-        Log evidence (shapes, sizes, scatters); b (.., 2); its variances and covariance, (3, ..): of b_0, both, b_1.
+        Log evidence (shapes, sizes, scatters); b (.., 2); (3, ..): variance of b_0, covariance, variance of b_1.
     """
-    over, V = s**-2.0, (2.0 * sizes[:, None]) ** 2
-    p = one @ one * over + _ANYWHERE**-2.0  # precision, (scatters,) and below (shapes, sizes, scatters)
-    q = (x @ one)[:, None, None] * over * np.ones_like(V)
-    r = np.sum(x * x, axis=1)[:, None, None] * over + 1.0 / np.where(V > 0.0, V, 1.0)
-    u, v = one @ y * over, (x @ y)[:, None, None] * over
+    w, V = s**-2.0, (2.0 * sizes[:, None]) ** 2
+    p = c @ c * w + _ANYWHERE**-2.0  # precision, (scatters,) and below (shapes, sizes, scatters)
+    q = (x @ c)[:, None, None] * w * np.ones_like(V)
+    r = np.sum(x * x, axis=1)[:, None, None] * w + 1.0 / np.where(V > 0.0, V, 1.0)
+    u, v = c @ y * w, (x @ y)[:, None, None] * w
     det = p * r - q * q
     b = np.stack([(r * u - q * v) / det, (p * v - q * u) / det], axis=-1)
-    left = y - b[..., :1] * one - b[..., 1:] * x[:, None, None, :]
+    residual = y - b[..., :1] * c - b[..., 1:] * x[:, None, None, :]
     prior = (b[..., 0] / _ANYWHERE) ** 2 + b[..., 1] ** 2 / np.where(V > 0.0, V, 1.0)
-    misfit = np.sum(left**2, axis=-1) * over + prior
+    misfit = np.sum(residual**2, axis=-1) * w + prior
     log_V = 2.0 * np.log(_ANYWHERE) + np.log(np.where(V > 0.0, V, 1.0))
     log_z = -0.5 * (misfit + np.log(det) + log_V) - len(y) * np.log(s)
     return log_z, b, np.array([r / det, -q / det, p / det])
@@ -237,9 +237,9 @@ def _regress(
 def find_backbone(record: Record, mode: Mode) -> Backbone:
     """Frequencies and masses at the phase resonances of a record.
 
-    The mass is that of the record's rows, else the mode's, known to its tolerance. Frequencies are those of the
-    structure without ``added_mass``, whose stiffness is the same, and of several masses
-    (:meth:`damping.records.mode.Mode.find_states`) with that of the largest force.
+    The mass is that of the record's rows, else the mode's, known to its tolerance. Frequencies are converted to those
+    of the structure without ``added_mass`` at the same stiffness. If the levels had several masses
+    (:meth:`damping.records.mode.Mode.find_states`), they are converted to the mass at the largest force.
     """
     resonances = tabulate_resonances(record)
     amplitude, frequency = resonances[["amplitude", "frequency"]].to_numpy(float).T
@@ -252,9 +252,9 @@ def find_backbone(record: Record, mode: Mode) -> Backbone:
 
 
 def observe_backbone(data: Observations, mode: Mode | None) -> Backbone | None:
-    """The backbone of the levels that laws rest on; None where all have one frequency. Its mass is of no account.
+    """The backbone of the levels that laws are fitted to, with unit masses; None if all levels have one frequency.
 
-    Frequencies are those of the structure without added mass and at one mass, where a mode says what it adds to.
+    If the mode is given, frequencies are converted to those of the structure at one mass and without added mass.
     """
     omega, scatter = data.tested_omega, (mode.repeatability.frequency if mode else None) or 0.0
     if mode:

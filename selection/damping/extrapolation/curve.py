@@ -11,8 +11,8 @@ is c/(2 M omega); for C = b A^m omega^n it is b A^(m-1) omega^(n-2)/(2 M). Ampli
 
     P(force for A < F) = P(amplitude at F > A),
 
-and its quantiles are where those of amplitude cross A. Uncertainties of mass and frequency are independent of the
-amplitude's; their squares are added in ln zeta.
+and the quantiles of force lie where those of amplitude cross A. Uncertainties of mass and frequency are independent of
+that of amplitude; their squares are added in ln zeta.
 """
 
 import math
@@ -33,42 +33,42 @@ from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST
 
-#: Steepest local exponent d ln F/d ln A that damping can have: how far the grid of forces goes for an amplitude.
+#: Steepest local exponent d ln F/d ln A that damping can have: it sets the range of the grid of forces.
 STEEPEST = 1.0 / SLOPES[0]
-#: Forces of that grid, at least, and ln of the ratio of two neighbours, at most: ln A is taken as straight in ln F
-#: between them, and an amplitude asked for beside a farther one is to have the force that it has alone.
+#: Fewest forces of that grid, and largest ln of the ratio of two neighbours. ln A is interpolated linearly in ln F; the
+#: fine step keeps the force for one amplitude independent of the other amplitudes requested.
 GRID = 20
 STEP = 0.5
-#: Where friction holds the mode A goes to 0 as a line, not a power: forces from one that moves no draw to one that
-#: moves nearly all of them.
+#: Grid forces from one that moves no draw to one that moves nearly all: where friction holds the mode, A falls to 0
+#: linearly and not as a power.
 FRICTION = 16
-#: Of a decay, whose force may hardly change: largest ratio of amplitudes over a step of forces, parts that a step is
-#: cut into at most, and how often: a force is then known to a sixtieth of the step.
+#: For a decay, whose force may hardly change: largest ratio of amplitudes over a step of forces, most parts that a step
+#: is split into, and rounds of splitting; a force is then known to a sixtieth of the step.
 LEAP = 2.0
 MOST_PARTS = 8
 TURNS = 2
-#: How far it goes beyond the force that the steepest law takes, for the ends of a band.
+#: Factor of the grid beyond the force of the steepest law, for the ends of a band.
 _MARGIN = 2.5
-#: Amplitudes within the test of a curve that nobody asked for, beside those of the levels, and how near, ln, to one of
-#: them a level has no row of its own.
+#: Amplitudes within the test of a default curve, beside those of the levels; a level nearer than this, in ln, to one of
+#: them gets no further row.
 WITHIN = 9
 SAME = 0.02
-#: Amplitudes of a drawing: over two decades they lie 1.12 times apart, where the peak of a joint is 1.4 times wide.
+#: Amplitudes of a plot: over two decades they lie 1.12 times apart; the damping peak of a joint is 1.4 times wide.
 DRAWN = 40
-#: Amplitudes beyond the test of such a curve.
+#: Amplitudes beyond the test of a default curve.
 BEYOND = 7
-#: Times the largest tested force that such a curve ends at; the first where few levels do not allow the second.
+#: End of a default curve over the largest tested force; the first if there are too few levels for the second.
 FARTHEST = (NEAREST, 2.0)
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Resonances at rising amplitudes, or where they were asked for.
+    """Resonances at rising amplitudes, or at the requested points.
 
     Attributes:
-        level: content of the bands. amplitude, force: the one that was asked has no band. frequency: Hz.
-        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the
-            force that was asked, lies within the rows that the laws rest on. cautions: a tuple for each row.
+        level: content of the bands. amplitude, force: the given one of the two has no band. frequency: Hz.
+        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the given
+            force, lies within the range of the fitted rows. cautions: a tuple for each row.
     """
 
     level: float
@@ -90,14 +90,14 @@ class Curve:
         """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
         columns: dict[str, FloatArray | BoolArray | list[str]] = {}
         for name in ("amplitude", "force", "frequency", "damping_ratio", "q"):
-            of = getattr(self, name)
-            columns |= {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
-        said = ["; ".join(caution) for caution in self.cautions]
-        return pd.DataFrame({**columns, "tested": self.tested, "cautions": said})
+            interval = getattr(self, name)
+            columns |= {name: interval.median, f"{name}_low": interval.low, f"{name}_high": interval.high}
+        joined = ["; ".join(caution) for caution in self.cautions]
+        return pd.DataFrame({**columns, "tested": self.tested, "cautions": joined})
 
 
 def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
-    """Amplitudes of a curve that nobody asked for: over the test and at its levels, and on to the largest predicted."""
+    """Amplitudes of a default curve: over the test, at its levels, and beyond up to the largest predicted one."""
     data = predicted.plan.data
     beyond = float(np.nan_to_num(predicted.loads.average.median).max())
     low, high = float(data.A.min()), float(data.A.max())
@@ -111,7 +111,7 @@ def list_default_amplitudes(predicted: Extrapolation) -> FloatArray:
 
 
 def list_drawn_amplitudes(amplitudes: FloatArray, data: Observations) -> FloatArray:
-    """Amplitudes of a drawing of a curve at ``amplitudes`` (rows,), NaN of none: these, those tested, and others."""
+    """Amplitudes for a plot of the curve at ``amplitudes`` (rows,), NaN ignored: these, tested ones, and others."""
     known = amplitudes[np.isfinite(amplitudes)]
     if not known.size:
         return known
@@ -121,11 +121,10 @@ def list_drawn_amplitudes(amplitudes: FloatArray, data: Observations) -> FloatAr
 
 
 def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | FloatArray, *, each: bool = True) -> Loads:
-    """The force for each amplitude: :class:`Loads` whose ``amplitude`` was asked, and whose bands are of force.
+    """The force for each amplitude: :class:`Loads` with the given ``amplitude`` and bands of force.
 
-    ``each``: whether the band of each law is wanted too.
-    ``linear`` is the force of the viscous coefficient of the sweep with the largest tested force. A force beyond the
-    plan's limit is refused as in predictions of amplitude.
+    ``each``: whether to make the band of each law too. ``linear`` is the force by the viscous coefficient of the sweep
+    with the largest tested force. A force beyond the plan's limit is refused as in predictions of amplitude.
     """
     asked, plan, data = np.asarray(amplitudes, dtype=float), predicted.plan, predicted.plan.data
     grid, loads = _search_forces(predicted, asked, each)
@@ -163,7 +162,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
 
 
 def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> tuple[FloatArray, Loads]:
-    """Forces of a magnitude of records, without a limit, that reach the amplitudes asked for, and predictions there."""
+    """Forces from ``SMALLEST`` to ``LARGEST`` that reach the amplitudes ``asked``, and predictions there, unlimited."""
     data = predicted.plan.data
     down = STEEPEST * min(0.0, math.log(asked.min() / data.tested_amplitude.min())) - math.log(_MARGIN)
     up = STEEPEST * max(0.0, math.log(asked.max() / data.tested_amplitude.max())) + math.log(_MARGIN)
@@ -187,7 +186,7 @@ def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> t
 def _refine(
     free: Extrapolation, grid: FloatArray, loads: Loads, asked: FloatArray, each: bool
 ) -> tuple[FloatArray, Loads]:
-    """The grid of a decay with more forces where an end of the band leaps over amplitudes asked for, as of friction."""
+    """The grid of a decay, refined where friction makes an end of the band leap over amplitudes ``asked``."""
     within = np.log([asked.min() / LEAP, asked.max() * LEAP])
     for _ in range(TURNS):
         ends = (loads.average.low, loads.average.median, loads.average.high)
@@ -204,22 +203,22 @@ def _refine(
 
 
 def _invert_band(band: Band, grid: FloatArray, asked: FloatArray, limit: float) -> Band:
-    """The band of the force for each amplitude from that of the amplitude over a grid of forces."""
+    """The band of force for each amplitude, from the band of amplitude over a grid of forces."""
     median = find_crossing(grid, band.median, asked)
     median = np.where(median <= limit * (1.0 + ROUNDING), median, np.nan)
 
     def cross(curve: FloatArray) -> FloatArray:
         return np.where(np.isfinite(median), find_crossing(grid, curve, asked), np.nan)
 
-    ends = (band.high, band.low, band.credible_high, band.credible_low)  # a force is low where amplitudes are high
+    ends = (band.high, band.low, band.credible_high, band.credible_low)  # the high amplitude gives the low force
     return Band(band.name, band.weight, median, *map(cross, ends))
 
 
 def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -> FloatArray:
-    """Force at which a curve of amplitude first reaches each amplitude asked; NaN outside of the curve.
+    """Force at which a curve of amplitude first reaches each amplitude ``asked``; NaN outside the curve.
 
-    Arguments (grid,), (grid,) and (rows,), forces rising. The curve is straight in the logarithms from point to point,
-    and itself from a force that friction holds, of amplitude 0, to the first that moves.
+    Arguments (grid,), (grid,) and (rows,), forces rising. The curve is linear in the logarithms between points, and
+    linear in force and amplitude from the last force at which friction holds the mode to the first that moves it.
     """
     known = np.isfinite(amplitude) & (amplitude > 0.0)
     if known.sum() < 2:
@@ -233,7 +232,7 @@ def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -
 
 
 def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
-    """The curve through predictions, of amplitudes or of forces; ``data``: the rows that they rest on."""
+    """The curve through predictions of amplitudes or of forces; ``data``: the fitted rows."""
     predicted, of_force = Interval(loads.average.median, loads.average.low, loads.average.high), loads.amplitude is None
     asked = loads.force if loads.amplitude is None else loads.amplitude
     known = Interval.known(np.where(np.isfinite(predicted.median), asked, np.nan))
@@ -245,9 +244,9 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)
     cautions, lowest = loads.cautions, float(backbone.omega[np.argmin(backbone.amplitude)])
-    if data.tested_mass is None:  # masses that the record gives of its levels move their resonances too
+    if data.tested_mass is None:  # masses of single levels would move their resonances too
         rows = zip(cautions, RAD_S_PER_HZ * f.median, zeta, strict=True)
-        cautions = tuple(_add_jump(said, lowest, omega, ratio) for said, omega, ratio in rows)
+        cautions = tuple(_add_jump(so_far, lowest, omega, ratio) for so_far, omega, ratio in rows)
     given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
     low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
@@ -262,26 +261,26 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
 
 
 def _find_frequency(backbone: Backbone, amplitude: Interval, level: float) -> tuple[Interval, Interval]:
-    """The band of frequency at the median of an amplitude, and that at an amplitude which is known to its band only.
+    """The band of frequency at the median amplitude, and that widened by the uncertainty of the amplitude.
 
-    What the backbone moves from the median of the amplitude to each end of its band, squares added in ln omega.
+    The shift of the backbone from the median to each end of the amplitude band is added in squares of ln omega.
     """
-    every = backbone.frequency_at(np.concatenate([amplitude.median, amplitude.low, amplitude.high]), level)
+    points = backbone.frequency_at(np.concatenate([amplitude.median, amplitude.low, amplitude.high]), level)
     rows = len(amplitude.median)
-    f = Interval(every.median[:rows], every.low[:rows], every.high[:rows])
-    moved = np.log(every.median[rows:].reshape(2, rows) / f.median)
+    f = Interval(points.median[:rows], points.low[:rows], points.high[:rows])
+    moved = np.log(points.median[rows:].reshape(2, rows) / f.median)
     down, up = (np.fmax.reduce(sign * moved, initial=0.0) for sign in (-1.0, 1.0))
     low, high = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
     return f, Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
 
 
-def _add_jump(said: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
-    """The cautions of a resonance, and that the mode is bistable there, as far from the ``lowest`` level's, rad/s.
+def _add_jump(cautions: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
+    """Add the caution that the mode is bistable at ``omega``, by its distance from the ``lowest`` level's, rad/s.
 
-    Not where the levels themselves say so.
+    Nothing is added if the caution on the tested levels is already there.
     """
     jump = describe_bistability(np.array([lowest, omega]), 2.0 * zeta * omega, OF_PREDICTED)
-    return said if not jump or any("bistable" in caution for caution in said) else (*said, jump)
+    return cautions if not jump or any("bistable" in caution for caution in cautions) else (*cautions, jump)
 
 
 def join_curves(curves: Sequence[Curve]) -> Curve:

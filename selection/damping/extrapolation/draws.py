@@ -1,15 +1,15 @@
-"""Draws of what the next test would read at any force: law, straying of its exponent, noise; pooled over laws.
+"""Draws of the next test's reading at any force: law, straying of its exponent, noise; pooled over laws.
 
-What if a prior were another, or one more level were tested? The same draws, counted otherwise.
+The same draws, reweighted, show the effect of another prior and of one more level.
 
-A prior's change reweights posterior draws x by the ratio of prior densities, and each law by its mean over them:
+A changed prior reweights posterior draws x by the ratio of prior densities, and each law by its mean over them:
 
 - ``scatter``, ``discrepancy``: a log-normal prior whose median is a third or three times as large, exp(m x - m^2/2)
   with m = ln(factor)/(log standard deviation);
 - ``share``: Dirichlet of concentration a third or three in place of one.
 
-A level more is a reading drawn from the prediction there: draws are weighed by its likelihood, and the width of the
-band at the design force that is left is averaged over readings.
+A further level is a reading drawn from the prediction there: draws are weighted by its likelihood, and the remaining
+width of the band at the design force is averaged over readings.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
-#: Draws of the average over models: paths then move its upper end by 0.5 % from seed to seed.
+#: Draws of the average over models: its upper end then differs by 0.5 % from seed to seed because of the paths.
 AVERAGE_DRAWS = 40_000
-#: Laws with less weight are not drawn from again and not shown in short tables; they are part of every average.
+#: Laws with less weight are not drawn from afresh and not shown in short tables; they are part of every average.
 LEAST_WEIGHT = 0.01
-#: Draws of a law, at least: its own band is then known to 5 % of its width.
+#: Fewest draws of a law: the band of that law is then known to 5 % of its width.
 FEWEST_DRAWS = 1000
-#: Draws of a law of at most ``LEAST_WEIGHT``, whose own band is known to 10 % of its width.
+#: Fewest draws of a law of at most ``LEAST_WEIGHT``: its band is then known to 10 % of its width.
 FEWEST_OF_LITTLE = 250
-#: Digits of ln F: forces that rounding alone keeps apart are one point, in any units.
+#: Digits of ln F: forces that differ by rounding alone count as one point, in any units.
 _DIGITS = 12
 
 
 @dataclass(frozen=True)
 class Member:
-    """A law that takes part: its weight and posterior draws x, (draws, dimension).
+    """A law in the average: its weight and posterior draws x, (draws, dimension).
 
-    ``joint``: what the resonances say of one. ``backbone``: where they lie; at one frequency where it is not given.
+    ``joint``: evidence of the resonances for a slipping joint. ``backbone``: their frequencies; None if all are equal.
     """
 
     name: str
@@ -57,16 +57,16 @@ class Member:
     backbone: Backbone | None = None
 
     def solve(self, damping: Force, force: FloatArray, data: Observations) -> FloatArray:
-        """Resonant amplitudes (draws, forces) of the law with its draws, ``damping``, under ``force`` (forces,)."""
+        """Resonant amplitudes (draws, forces) under ``force`` (forces,); ``damping``: the force of each draw."""
         omega = float(data.tested_omega[data.top])
         if self.backbone is None:
             return resonant_amplitude(damping, force[np.newaxis, :], omega, data.tested_amplitude[data.top])
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
-        """Draws evenly apart by rising straying, as many as its share in ``AVERAGE_DRAWS`` asks for.
+        """The member with draws evenly chosen in order of straying, its share of ``AVERAGE_DRAWS`` in number.
 
-        In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray alike.
+        In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray similarly.
         """
         fewest = FEWEST_DRAWS if self.weight > LEAST_WEIGHT else FEWEST_OF_LITTLE
         wanted = max(fewest, int(AVERAGE_DRAWS * self.weight))
@@ -80,11 +80,11 @@ class Member:
 
 @dataclass(frozen=True)
 class Spread:
-    """Draws in ln A, (draws, forces): the law's amplitude as the levels correct it, its straying, the noise.
+    """Draws in ln A, (draws, forces): the law's amplitude corrected by the levels, its straying, the noise.
 
-    ``resonates``: whether the law itself reaches the force at any amplitude. ``short``: whether it takes less at the
-    largest tested one. A draw that does not resonate has too little damping at any if it is short, else it is held by
-    friction.
+    ``resonates``: whether the damping force reaches the force at any amplitude. ``short``: whether it is smaller than
+    the force at the largest tested amplitude. A draw that does not resonate has too little damping if it is short;
+    otherwise friction holds the mode.
     """
 
     law: FloatArray
@@ -99,7 +99,7 @@ class Spread:
         return self.law + self.stray + self.noise
 
     def at(self, columns: IntArray | slice) -> Spread:
-        """The same at some of the forces."""
+        """The draws at a selection of the forces."""
         return Spread(*(getattr(self, part.name)[:, columns] for part in fields(self)))
 
 
@@ -109,34 +109,34 @@ def pool(spreads: Sequence[Spread]) -> Spread:
 
 
 def share_out(members: Sequence[Member], spreads: Sequence[Spread]) -> FloatArray:
-    """Share of each draw of the pool in the average over models, (draws,)."""
+    """Share of each pooled draw in the average over models, (draws,)."""
     shares = [np.full(len(s.law), m.weight / len(s.law)) for m, s in zip(members, spreads, strict=True)]
     return np.concatenate(shares) / sum(m.weight for m in members)
 
 
 def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> FloatArray:
-    """Quantiles (quantiles, columns) of values (draws, columns) of ``shares`` (draws,); NaN has none.
+    """Quantiles (quantiles, columns) of values (draws, columns) with weights ``shares`` (draws,); NaN has weight 0.
 
-    Each draw is spread evenly over its share.
+    The weight of each draw is spread evenly about it.
     """
-    found = []
+    quantiles = []
     for column in values.T:
         order = np.argsort(column)  # NaN last
         column, share = column[order], np.where(np.isnan(column[order]), 0.0, shares[order])
         total = np.cumsum(share)
-        found.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
-    return np.array(found).T
+        quantiles.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
+    return np.array(quantiles).T
 
 
 def draw_spreads(
     members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
 ) -> list[Spread]:
-    """Draws of every law's parts at ``force`` (forces,); those at one force do not depend on the others."""
+    """Draws of every law's parts at ``force`` (forces,); draws at one force do not depend on the other forces."""
     rngs = np.random.default_rng(seed).spawn(len(members))
     return [draw_spread(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of one beyond all numbers
+@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of an infinite one
 def draw_spread(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Spread:
@@ -144,7 +144,7 @@ def draw_spread(
     tested, asked = (np.asarray(np.round(np.log(part), _DIGITS), float) for part in (data.tested_force, force))
     top = tested.max()
     within, steps = asked[asked <= top], top + place_steps(asked.max() - top)
-    new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampled ones stand several times
+    new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampling repeats draws
     draws, which = member.draws[new], np.cumsum(new) - 1
     damping = member.coordinates.force(draws)
     of_law = np.log(member.solve(damping, np.exp(np.concatenate([asked, steps])), data))[which]
@@ -155,21 +155,21 @@ def draw_spread(
     else:
         row = np.maximum(row, repeatability)
     sigma, noise = member.coordinates.doubt(draws, damping), row**2 + level**2
-    left, errors, known = (part[which] for part in _levels(damping, row, level, data))
+    deviations, errors, known = (part[which] for part in _levels(damping, row, level, data))
     of_noise, of_paths = rng.spawn(2)
     places = (np.append(within, top), steps[1:])
-    mean, drawn = stray(sigma[which], left, errors, tested, *places, of_paths)
+    mean, drawn = stray(sigma[which], deviations, errors, tested, *places, of_paths)
 
     def follow(strays: FloatArray, *, lets_go: bool) -> FloatArray:
         log_A = np.empty(of_law.shape)
         log_A[:, asked <= top] = of_law[:, asked <= top] + strays[:, : len(within)]
-        how = {"lets_go": lets_go, "of_decay": data.amplitude_is_input}
-        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, **how)
+        options = {"lets_go": lets_go, "of_decay": data.amplitude_is_input}
+        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, **options)
         log_A[:, asked > top] = read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
         return log_A
 
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
-    # one draw for all forces: a band is then smooth
+    # the same noise at all forces keeps bands smooth
     noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
     strayed = follow(drawn, lets_go=True) - law
     short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
@@ -179,14 +179,14 @@ def draw_spread(
 def _levels(
     damping: Sum, row: FloatArray, level: FloatArray, data: Observations
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """ln A of each level less the law's, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps); mean known
-    variance of a row, (draws,)."""
+    """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps);
+    mean stated variance of a row, (draws,)."""
     n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
-    hh = np.maximum(hh, 1e-6)  # a level whose rows say nothing of its amplitude
+    hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
     errors = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
-    # n > 0 where more force was needed than the law's: its amplitude at that force is larger than the measured one
+    # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
     return -hn / hh, errors, known.mean(axis=1)
 
 
@@ -195,11 +195,11 @@ def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> Fl
     return member.solve(member.coordinates.force(member.draws), force, data)
 
 
-#: Priors are tried at a third and at three times what they are.
+#: Factors by which each prior is changed.
 FACTORS = (1.0 / 3.0, 3.0)
-#: Where a further level may lie between the largest tested force and the design force, in shares of the way in ln F.
+#: Places of a further level between the largest tested force and the design force, as shares of the distance in ln F.
 ON_THE_WAY = (1.0 / 3.0, 2.0 / 3.0)
-#: Readings that an expected width is averaged over: quantiles of the prediction there.
+#: Quantiles of the prediction at a further level, over which as readings an expected width is averaged.
 READINGS = (np.arange(24) + 0.5) / 24
 
 
@@ -211,7 +211,7 @@ def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: Flo
     """
     tail, rows = 0.5 * (1.0 - level), []
     total, shares = pool(spreads).total, share_out(members, spreads)
-    for prior, ratio in (("scatter", _of_scatter), ("share", _of_shares), ("discrepancy", _of_doubt)):
+    for prior, ratio in (("scatter", _scatter_ratio), ("share", _share_ratio), ("discrepancy", _discrepancy_ratio)):
         for factor in FACTORS:
             odds = shares * np.concatenate([ratio(member, factor) for member in members])
             low, median, high = np.exp(find_quantiles(total, odds, np.array([tail, 0.5, 1.0 - tail])))
@@ -219,26 +219,26 @@ def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: Flo
     return pd.DataFrame(rows, columns=["prior", "factor", "force", "median", "low", "high"])
 
 
-def _of_scatter(member: Member, factor: float) -> FloatArray:
-    """Ratio of prior densities of each draw, (draws,)."""
+def _scatter_ratio(member: Member, factor: float) -> FloatArray:
+    """Ratio of the changed to the assumed prior density at each draw, (draws,)."""
     columns = [-2, -1] if member.coordinates.with_level_scatter else [-1]
-    return _shifted(member.draws[:, columns], np.log(factor) / SCATTER_LOG_SD)
+    return _shift_ratio(member.draws[:, columns], np.log(factor) / SCATTER_LOG_SD)
 
 
-def _of_doubt(member: Member, factor: float) -> FloatArray:
+def _discrepancy_ratio(member: Member, factor: float) -> FloatArray:
     if not member.coordinates.with_doubt:
         return np.ones(len(member.draws))
-    return _shifted(member.draws[:, [member.coordinates.names.index("doubt")]], np.log(factor) / DOUBT_LOG_SD)
+    return _shift_ratio(member.draws[:, [member.coordinates.names.index("doubt")]], np.log(factor) / DOUBT_LOG_SD)
 
 
-def _of_shares(member: Member, factor: float) -> FloatArray:
+def _share_ratio(member: Member, factor: float) -> FloatArray:
     shares = member.coordinates.shares(member.draws)
-    k = shares.shape[1]
-    log_norm = gammaln(k * factor) - k * gammaln(factor) - gammaln(k)
+    parts = shares.shape[1]
+    log_norm = gammaln(parts * factor) - parts * gammaln(factor) - gammaln(parts)
     return np.asarray(np.exp(log_norm + (factor - 1.0) * np.sum(np.log(np.maximum(shares, 1e-12)), axis=1)))
 
 
-def _shifted(x: FloatArray, by: float) -> FloatArray:
+def _shift_ratio(x: FloatArray, by: float) -> FloatArray:
     """N(x; by, 1)/N(x; 0, 1), over columns."""
     return np.asarray(np.exp(np.sum(by * x - 0.5 * by**2, axis=1)))
 
@@ -248,8 +248,8 @@ class NextLevel:
     """The further level that would most shrink the band at a design force.
 
     Attributes:
-        design, force: design force, and force of the level. width, expected: high/low there now, and with the level.
-        others: ``force, expected``, one row for each level tried, best first.
+        design, force: design force, and force of the level. width, expected: high/low at the design force now, and
+            with the level. others: ``force, expected``, one row for each candidate level, best first.
     """
 
     design: float
@@ -260,21 +260,22 @@ class NextLevel:
 
 
 def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
-    """Forces of a further level that are tried: repeats of the tested ones, and levels on the way to the design."""
+    """Candidate forces of a further level: repeats of the tested forces, and levels on the way to the design force."""
     tested = np.unique(tested_force)
     return np.concatenate([tested, tested[-1] * (design / tested[-1]) ** np.array(ON_THE_WAY)])
 
 
-@np.errstate(over="ignore")  # a band beyond all numbers is infinite
+@np.errstate(over="ignore")  # the width of a band may be infinite
 def choose_next_level(
     members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float
 ) -> NextLevel:
-    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: at all of these."""
+    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: draws at all these
+    forces, ``design`` last."""
     pooled, shares = pool(spreads), share_out(members, spreads)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
     at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.stray)[order]
-    # the level's own noise is fresh: readings there are spread by it, and it says nothing of the noise at the design
+    # the noise of the further level spreads its readings and is independent of the noise at the design force
     sd = np.maximum(np.sqrt(shares @ pooled.noise[order] ** 2 / shares.sum()), 1e-6)
     tail = 0.5 * (1.0 - level)
 
@@ -286,7 +287,7 @@ def choose_next_level(
     expected = [
         np.mean(
             [
-                width(np.nan_to_num(np.exp(-0.5 * ((at - reading) / noise) ** 2)))  # without one at the level: none
+                width(np.nan_to_num(np.exp(-0.5 * ((at - reading) / noise) ** 2)))  # no resonance there: weight 0
                 for reading in find_quantiles(at[:, None], shares, READINGS)
             ]
         )

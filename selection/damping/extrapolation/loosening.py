@@ -1,4 +1,4 @@
-"""How a resonance may change with amplitude: in powers of it, or as joints lose stiffness; and how probable each is."""
+"""Shapes of the change of resonance with amplitude, powers or joints that lose stiffness, and their prior odds."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.forces.joints import lose_stiffness
 
-#: Change of frequency with amplitude is tried in these powers of amplitude: of a joint that slips in full (S/A in
-#: A^-1/2 and below) or in part, of a quadratic and of a cubic spring (A, A^2), and between ...
+#: Powers of amplitude in which frequency may change: of a joint that slips fully (S/A in A^-1/2 and below) or in part,
+#: of a quadratic and of a cubic spring (A, A^2), and between them.
 POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-#: ... and as joints lose stiffness, never more than they have: of one limit, over the largest tested amplitude, and of
-#: limits spread evenly from none to a largest one.
+#: Slip limits of joints, over the largest tested amplitude: joints of one limit, and the largest limit of joints whose
+#: limits are spread evenly from 0. Joints lose no more stiffness than they have.
 LIMITS = tuple(np.geomspace(0.04, 0.96, 96).tolist())
 LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-#: Prior probability that frequency does not change at all: hardly any structure that is driven harder; and how probable
-#: powers, joints of one limit and of many are beside each other: joints of one limit are hardly any that is bolted.
+#: Prior probability that frequency does not change at all, which is rare in structures that are driven harder.
 CONSTANT = 0.1
+#: Prior odds of powers, joints of one limit and joints of many limits: bolted joints hardly ever have one limit.
 OF_KINDS = (6.0, 1.0, 2.0)
 
 
 @dataclass(frozen=True)
 class Power:
-    """How a resonance changes with the amplitude over the largest tested one, x: as x^p, by one from x = 1/2 to 1."""
+    """Change as x^p, x the amplitude over the largest tested one, normalised to 1 from x = 1/2 to x = 1."""
 
     exponent: float
 
@@ -37,7 +37,7 @@ class Power:
 
 @dataclass(frozen=True)
 class Loosening:
-    """The same by the share of stiffness that joints have ``lost`` at x over their ``limit``, by one up to x = 1."""
+    """Change as the share of stiffness that joints have ``lost`` at x/``limit``, normalised to 1 up to x = 1."""
 
     limit: float
     lost: Callable[[FloatArray], FloatArray]
@@ -48,12 +48,12 @@ class Loosening:
 
 
 def _lose_of_one(x: FloatArray) -> FloatArray:
-    """That of one joint, -S/(k A) of `damping.forces.joints.Slip`."""
+    """Stiffness lost by one joint, -S/(k A) of `damping.forces.joints.Slip`."""
     return -np.asarray(lose_stiffness(1.0 / np.maximum(x, 1.0))[0])
 
 
 def _lose_of_many(x: FloatArray) -> FloatArray:
-    """The mean of `_lose_of_one` over limits from 0 to 1: x/2 up to the largest, then x times its integral over 1/x."""
+    """Mean of `_lose_of_one` over limits from 0 to 1: x/2 up to x = 1, then x times its integral over 1/x."""
     cosine = 1.0 - 2.0 / np.maximum(x, 1.0)
     psi, sine = np.arccos(cosine), np.sqrt(1.0 - cosine**2)
     return x * (0.5 * (1.0 - cosine) - (sine - psi * cosine) / (2.0 * np.pi) + sine**3 / (6.0 * np.pi))
@@ -61,7 +61,7 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 @cache
 def list_shapes() -> list[tuple[Power | Loosening | None, float]]:
-    """Every shape, None of a constant, with its prior probability."""
+    """Every shape, None for a constant, with its prior probability."""
     kinds: tuple[list[Power | Loosening], ...] = (
         [Power(exponent) for exponent in POWERS],
         [Loosening(limit, _lose_of_one) for limit in LIMITS],
@@ -70,10 +70,10 @@ def list_shapes() -> list[tuple[Power | Loosening | None, float]]:
     shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
     return [
         (None, CONSTANT),
-        *((shape, own / len(kind)) for kind, own in zip(kinds, shares, strict=True) for shape in kind),
+        *((shape, share / len(kind)) for kind, share in zip(kinds, shares, strict=True) for shape in kind),
     ]
 
 
 def find_change(x: FloatArray, shape: Power | Loosening | None) -> FloatArray:
-    """The change of a shape since x = 1, 0 of none; (rows,)."""
+    """Change of a shape since x = 1, (rows,); 0 if the shape is None."""
     return np.zeros(len(x)) if shape is None else shape(x)

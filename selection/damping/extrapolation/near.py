@@ -1,10 +1,10 @@
-"""What of a record bears on resonant amplitudes: rows near resonance, free of a constant phase offset.
+"""Rows near resonance, free of a constant phase offset, and the plan of a prediction made from them.
 
-Before any prediction: is the law changing at the top of the test (the local exponent p = d ln F/d ln A from level to
-level), which laws take part, with what weight, and how far to go.
+A plan says whether the law changes at the top of the test (local exponent p = d ln F/d ln A from level to level), which
+laws are averaged with what weights, and how far beyond the test predictions are given.
 
-Weights are posterior probabilities on the rows near resonance, the same evidence that ranks: straying exponents are in
-it (:mod:`damping.infer.doubt`), so that levels do not count as more than they know.
+Weights are posterior probabilities on the rows near resonance, by the same evidence that ranks. It allows exponents to
+stray (:mod:`damping.infer.doubt`), so that levels do not carry more weight than their information.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,36 +28,36 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 
-#: Ratio of amplitudes from which on the rows of one level say how damping changes with amplitude; a sweep at constant
-#: response does not.
+#: Ratio of amplitudes from which the rows of one level show how damping changes with amplitude; a sweep at constant
+#: response has less.
 TELLING = 1.1
-#: Rows with |cot phase| up to this are near: those between the half-power points of their sweep.
+#: Rows with |cot phase| up to this are near resonance: those between the half-power points of their sweep.
 NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """One row for each sweep, its phase resonance; all near resonance where one level says how damping changes.
+    """One row for each sweep, its phase resonance; every row near resonance if one level shows how damping changes.
 
-    A constant phase offset rotates the energy of a row by offset times cot(phase), relative: what
-    :func:`damping.records.resonance.tabulate_resonances` finds of it is taken off first (not where the record
-    has energies of its own). Then rows between the half-power points stay, |F cos(phase)| <= ``NEAR`` F sin(phase):
-    beyond them the measured energy is mostly error of phase. A sweep without any keeps the row nearest to resonance.
+    A constant phase offset changes the energy of a row by offset times cot(phase), relative: the offset found by
+    :func:`damping.records.resonance.tabulate_resonances` is subtracted first, unless the record has an energy column.
+    Then rows between the half-power points are kept, |F cos(phase)| <= ``NEAR`` F sin(phase): beyond them the measured
+    energy is mostly phase error. A sweep without such rows keeps the row nearest to resonance.
 
     Raises:
-        AnalysisError: no row says anything about damping.
+        AnalysisError: no row carries information about damping.
     """
     data = observe(without_offset(record))
     cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
     near = cotangent <= NEAR
     for sweep in range(len(data.sweeps)):
-        own = np.flatnonzero(data.sweep == sweep)
-        near[own[np.argmin(cotangent[own])]] = True
+        in_sweep = np.flatnonzero(data.sweep == sweep)
+        near[in_sweep[np.argmin(cotangent[in_sweep])]] = True
     data = data.take_rows(near)
     one_telling = data.levels.max() == 0 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
 
 
-#: What is said of a record of one level: of structures outside the library the 90 % band of one sweep misses a quarter.
+#: Caution for a record of one level: for structures outside the library the 90 % band of one sweep misses a quarter.
 ONE_LEVEL = (
     "one level does not show how damping changes with amplitude, because frequency changes too along a sweep: do not "
     "trust the band beyond the tested force, and test a second level"
@@ -74,7 +74,7 @@ def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
 
 
 def without_offset(record: Record) -> Record:
-    """The record with each sweep's phase offset taken off its phases; as it is where energies were recorded."""
+    """The record with each sweep's phase offset subtracted; unchanged if it has no phases, or recorded energies."""
     if not record.has_phase or "energy" in record.frame.columns:
         return record
     offset = tabulate_resonances(record).set_index("sweep")["phase_offset"]
@@ -84,7 +84,7 @@ def without_offset(record: Record) -> Record:
 
 
 def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple[str, ...]]:
-    """Every row as laws are ranked on it, and what was done: a phase offset that the audit finds is taken off."""
+    """Every row as laws are ranked on it, and notes: a phase offset that the audit finds is subtracted."""
     freed = without_offset(record) if any(f.check == "phase-offset" for f in findings.findings) else record
     if freed is record:
         return observe(record), ()
@@ -93,7 +93,7 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
     return observe(freed), (said,)
 
 
-#: Standard normal quantile (one side 5 %) beyond which a change of p is said to be one.
+#: Standard normal quantile (one-sided 5 %) beyond which a change of p is reported.
 CHANGES = 1.64
 
 
@@ -103,8 +103,8 @@ class Trend:
 
     Attributes:
         force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
-            scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, of a parabola
-            ln A(ln F) through the levels, of a decay ln F(ln A); NaN with fewer than three.
+            scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, from a parabola
+            ln A(ln F) through the levels (for a decay ln F(ln A)); NaN with fewer than three levels.
     """
 
     force: FloatArray
@@ -124,7 +124,7 @@ class Trend:
 
     @property
     def failing(self) -> float:
-        """How sure it is, 0 to 1, that p falls: 0 up to where it is said, 1 from twice that change."""
+        """Confidence, 0 to 1, that p falls: 0 up to the change that is reported, 1 from twice that change."""
         return float(np.clip(np.nan_to_num(-self.z) / CHANGES - 1.0, 0.0, 1.0))
 
 
@@ -132,7 +132,7 @@ def trend(data: Observations, scatter: float) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
-        scatter: relative scatter of one sweep's resonant amplitude, of a decay that of its force.
+        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
@@ -140,7 +140,7 @@ def trend(data: Observations, scatter: float) -> Trend:
     step_F, step_A = np.diff(log_F), np.diff(log_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = np.where(step_A > 0.0, step_F / step_A, np.nan)
-        slope = (1.0 if of_decay else p) / step_A  # change of p with what scatters: ln F of a decay, else ln A
+        slope = (1.0 if of_decay else p) / step_A  # change of p with the scattering quantity: decay ln F, else ln A
     variance = scatter**2 / count
     sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
@@ -153,11 +153,11 @@ def trend(data: Observations, scatter: float) -> Trend:
     return Trend(force, p, sd, float((bend if of_decay else -bend) / np.sqrt(covariance[0, 0])))
 
 
-#: Levels from which on predictions go farther than ``NEAREST`` times the largest tested force.
+#: Fewest levels for predictions beyond ``NEAREST`` times the largest tested force.
 ENOUGH_LEVELS = 3
-#: Times the largest tested force that fewer levels allow.
+#: Largest force, over the largest tested force, that fewer levels allow.
 NEAREST = 1.5
-#: Weight from which on a law that is left out is named.
+#: Weight above which an excluded law is named.
 LEAST_SAID = 0.05
 #: Relative excess of a force over the limit that still counts as the limit.
 ROUNDING = 1e-3
@@ -165,7 +165,7 @@ ROUNDING = 1e-3
 
 @dataclass(frozen=True)
 class Planned:
-    """A law that takes part: its share in the average and its evidence on the rows near resonance."""
+    """A law in the average: its weight there, and its evidence on the rows near resonance."""
 
     law: Law
     weight: float
@@ -180,14 +180,14 @@ class Planned:
 
 @dataclass(frozen=True)
 class Plan:
-    """What predictions rest on.
+    """Laws, weights and limits of a prediction.
 
     Attributes:
-        data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which no
-            prediction is given; infinite where there is none. fit: whether the leading law fits the levels.
-            bistable: caution, empty where there is none or the mass is not known. joint: what the frequencies
-            of the levels say of one. excluded: what is said of laws that the rows beside resonance exclude. state: for
-            which mass predictions hold, where levels had several.
+        data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which
+            predictions are refused; infinite if there is none. fit: whether the leading law fits the levels.
+            bistable: caution, empty if there is none or the mass is unknown. joint: evidence of the levels' frequencies
+            for a slipping joint. excluded: note on laws that the rows beside resonance exclude. state: the mass for
+            which predictions hold, if the levels had several.
     """
 
     data: Observations
@@ -201,25 +201,25 @@ class Plan:
     state: str = ""
 
     def allows(self, force: FloatArray) -> BoolArray:
-        """Whether predictions are given at each force (forces,); measured forces are not round numbers."""
+        """Whether predictions are given at each force (forces,), with the margin ``ROUNDING``."""
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
 def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
-    """The plan as ``all_rows`` allow: with the verdict that no law fits where none fits them, though one may its
-    resonances, and without laws that miss them where others do not.
+    """The plan judged on ``all_rows`` too.
 
-    Rows tell how far a level scatters: one that lies apart beside them is named, and resonances that miss by what is
-    stated are judged by the rows where these scatter more.
+    Its verdict is that no law fits if none fits all rows, even if one fits the resonances. Laws that miss rows which
+    other laws fit are left out. The scatter of the rows shows which levels lie apart; if it exceeds the stated noise,
+    the verdict of the rows replaces that of the resonances.
     """
     if len(all_rows.A) == len(plan.data.A):
         return plan
-    laws = [own.law for own in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
+    laws = [member.law for member in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
     fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
     best = min(fits.values(), key=lambda fit: fit.squares)
-    missing = [own for own in plan.laws if own.law in fits and is_excluded(fits[own.law], best, all_rows)]
-    kept = [own for own in plan.laws if own not in missing]
-    leader = next((fits[own.law] for own in kept if own.law in fits), best)
+    missing = [member for member in plan.laws if member.law in fits and is_excluded(fits[member.law], best, all_rows)]
+    kept = [member for member in plan.laws if member not in missing]
+    leader = next((fits[member.law] for member in kept if member.law in fits), best)
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
     if on_rows.verdict == "none fits" or on_rows.rough:
         plan = replace(plan, fit=on_rows)
@@ -253,14 +253,14 @@ def plan_loads(
     """Choose and weigh laws for predictions beyond the test.
 
     Args:
-        data: rows near resonance (``near_resonance``). laws: candidates. done: called
-            with each candidate's name. mode: its mass tells whether the mode is bistable and whether a joint slips.
-            estimate: of marginal likelihoods and posteriors.
+        data: rows near resonance (``near_resonance``). laws: candidates. done: called with each candidate's name.
+            mode: its mass shows whether the mode is bistable and whether a joint slips. estimate: of marginal
+            likelihoods and posteriors.
 
     Raises:
         AnalysisError: no candidate can carry the measured forces.
     """
-    resonating = [law for law in laws if law.has_resonance]  # of a decay friction alone may be ranked
+    resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
 
     def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit, floor: float) -> Evidence:
         weighed = estimate(coordinates, data, seed, fit, floor)

@@ -1,12 +1,12 @@
 """Resonant amplitude at design forces beyond the test, as credible and predictive distributions.
 
-For a law the amplitude at phase resonance solves C(A, omega) = F, at the frequency of the resonance at the largest
-tested force. What the next test would read is made of four parts, added in ln A draw by draw:
+For a law the amplitude at phase resonance solves C(A, omega) = F, at the resonance frequency of the largest tested
+force, or along the backbone where that moves. The next test's reading has four parts, added in ln A draw by draw:
 
-- parameters: posterior draws of the law's own, as the tested levels correct it;
+- parameters: posterior draws of the law's amplitude, corrected by the tested levels;
 - between-model: which law, by its posterior probability;
 - discrepancy: how far the structure strays from a law's exponent beyond the test (:mod:`damping.infer.doubt`);
-- measurement noise: scatter of a level and of a reading, and the uncertainties that the record states.
+- measurement noise: scatter of a level and of a reading, and the uncertainties stated in the record.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from damping.infer.observations import Observations
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
 
-#: How a caution begins that says why there is no prediction.
+#: Beginning of a caution that says why there is no prediction.
 REFUSAL = "no prediction"
 
 
@@ -38,19 +38,19 @@ def list_cautions(
     """Cautions on the prediction at one force, the gravest first.
 
     Args:
-        amplitude: predicted there, NaN where none is. weights: of the laws that take part. without: probabilities that
-            the mode has no resonance there, as friction holds it and as its damping force does not grow so far.
+        amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities that the mode
+            has no resonance there, because friction holds it, and because its damping force does not grow so far.
     """
     refused = np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force)))
-    said = [_describe_refusal(*without)] if refused else []
-    said += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
-    apart = not weights or max(weights) >= 0.5 * sum(weights)
+    cautions = [_describe_refusal(*without)] if refused else []
+    cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
+    leads = not weights or max(weights) >= 0.5 * sum(weights)
     of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
-    return tuple(said + of_test + ([] if apart else ["no law has more than half of the weight"]))
+    return tuple(cautions + of_test + ([] if leads else ["no law has more than half of the weight"]))
 
 
 def _describe_refusal(held: float, unreached: float) -> str:
-    """Why there is no prediction, by the larger of both probabilities."""
+    """Why there is no prediction: the more probable of the two reasons."""
     why = "the damping force does not reach this force at any amplitude"
     if held > unreached:
         why = "friction locks the mode at this force"
@@ -59,34 +59,34 @@ def _describe_refusal(held: float, unreached: float) -> str:
 
 
 def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
-    """Whether a law fits, how far the resonance moved, whether a joint slips, and what the trend of p says.
+    """Cautions on the fit of the laws, the shift of the resonance, a slipping joint, and the trend of p.
 
-    ``banded``: whether there is a band, of which it is said what it allows for.
+    ``banded``: whether there is a band, so that a caution can say what the band allows for.
     """
     allowed = ", and the band allows for it" if banded else ""
-    p, said = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
+    p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
     beyond = force > plan.data.tested_force.max()
     if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
         either = ": the band allows for either" if banded else ""
-        said.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
+        cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
     elif beyond and plan.joint.probability > LIKELY:
-        said.append(
+        cautions.append(
             f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
             f"stop growing beyond the test{allowed}"
         )
     if not plan.allows(np.asarray(force)):
         few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
-        said.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
+        cautions.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
         ends = f": damping may stop growing{allowed}" if p.falling else ""
         exponents = f"{p.p[0]:.2f} between the lowest levels, {p.p[-1]:.2f} between the highest"
-        said.append(f"force grows as a {way} power of amplitude ({exponents}){ends}")
-    return [sentence for sentence in said if sentence]
+        cautions.append(f"force grows as a {way} power of amplitude ({exponents}){ends}")
+    return [sentence for sentence in cautions if sentence]
 
 
 def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[str]:
-    """What the tested levels cannot say of one that is ``asked``, a force, or an ``amplitude`` of a decay."""
+    """Limits of the tested levels for a prediction at ``asked``, a force, or for a decay an amplitude."""
     tested = data.tested_amplitude if of == "amplitude" else data.tested_force
     largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
     if asked > largest:
@@ -109,9 +109,9 @@ PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
 
 @dataclass(frozen=True)
 class Band:
-    """Median and central interval over forces, arrays (forces,); NaN where no prediction exists.
+    """Median and central interval over forces, arrays (forces,); NaN where there is no prediction.
 
-    ``low`` and ``high`` are predictive, ``credible_low`` and ``credible_high`` those of the law's own amplitude.
+    ``low`` and ``high`` are predictive; ``credible_low`` and ``credible_high`` are of the law's amplitude alone.
     """
 
     name: str
@@ -128,13 +128,13 @@ class Loads:
     """Predictions over forces, arrays (forces,).
 
     Attributes:
-        level: content of the intervals. average: over models by weight. by_model: each law's own.
-        parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to that of the whole.
+        level: content of the intervals. average: over models by weight. by_model: band of each law.
+        parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to the total variance.
         linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
-        overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) of the median and of the predictive
-            interval's ends. ratio: force over the largest tested force. cautions: a tuple for each force.
-        limit: force beyond which predictions are refused because the law is changing; infinite where it is not.
-        amplitude: where amplitudes were asked, these; ``force`` then holds medians, and the bands are of force.
+        overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) at the median and at the ends of
+            the predictive interval. ratio: force over the largest tested force. cautions: a tuple for each force.
+        limit: force beyond which predictions are refused because levels are too few; infinite if there is none.
+        amplitude: the given amplitudes, if any; ``force`` then holds medians, and the bands are of force.
     """
 
     force: FloatArray
@@ -157,7 +157,7 @@ def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
 
 
-@np.errstate(divide="ignore")  # linear damping over none: what friction holds does not move
+@np.errstate(divide="ignore")  # the linear amplitude is divided by 0 where friction holds the mode
 def predict(
     members: Sequence[Member],
     force: FloatArray,
@@ -173,12 +173,12 @@ def predict(
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
     Args:
-        data: of the tested levels. plan: where given, its limit is kept and its findings are among the cautions.
-        repeatability: stated relative standard uncertainty of a level's amplitude; scatter is taken as no less.
-        spreads: draws at ``force``, where they were made before. each: whether the band of each law is wanted too.
-        still: below the tested forces, and at all of a decay, whose amplitude is no answer to a force, a draw without a
-            resonance counts as of amplitude 0 where friction holds it, else as infinite; where it does not count no
-            prediction is made if many have none.
+        data: of the tested levels. plan: if given, its limit applies and its findings are among the cautions.
+        repeatability: stated relative standard uncertainty of a level's amplitude, a lower bound of the scatter.
+        spreads: draws at ``force``, if already made. each: whether to make the band of each law too.
+        still: count draws without a resonance below the tested forces, and at all forces of a decay, whose amplitude is
+            no response to a force: as amplitude 0 if friction holds the mode, else as infinite. Where they do not
+            count, a prediction is refused if too many draws have no resonance.
     """
     if spreads is None:
         spreads = draw_spreads(members, force, data, repeatability, seed)
@@ -214,7 +214,7 @@ def predict(
     )
 
 
-@np.errstate(invalid="ignore")  # laws of amplitudes beyond all numbers are infinitely far apart
+@np.errstate(invalid="ignore")  # laws with infinite amplitudes are infinitely far apart
 def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
     mean, within, stray, noise = map(np.array, zip(*map(_moments, spreads), strict=True))
@@ -228,14 +228,14 @@ def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArr
 
 
 def _moments(spread: Spread) -> tuple[FloatArray, ...]:
-    """Mean of a law's ln A, and the variances of it, of its straying and of the noise, each (forces,)."""
-    known = np.isfinite(spread.law).any(axis=0)  # no draw at all: no prediction of that law
+    """Mean of a law's ln A, and the variances of ln A, of its straying and of the noise, each (forces,)."""
+    known = np.isfinite(spread.law).any(axis=0)  # if no draw resonates, the law makes no prediction
     law = np.where(known, spread.law, 0.0)
     stray = np.nanvar(np.where(known, spread.stray, 0.0), axis=0)
     return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(spread.noise**2, axis=0)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # an amplitude beyond all numbers is infinite, one of 0 is ln 0
+@np.errstate(over="ignore", invalid="ignore")  # amplitudes may be infinite, or 0 with ln 0
 def _band(
     name: str,
     weight: float,
@@ -247,8 +247,8 @@ def _band(
 ) -> Band:
     """Quantiles over draws of ``shares``; NaN at forces not allowed and where too many draws have no resonance.
 
-    At forces at which such draws are ``counted`` their ln A is -inf or inf. One force after another: all of them pooled
-    would be as much again as was drawn.
+    At forces at which such draws are ``counted`` their ln A is -inf or inf. Forces are pooled one by one: pooling all
+    at once would double the memory of the draws.
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):

@@ -1,4 +1,4 @@
-"""A record as every answer about its laws takes it: under a force, as steady states, with what was done to it."""
+"""A record prepared for ranking and prediction: steady states under a force, with notes on what was changed."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +14,12 @@ from damping.records.record import Record
 
 @dataclass(frozen=True)
 class PreparedRecord:
-    """A record as laws are ranked on it and predicted from it.
+    """A record prepared for ranking and prediction.
 
     Attributes:
-        given: record and mode as they were read, which a diagnosis takes. measured: rows under a force, as swept and as
-            steady states, and the mode of them. findings: of the audit. all_rows: those that laws are ranked on.
-        notes: what was done, in words.
+        given: record and mode as read, for the diagnosis. measured: rows under a force, as swept and as steady states,
+            and their mode. findings: of the audit. all_rows: the rows that laws are ranked on.
+        notes: sentences on what was changed.
     """
 
     given: tuple[Record, Mode | None]
@@ -30,8 +30,8 @@ class PreparedRecord:
 
     @property
     def mode(self) -> Mode:
-        """The mode under that force, of a record that is given one."""
-        assert self.measured.mode is not None  # predictions have one; a ranking alone may not
+        """The mode under that force; it must have been given."""
+        assert self.measured.mode is not None  # every prediction has a mode; a ranking may have none
         return self.measured.mode
 
     @cached_property
@@ -41,20 +41,20 @@ class PreparedRecord:
 
     @cached_property
     def backbone(self) -> Backbone:
-        """Where the resonances lie."""
+        """Resonance frequency and mass against amplitude."""
         return find_backbone(self.measured.record, self.mode)
 
     @property
     def notes_of_loads(self) -> tuple[str, ...]:
-        """What was done, and what the weights of loads rest on."""
+        """``notes``, and which rows the weights of predicted loads are based on."""
         return (*self.notes, *describe_rests(self.data, len(self.measured.record)))
 
 
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:
-    """The record as laws are ranked on it and predicted from it; ``findings``: of its audit.
+    """Prepare a record for ranking and prediction; ``findings``: of its audit.
 
     Raises:
-        AnalysisError: no row says anything about damping.
+        AnalysisError: no row carries information about damping.
     """
     measured = prepare(record, mode)
     all_rows, freed = observe_ranked(measured.record, findings)

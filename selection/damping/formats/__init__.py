@@ -1,10 +1,10 @@
 """Files of laboratories to records: UFF data set 58, MAT, HDF5, CSV with a column map, lock-in columns.
 
-Bytes or a path in, a record and a summary of what was understood out. Every module is pure; none evaluates anything
-or loads a pickle. The way is: ``read_file`` (here) turns any file into ``series.Series`` (one sweep or one time history
-each, as the file has it, with what the file says of units and kind), ``steady.steady_record`` turns sweeps into a
-record, ``conversion.time_histories`` turns time histories into displacement for ``signals.ringdown``. What neither the
-file nor the user says is asked for in an error; nothing is guessed.
+Input is bytes or a path; output is a record and a summary of what was understood. Every module is pure; none evaluates
+file content or loads a pickle. ``read_file`` (here) reads any file into ``series.Series``, one sweep or time history
+each with the facts that the file states. ``steady.steady_record`` converts sweeps to a record, and
+``conversion.time_histories`` converts time histories to displacement for ``signals.ringdown``. An error asks for facts
+that neither the file nor the user states; nothing is guessed.
 """
 
 from collections.abc import Collection
@@ -31,15 +31,15 @@ from damping.records.text import (
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
-#: In-phase and quadrature readings, and the magnitude and angle that say the same.
+#: In-phase and quadrature readings, and the redundant magnitude and angle.
 _TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
 
 
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
-    """The series of a file, and a summary of what its reader took them for.
+    """The series of a file, and a summary of how it was understood.
 
     InputError: a file that cannot be read, is larger than ``max_size`` bytes or broken, a statement that is not
-    understood, or something that neither the file nor the user says.
+    understood, or a fact that neither the file nor the user states.
     """
     check(stated)
     summary = Summary()
@@ -87,18 +87,18 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
 
 
 def _describe_layout(layout: Layout, skip: int) -> str:
-    """How a table is laid out, in words."""
+    """The layout of a table in words."""
     line = skip + layout.header - layout.units
     by = "columns by number" if layout.numbered else "columns by name"
-    found = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"
-    parts = (f"{layout.delimiter} between cells", f"decimal {layout.decimal}", found, by)
+    header = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"
+    parts = (f"{layout.delimiter} between cells", f"decimal {layout.decimal}", header, by)
     units = "units below the names" if layout.units else ""
     encoding = f"text in {layout.encoding}" if layout.encoding else ""
     return ", ".join(part for part in (*parts, units, encoding) if part)
 
 
 def check(stated: Stated) -> None:
-    """InputError for a statement that is not understood, naming what is."""
+    """Raise InputError for an invalid statement; it lists the valid values."""
     if stated.decimal == stated.delimiter == "comma":
         raise InputError("--decimal comma beside --delimiter comma", expected="another delimiter, such as semicolon")
     given: list[tuple[str, str | None, Collection[str]]] = [
@@ -124,7 +124,7 @@ def check(stated: Stated) -> None:
 
 
 def _heeded(stated: Stated, kind: str) -> None:
-    """InputError for a statement that nothing in a file of this kind would heed."""
+    """Raise InputError for a statement that has no effect on a file of this kind."""
     layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
     if kind == "uff":
         unheeded = {"columns": "--column"} | layout

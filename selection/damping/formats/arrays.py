@@ -1,6 +1,6 @@
-"""Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files to series, read by ``worker`` in its own process.
+"""Arrays and channels of MAT, HDF5, TDMS, LVM and Rattlesnake files to series, read by ``worker`` in another process.
 
-The memory and the time of that process are limited; when it dies, an error names the file as the cause.
+The memory and time of that process are limited; if it dies, an error names the file as the cause.
 """
 
 import json
@@ -23,38 +23,38 @@ from damping.formats.quantity import unit
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
-LONGEST = 60.0  #: seconds after which a file that is still being read is given up
-_WARRANTED = 32_000_000  # bytes of arrays that any file may hold, beside its own size
-_BLOCKWISE = 200_000_000  # of a file that is read in blocks no more counts as its size
-_WORKING = 100_000_000  # bytes that libraries and buffers may take, beside three times the file
+LONGEST = 60.0  #: time limit for reading a file, s
+_WARRANTED = 32_000_000  # bytes of arrays that any file may hold, besides its size
+_BLOCKWISE = 200_000_000  # largest size, bytes, that counts for a file read in blocks
+_WORKING = 100_000_000  # bytes for libraries and buffers, besides three times the file
 
 
 @dataclass(frozen=True)
 class Arrays:
-    """Arrays of a file, and what is in it."""
+    """Arrays read from a file, and its contents."""
 
-    arrays: dict[str, list[Samples]]  #: by name, several where a name stands for several
-    units: dict[str, str]  #: that the file gives for them
+    arrays: dict[str, list[Samples]]  #: by name; a name may stand for several arrays
+    units: dict[str, str]  #: stated in the file, by name
     known: dict[str, tuple[int, ...]]  #: shape of every array in the file
-    steps: dict[str, tuple[float, float]]  #: start and step in s of those that are channels against time
+    steps: dict[str, tuple[float, float]]  #: start and step in s of channels against time
 
 
 def read_arrays(
     path: str | Path, kind: str, names: Sequence[str], max_size: int | None, rows: tuple[int, int] | None = None
 ) -> Arrays:
-    """The arrays ``names`` that the file has, and what is in it.
+    """Read the arrays ``names`` of a file, as far as it has them, and list its contents.
 
     Args:
         path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
-        max_size: largest file read, bytes; None: any, for what is read in blocks.
-        rows: first and behind the last sample that are read, of every channel, and
-            of every array of an HDF5 file along its longest axis; all where None.
+        max_size: largest file read, bytes; None: any, for reading in blocks.
+        rows: first sample and end (exclusive) of the range read of every channel, and of every array of an HDF5 file
+            along its longest axis; None: all.
 
     AnalysisError: the package that reads the format is not installed. InputError: the file cannot be read, is too
     large, is not of its kind, or holds objects in place of numbers.
     """
-    read_start(path, 1)  # it is there, and a file
+    read_start(path, 1)  # raises if there is no such file
     size = os.stat(path).st_size
     if max_size is not None and size > max_size:
         raise too_large(path, max_size)
@@ -76,7 +76,7 @@ def read_arrays(
 
 
 def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict[str, Any], bytes]:
-    """What ``worker.py`` says of a file in a process of its own, and the bytes of its arrays."""
+    """The answer of ``worker.py`` on a file, run in another process, and the bytes of its arrays."""
     script = Path(__file__).with_name("worker.py")
     try:
         done = subprocess.run(
@@ -106,9 +106,9 @@ def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict
 def read_blocks(
     path: str | Path, kind: str, names: Sequence[str], count: int, *, together: bool
 ) -> Iterator[FloatArray]:
-    """Samples (names, n) of arrays of one length, at most ``count`` of each at a time.
+    """Samples (names, n) of arrays of equal length, at most ``count`` of each at a time.
 
-    ``together``: they are channels, of which all that the file has are read together.
+    ``together``: they are channels, and the file's channels are always read together.
     """
     first = 0
     while True:
@@ -124,8 +124,8 @@ def read_blocks(
 def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
-    own = [name for names in NAMES["own"].values() for name in names]
-    wanted = [] if channels else list(stated.columns.values()) or own
+    defaults = [name for names in NAMES["own"].values() for name in names]
+    wanted = [] if channels else list(stated.columns.values()) or defaults
     contents = read_arrays(path, kind, wanted, max_size)
     if channels or not contents.arrays:
         everything = contents if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else contents
@@ -137,12 +137,12 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         missing = next((name for name in wanted if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
-        if names.keys().isdisjoint(ABSCISSAS):  # the file may have one by its own name
+        if names.keys().isdisjoint(ABSCISSAS):  # an array may have the name of the role
             names |= {role: role for role in ABSCISSAS if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
     else:
-        names = {role: name for role, own in NAMES["own"].items() for name in own if name in arrays}
+        names = {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}
         if not names:
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
@@ -163,18 +163,18 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         whence = "stated" if role in stated.columns else "by its name"
         summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
     texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
-    angles = {role: found for role, text in texts.items() if (found := describe_angle(text))}
+    angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     facts = FileFacts(units=list_units(texts, stated), angles=angles)
     return _list_each(names, arrays, facts, Path(path).stem, summary)
 
 
 def _last_name(path: str) -> str:
-    """The name of an array without those of the groups or structures that it is in, in lower case."""
+    """The name of an array in lower case, without its groups or structures."""
     return path.replace(".", "/").rpartition("/")[2].lower()
 
 
 def _find_abscissa(known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
-    """The first array that tables of laboratories call a frequency or a time; letters are told by their case: F, T."""
+    """The first array named like a frequency or a time in laboratory tables; single letters are case-sensitive."""
     several = [name for name, shape in known.items() if math.prod(shape) > 1]
     named = ((role, name) for role in ABSCISSAS for name in several if _is_named(name, ROLE_NAMES[role]))
     role, name = next(named, ("", ""))
@@ -186,13 +186,13 @@ def _is_named(name: str, names: Sequence[str]) -> bool:
 
 
 def _find_rate(known: Mapping[str, tuple[int, ...]]) -> str | None:
-    """The number of a file that says how its time histories were sampled."""
+    """Name of the scalar in a file that is the sampling rate or step of its time histories."""
     numbers = (name for name, shape in known.items() if math.prod(shape) == 1)
     return next((name for name in numbers if _last_name(name) in NAMES["rate"]["rate"] + NAMES["rate"]["step"]), None)
 
 
 def _list_times(name: str, number: float, n: int) -> FloatArray:
-    """Times (n,) from 0, in s, of a rate in Hz or a step in s. InputError: a number that is neither."""
+    """Times (n,) from 0, in s, from a rate in Hz or a step in s. InputError: a number that is not > 0."""
     if not (np.isfinite(number) and number > 0.0):
         raise InputError(f"{name} = {number:g}", expected="a rate in Hz, or a step in s, > 0")
     step = 1.0 / number if _last_name(name) in NAMES["rate"]["rate"] else number
@@ -202,12 +202,12 @@ def _list_times(name: str, number: float, n: int) -> FloatArray:
 def _list_each(
     names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
-    """Series of arrays of which a role may have several, one for each sweep; a role with one has it for all."""
+    """Series from arrays; a role has one array for each sweep, or a single one for all."""
     count = max(len(arrays[name]) for name in names.values())
-    odd = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
-    if odd is not None:
-        number = len(arrays[names[odd]])
-        raise InputError(f"{number} arrays of {odd} beside {count} of others", expected=f"1 or {count}")
+    uneven = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
+    if uneven is not None:
+        number = len(arrays[names[uneven]])
+        raise InputError(f"{number} arrays of {uneven} beside {count} of others", expected=f"1 or {count}")
     series: list[Series] = []
     for k in range(count):
         of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
@@ -220,7 +220,7 @@ def _list_each(
 
 
 def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
-    """Time histories of a file that says the time step of each of its channels."""
+    """Time histories of a file of channels with time steps."""
     unheeded = next((role for role in stated.columns if role != "response"), None)
     if unheeded:
         raise InputError(f"--column {unheeded} of a file of channels", expected="--column response=NAME")
@@ -231,8 +231,8 @@ def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[S
     for name in names:
         if name not in contents.steps:
             raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
-        found = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
-        summary.add(f"channel {describe_shortened(name)!r}", found, "found in the file")
+        description = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
+        summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
     kinds = {unit(contents.units[name]).powers for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])

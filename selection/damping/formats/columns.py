@@ -1,6 +1,6 @@
-"""Tables of text: how one is laid out, and the columns of a CSV file that have a role, as numbers with their units.
+"""Text tables: layout, and the columns of a CSV file that have a role, as numbers with their units.
 
-Lines are taken one at a time and only the mapped columns are kept, so that memory stays below a few times the file.
+Lines are read one at a time and only the mapped columns are kept, so that memory stays below a few times the file.
 """
 
 import csv
@@ -19,12 +19,12 @@ from damping.records.text import CsvRows, describe_cell, describe_meant, describ
 
 _LONGEST_LINE = 1_000_000
 _MISSING = ("", "nan", "NaN", "NA", "--")
-_LOOKED_AT = 60  # lines by which the layout is told
-#: Roles that the names of columns give even where others are stated: what a row belongs to.
+_LOOKED_AT = 60  # lines from which the layout is determined
+#: Roles found by column names even if other roles are stated: the setting of a row.
 _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
-#: Marks that separate the decimals of a number.
+#: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
 _COMMENTS = ("#", "%")
 _NUMBER = {
@@ -36,20 +36,20 @@ _WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table of text is laid out."""
+    """Layout of a text table."""
 
     delimiter: str  #: by name, as the decimal
     decimal: str
-    names: tuple[str, ...]  #: of the columns; numbers from 1 where there is no header
-    header: int  #: lines from the first looked at up to and with the header, and the units below it
-    comments: bool  #: lines of comment are passed over
+    names: tuple[str, ...]  #: of the columns; numbers from 1 if there is no header
+    header: int  #: number of lines up to and including the header and the units below it
+    comments: bool  #: comment lines are skipped
     numbered: bool
-    units: bool = False  #: a row of units stands below the names
-    encoding: str = ""  #: of the text where it is not UTF-8
+    units: bool = False  #: there is a row of units below the names
+    encoding: str = ""  #: of the text if it is not UTF-8
 
 
 def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | None:
-    """The layout of a table by its ``lines`` from the header on, None where they hold nothing; names, or ``auto``."""
+    """The layout of a table from its first ``lines``, None if blank; ``delimiter``, ``decimal``: names, or ``auto``."""
     content = [(k, line.strip(" \r\n")) for k, line in enumerate(lines[:_LOOKED_AT]) if line.strip()]
     data = [(k, line) for k, line in content if not line.lstrip().startswith(_COMMENTS)]
     mark = delimiter if delimiter != "auto" else _describe_delimiter([line for _, line in data or content])
@@ -57,7 +57,7 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
     if not content:
         return None
     text = content[0][1]
-    plain = not text.startswith(_COMMENTS)  # comments begin none of the lines: it is the header, or stands above it
+    plain = not text.startswith(_COMMENTS)  # then the first line is the header, or text above it
     if not data or (plain and not _numeric(_list_cells(text, mark), point)):
         return _lay_out(content, mark, point)
     place, row = data[0]
@@ -72,14 +72,14 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
 
 
 def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layout:
-    """Layout of a table that begins with its header, or with lines about the test: these have other numbers of cells.
+    """Layout of a table that begins with its header, or with lines about the test, which have other numbers of cells.
 
-    The header then is the first line of as many cells as the last one, none of them a number.
+    In the second case the header is the first line with as many cells as the last line, none of them a number.
     """
     rows = [_list_cells(line, mark) for _, line in content]
-    width, whole = len(rows[-1]), content[0][1].count('"') % 2 == 0  # else its cells go on in the next line
-    alike = (k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([cell], point) for cell in row))
-    at = 0 if len(rows[0]) == width or not whole else next(alike, 0)
+    width, whole = len(rows[-1]), content[0][1].count('"') % 2 == 0  # else its cells continue on the next line
+    fitting = (k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row))
+    at = 0 if len(rows[0]) == width or not whole else next(fitting, 0)
     line, names = content[at][0] + 1, rows[at]
     merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
     if merged is None:
@@ -95,13 +95,13 @@ def _list_cells(line: str, delimiter: str) -> list[str]:
 
 
 def _numeric(cells: Sequence[str], decimal: str) -> bool:
-    """Whether all cells are numbers, and one at least is not empty."""
+    """Whether all cells are numbers or empty, and at least one is not empty."""
     texts = [cell.strip() for cell in cells]
     return any(texts) and all(_NUMBER[decimal].fullmatch(text) for text in texts)
 
 
 def _describe_delimiter(lines: Sequence[str]) -> str:
-    """The mark that cuts every line alike into cells of which the last line has two numbers or more; else comma."""
+    """The delimiter that gives equal rows, the last with two numbers or more; else comma."""
     for name in ("tab", "semicolon", "comma", "space"):
         rows = [_list_cells(line, name) for line in lines]
         widths = {len(row) for row in rows[-5:]}
@@ -114,7 +114,7 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
 
 
 def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
-    """``comma`` where numbers have commas and none has a point."""
+    """``comma`` if numbers have commas and none has a point, else ``point``."""
     if delimiter == "comma":
         return "point"
     cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
@@ -125,12 +125,12 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """Columns that have a role."""
+    """Columns with a role."""
 
     numbers: Mapping[str, FloatArray]  #: (n,) by role
     sweep: tuple[str, ...] | None  #: text of the role ``sweep``
     headers: Mapping[str, ColumnHeader]  #: by role
-    response: str | None  #: the type of response that a name says
+    response: str | None  #: response type from a column name
     layout: Layout
 
 
@@ -146,16 +146,15 @@ def read_columns(
 
     Args:
         data: the file.
-        mapped: column of each role as the user states it, with or without its unit, or its number from 1; what is not
-            stated of frequency, time and sweep, a force beside a frequency and the phase of an amplitude is found by
-            name; empty: all by name.
-        known: names, in lower case and without units, that columns of each role have; these go before those that
-            tables of laboratories have (``headers.recognise``).
+        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, a
+            force beside a frequency and the phase of an amplitude are found by name if not stated; if empty, all are.
+        known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
+            tables (``headers.recognise``).
         delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
         skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
-    InputError: no text, no header, a mapped column that is missing, a ragged row, text where a number belongs
-    (an empty cell and NaN are no measurement there, but in a time history they are wrong), or no rows.
+    InputError: no text, no header, a missing mapped column, a ragged row, text in place of a number (an empty cell or
+    NaN means no measurement, but is an error in a time history), or no rows.
     """
     data, encoding = recode(data)
     layout = replace(_layout(data, delimiter, skip, decimal), encoding=encoding)
@@ -192,7 +191,7 @@ def read_columns(
 
 
 def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
-    """The layout by the first lines. InputError where there are none."""
+    """The layout from the first lines. InputError if there are none."""
     start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
     pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
     lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
@@ -203,7 +202,7 @@ def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
 
 
 def _number(cell: str, decimal: str, line: int, column: str) -> float:
-    """The number in a cell; NaN where nothing was measured. A mark between thousands is no number."""
+    """The number in a cell; NaN if nothing was measured. Thousands separators are refused."""
     text = cell.strip()
     if text in _MISSING:
         return float("nan")
@@ -222,7 +221,7 @@ def _number(cell: str, decimal: str, line: int, column: str) -> float:
 def _places(
     names: list[str], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], line: int
 ) -> tuple[dict[str, int], str | None]:
-    """Position of the column of each role, stated ones first, and the type of response that a name says."""
+    """Index of the column of each role, stated columns first, and the response type from a column name."""
     headers = [parse_header(name) for name in names]
     by_name, response = _by_name(headers, known, line)
     if not mapped:
@@ -231,7 +230,7 @@ def _places(
         return by_name, response
     places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
-    undriven = "force_x" not in places and "time" not in {*places, *by_name}  # against time it is no amplitude
+    undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is not an amplitude
     unphased = "amplitude" in places and not set(PHASES) & set(places)
     wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting) | dict.fromkeys(PHASES, unphased)
     for role, place in by_name.items():
@@ -243,7 +242,7 @@ def _places(
 def _by_name(
     headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], line: int
 ) -> tuple[dict[str, int], str | None]:
-    """Columns by role where their names are those of roles, or else what tables of laboratories call them."""
+    """Columns by role, from names of roles, else from usual names in laboratory tables."""
     lower = [header.name.lower() for header in headers]
     # amplitude and amplitude_rms side by side are two columns
     lower = [h.title.lower() if lower.count(name) > 1 else name for h, name in zip(headers, lower, strict=True)]
@@ -252,24 +251,25 @@ def _by_name(
         if lower.count(first) > 1 and first != "f":
             message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
             raise InputError(message, line=line, expected=expected)
-    own = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
+    by_role = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
     usual, response = recognise(headers)
-    if "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual):  # positions against time, or beside a z
-        own = {role: place for role, place in own.items() if role not in ("x", "y")}
-    if "phase" in own and "angle" in usual:
-        own.pop("phase")
-    if "angle" in own and own["angle"] == usual.get("amplitude"):  # a rotation
-        own.pop("angle")
+    # x and y are positions against time, or beside a z
+    if "x" in by_role and lower[by_role["x"]] == "x" and not {"x", "y"} <= set(usual):
+        by_role = {role: place for role, place in by_role.items() if role not in ("x", "y")}
+    if "phase" in by_role and "angle" in usual:
+        by_role.pop("phase")
+    if "angle" in by_role and by_role["angle"] == usual.get("amplitude"):  # a rotation
+        by_role.pop("angle")
     motions = {"response", "x", "y", "amplitude"}
-    if motions & set(own):
+    if motions & set(by_role):
         usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}
         response = None
-    places = {role: place for role, place in usual.items() if place not in own.values() and role not in own} | own
-    return places, response
+    free = {role: place for role, place in usual.items() if place not in by_role.values() and role not in by_role}
+    return free | by_role, response
 
 
 def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
-    """The column of a stated name, with or without its unit, or of a number from 1 where no name is that number."""
+    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name."""
     matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
     exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
     if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
@@ -292,7 +292,7 @@ def _no_role(names: list[str], layout: Layout, line: int) -> InputError:
 
 
 def _describe_other_delimiter(names: list[str]) -> str:
-    """A hint where the header is one cell that holds the mark of another delimiter."""
+    """A hint if the header is one cell that contains another delimiter."""
     marks = ((name, DELIMITERS[name]) for name in ("semicolon", "tab", "comma"))
     other = next((name for name, mark in marks if len(names) == 1 and mark in names[0]), None)
     return f" (is --delimiter {other} meant?)" if other else ""

@@ -1,6 +1,6 @@
-"""From what a file holds to displacement and force in one system: response type, units, scaling; time histories.
+"""Conversion of file values to displacement and force in one system: response type, units, scaling; time histories.
 
-What the user states goes before what the file says; what neither says is asked for.
+Statements of the user take precedence over the file; missing facts are asked for.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from damping.formats.series import FileFacts, Series, Stated, Summary, require_f
 RESPONSES: dict[str, tuple[int, bool]] = {
     name: (kind["order"], kind["per_force"]) for name, kind in NAMES["response"].items()
 }
-#: What an amplitude may be, and its size in amplitudes of the sine.
+#: Scalings of an amplitude, with factors to the amplitude of the sine.
 SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
-# Where a value came from, as the summary of an import says it.
+# Origin of a value, in the summary of an import.
 _STATED = "stated"
 _FOUND = "found in the file"
 _FOLLOWS = "follows"
@@ -31,17 +31,17 @@ _EXAMPLES: dict[str, str] = {name: kind["unit"] for name, kind in NAMES["respons
 
 @dataclass(frozen=True)
 class Conversion:
-    """How values become displacement and force of the system."""
+    """Conversion of values to displacement and force of the system."""
 
     order: int  #: of the time derivative
-    per_force: bool  #: whether the response is a ratio
+    per_force: bool  #: whether the response is a ratio to force
     response: float  #: factor to the unit of the system
-    force: float | None  #: likewise; None: its unit is unknown
+    force: float | None  #: factor to the unit of the system; None: its unit is unknown
 
 
 @dataclass(frozen=True)
 class Statements:
-    """What a file says of a series (``facts``) and what the user says, who goes first; ``summary`` grows."""
+    """The file's ``facts`` on a series and the user's statements, which take precedence; ``summary`` collects rows."""
 
     facts: FileFacts
     stated: Stated
@@ -54,22 +54,22 @@ class Statements:
 
     @property
     def scaling(self) -> str | None:
-        """What amplitudes are."""
+        """Name of the scaling of amplitudes."""
         return self.stated.scaling or self.facts.scaling
 
     def unit_of(self, what: str) -> str:
-        """Text of a unit, '' where nobody says it."""
+        """Text of a unit, '' if neither states it."""
         return self.stated.units.get(what) or self.facts.units.get(what) or ""
 
     def add_unit(self, what: str) -> None:
-        """Put a unit into the summary, with who says it."""
+        """Add a unit and its origin to the summary."""
         self.summary.add(f"unit of {what}", self.unit_of(what), _STATED if self.stated.units.get(what) else _FOUND)
 
 
 def conversion(known: Statements) -> Conversion:
     """Response type and factors of a series.
 
-    InputError: type or unit neither stated nor found, not understood, or at odds with each other.
+    InputError: type or unit neither stated nor found, not understood, or contradicting each other.
     """
     facts, stated, summary = known.facts, known.stated, known.summary
     texts = {what: known.unit_of(what) for what in ("response", "force") if known.unit_of(what)}
@@ -102,7 +102,7 @@ def conversion(known: Statements) -> Conversion:
 
 
 def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
-    """Name of the response type: stated, found, or the only one that has the unit."""
+    """Name of the response type: stated, found, or the only one with the unit."""
     facts, name = known.facts, known.response
     if name is not None:
         if facts.per_force is not None and facts.per_force != RESPONSES[name][1]:
@@ -133,7 +133,7 @@ def _powers(name: str) -> tuple[int, int, int]:
 
 
 def _response_unit(name: str, units: dict[str, Unit]) -> Unit:
-    """The unit of the response, put together from that of the motion and that of the force where needed."""
+    """The unit of the response, if needed as the quotient of those of motion and force."""
     if "response" not in units:
         expected = f"--unit response={_EXAMPLES[name]}, or --consistent"
         raise InputError("the unit of the response is neither in the file nor stated", expected=expected)
@@ -148,10 +148,10 @@ def _response_unit(name: str, units: dict[str, Unit]) -> Unit:
 
 
 def ask(known: Statements, *, force: bool | None) -> None:
-    """One InputError that names everything that neither the file nor the user says, where that is more than one thing.
+    """Raise one InputError that lists all missing facts, if more than one is neither in the file nor stated.
 
     Args:
-        force: whether a force is there, None where none is wanted (a free decay).
+        force: whether there is a force; None if none is needed (a free decay).
     """
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response
@@ -174,19 +174,19 @@ def ask(known: Statements, *, force: bool | None) -> None:
 
 
 def scaling(known: Statements, *, of_force: bool = False) -> float:
-    """Amplitudes of the sine in one unit of what was recorded; a force of real numbers has a scaling of its own.
+    """Amplitude of the sine in one recorded unit; a real force may have a separate scaling.
 
     InputError: neither stated nor found.
     """
     facts, stated, name = known.facts, known.stated, known.scaling
-    own = (stated.force_scaling or facts.force_scaling) if of_force else None
-    if own:
-        if own != facts.scaling or stated.scaling:
-            known.summary.add("amplitudes of force", own, _STATED if stated.force_scaling else _OF_ROLE)
-            if stated.scaling not in (None, own) and not stated.force_scaling:
-                remark = f"the force is {own} (--scaling force=... to say so)"
+    for_force = (stated.force_scaling or facts.force_scaling) if of_force else None
+    if for_force:
+        if for_force != facts.scaling or stated.scaling:
+            known.summary.add("amplitudes of force", for_force, _STATED if stated.force_scaling else _OF_ROLE)
+            if stated.scaling not in (None, for_force) and not stated.force_scaling:
+                remark = f"the force is {for_force} (--scaling force=... to say so)"
                 known.summary.note(f"--scaling is that of the response; {remark}")
-        return SCALINGS[own]
+        return SCALINGS[for_force]
     if name is None:
         message = "whether amplitudes are peak or rms is neither in the file nor stated"
         raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
@@ -203,7 +203,7 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
 def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> float:
     """Factor of ``energy`` or ``mass`` to the system.
 
-    InputError: a unit neither stated nor found, or of another kind.
+    InputError: a unit neither stated nor found, or of another quantity.
     """
     if known.stated.consistent:
         return 1.0
@@ -230,8 +230,8 @@ class TimeHistory:
 def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -> list[TimeHistory]:
     """The motions of some series.
 
-    InputError: a series that is no time history of a motion, values that are no numbers, or a type or unit that neither
-    the file nor the user says.
+    InputError: a series that is not a time history of a motion, values that are not finite, or a type or unit that is
+    neither in the file nor stated.
     """
     if stated.labels and len(stated.labels) != len(series):
         raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one for each time history")

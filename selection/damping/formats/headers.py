@@ -1,7 +1,7 @@
-"""Headers of columns: names, units and scalings, and the roles that columns have by their names.
+"""Column headers: names, units and scalings, and the roles of columns by their names.
 
-A header holds a name, a unit and a scaling: ``Accel [g rms]``; ``F [N]`` is a force and ``f [Hz]`` a frequency, told by
-the unit.
+A header has a name, a unit and a scaling: ``Accel [g rms]``. By their units ``F [N]`` is a force and ``f [Hz]`` a
+frequency.
 """
 
 import re
@@ -25,7 +25,7 @@ _SCALING = re.compile(
 )
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
-#: Units of an abscissa in Hz, rad/s and s, in lower case; any other is asked for.
+#: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
 ABSCISSAS: dict[str, dict[str, float]] = {
     "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
                   "rad/s": 0.5 / pi},
@@ -36,17 +36,17 @@ ABSCISSAS: dict[str, dict[str, float]] = {
 #: Factors from columns of these roles to the lead of the response, rad.
 PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 
-#: What a row of units holds where a column has none that is understood.
+#: Cells of a row of units for columns without a usable unit.
 _NO_UNITS = {"", "-", "V", "mV", "%"}
 
-#: Names of roles, columns and formats, by what they are names in.
+#: Names of roles, columns and formats, by context.
 NAMES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
 #: Roles of arrays and columns, each with its meaning.
 ROLES: dict[str, str] = NAMES["meaning"]
-#: Names of columns by role in tables of laboratories.
+#: Names of columns by role in laboratory tables.
 ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
-#: Names of a rotation that is the response.
+#: Names of a response that is a rotation.
 _ANGULAR = NAMES["rotation"]["displacement"]
 _KNOWN_NAMES = {
     name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
@@ -55,9 +55,9 @@ _KNOWN_NAMES = {
 
 @dataclass(frozen=True)
 class ColumnHeader:
-    """A column's header: its whole ``text``, the ``name``, the ``unit`` ('' where none) and a name of ``SCALINGS``.
+    """A column's header: its full ``text``, the ``name``, the ``unit`` ('' if none) and a name of ``SCALINGS``.
 
-    ``title`` is the name with the scaling that stands beside it: ``Force RMS`` of ``Force RMS [N]``.
+    ``title`` is the name with an adjacent scaling: ``Force RMS`` of ``Force RMS [N]``.
     """
 
     text: str
@@ -68,12 +68,12 @@ class ColumnHeader:
 
     @property
     def angle(self) -> str:
-        """``degrees`` or ``radians`` where the unit is one of these, else ''."""
+        """``degrees`` or ``radians`` if the unit is one of these, else ''."""
         return describe_angle(self.unit)
 
 
 def describe_angle(unit: str) -> str:
-    """``degrees`` or ``radians`` where a unit is one of these, else ''."""
+    """``degrees`` or ``radians`` if a unit is one of these, else ''."""
     return _ANGLES.get(unit.lower(), "")
 
 
@@ -84,7 +84,7 @@ def parse_header(text: str) -> ColumnHeader:
     title, within = (match[1].rstrip("/ "), match[2]) if match else (rest, "")
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
-    known = name.lower() in _KNOWN_NAMES  # any other may be the name of a sensor: roof N, roof pk
+    known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
     if match and match.re is _BARE_UNIT and not (known and _is_unit(name.lower(), within)):
         title, within, name, match = rest, "", rest, None
     scaling = inner or last or first
@@ -93,14 +93,14 @@ def parse_header(text: str) -> ColumnHeader:
 
 
 def refuse_decibels(what: str, text: str) -> None:
-    """InputError where a name or unit says that amplitudes are logarithms, which no factor turns back."""
+    """Raise InputError if a name or unit says that amplitudes are in decibels, which no factor converts."""
     if _DECIBELS.search(text):
         expected = "linear values: the reference times 10^(dB/20)"
         raise InputError(f"{what} in decibels ({describe_shortened(text)!r})", expected=expected)
 
 
 def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
-    """Text without the scaling at its end, and its name; ``apart``: only of a word of its own beside others."""
+    """Text without the scaling at its end, and the scaling; ``apart``: only if it is a separate word after others."""
     scaled = _SCALING.search(text)
     if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
         return text, None
@@ -109,7 +109,7 @@ def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
 
 
 def _is_unit(name: str, text: str) -> bool:
-    """Whether a word is a unit of what a column of a known name holds."""
+    """Whether a word is a unit of the quantity in a column of a known name."""
     for abscissa in ABSCISSAS:
         if name in (abscissa, *ROLE_NAMES[abscissa]) and text.lower() in ABSCISSAS[abscissa]:
             return True
@@ -122,7 +122,7 @@ def _is_unit(name: str, text: str) -> bool:
 
 
 def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
-    """Headers of names with the units in the row below them; None where that row holds anything else."""
+    """Headers from names and the row of units below them; None if that row has other content."""
     texts = [cell.strip().strip("[]()") for cell in below]
     if len(texts) != len(names) or not all(text in _NO_UNITS or _names_unit(text) for text in texts):
         return None
@@ -132,16 +132,16 @@ def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
 
 
 def _names_unit(text: str) -> bool:
-    """Whether a text is a unit of an abscissa, an angle, or any other."""
+    """Whether a text is a unit of an abscissa, an angle, or another quantity."""
     if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
         return True
     return find_powers(text) is not None and not text.isdecimal()
 
 
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
-    """Columns by role where the names of a table say it, and the type of response that a name says.
+    """Columns by role from the names in a table, and the response type from a name.
 
-    Where there is a time, ``x`` and ``y`` are no readings of an amplifier, nor where there is a ``z`` beside them.
+    With a time, or a ``z`` beside them, ``x`` and ``y`` are not readings of an amplifier.
     """
     places: dict[str, int] = {}
     names = _name_columns(headers)
@@ -155,7 +155,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
         motion = next((kind for kind, known in NAMES["motion"].items() if name in known), None)
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
-        # a phase whose unit is known, or that of a record
+        # a phase with a known unit, or the column ``phase`` of a record
         is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
         if motion and free and _may_be(motion, header):
             places["response" if is_time else "amplitude"], response = place, motion
@@ -173,9 +173,9 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
 
 
 def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
-    """Names in lower case; of several words with a unit, such as ``Tip displacement [mm]``, the one that is known.
+    """Names in lower case; of several words with a unit, such as ``Tip displacement [mm]``, the known word.
 
-    It measures what the unit says, and no other column does: of two forces, or motions, neither has the name.
+    The known word must be of the quantity of the unit, and of no other column: of two forces or motions neither counts.
     """
     words = [_known_words(header) for header in headers]
     columns = Counter(kind for known in words for kind in set(known.values()))
@@ -186,14 +186,14 @@ def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
 
 
 def _known_words(header: ColumnHeader) -> dict[str, str]:
-    """What the name of a column, or each of its words, measures."""
+    """Quantity by known name of a column, or by each of its known words."""
     name = header.name.lower()
     known = {word: kind for word in (name, *re.split(r"[\s_]+", name)) if (kind := _measures(word, header))}
     return {name: known[name]} if name in known else known
 
 
 def _measures(word: str, header: ColumnHeader) -> str:
-    """What a column of such a name with a unit of it measures: a role, or a ``motion``; else ''."""
+    """Quantity of a column by a word of its name and its unit: a role, or ``motion``; else ''."""
     roles = (role for role, known in ROLE_NAMES.items() if role != "sweep" and word in known)
     motions = (kind for kind, known in NAMES["motion"].items() if word in known)
     if role := next((role for role in roles if header.unit and _may_be(role, header)), ""):
@@ -202,7 +202,7 @@ def _measures(word: str, header: ColumnHeader) -> str:
 
 
 def _may_be(role: str, header: ColumnHeader) -> bool:
-    """Whether the unit of a header, where it has one, is one of the role."""
+    """Whether the unit of a header, if there is one, fits the role."""
     if not header.unit or role == "sweep":
         return True
     text = header.unit.lower()

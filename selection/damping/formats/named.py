@@ -1,7 +1,7 @@
-"""Named arrays and columns to series: which array plays which role, whatever file it is from.
+"""Named arrays and columns to series, by role, for any file.
 
 A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(omega t + theta) against its reference;
-X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Whether R is rms only the user can say.
+X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Only the user can state whether R is rms.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,17 +19,17 @@ from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stat
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
-    """X + i Y, both (n, ...) alike."""
+    """X + i Y, both of one shape (n, ...)."""
     phasor = np.empty(np.shape(x), dtype=np.complex128)
-    phasor.real, phasor.imag = x, y  # infinities stay in their part, where i times one would spoil the other
+    phasor.real, phasor.imag = x, y  # x + 1j * y would give NaN for infinities
     return phasor
 
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-#: Another sweep begins where the frequency goes back by more than this share of the range that it has covered ...
+#: A new sweep begins where the frequency goes back by more than this share of the range covered so far,
 _RESTART = 0.5
-#: ... and the sweep has at least this many rows by then.
+#: and the sweep has at least this many rows.
 _FEWEST_ROWS = 4
 
 
@@ -42,17 +42,17 @@ def to_series(
     *,
     peak: bool,
 ) -> list[Series]:
-    """One series for each sweep; a table without labels is cut where the frequency starts again or the force changes.
+    """One series for each sweep; a table without labels is split where the frequency restarts or the force changes.
 
     Args:
         arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
             a force is one number, (k,), (n,) or of the shape of the response.
         labels: sweep of each row (n,), or None.
-        facts: what headers and names say.
-        name: label of the only sweep. summary: grows by what was cut.
-        peak: the role ``amplitude`` has its meaning, an amplitude of the sine (not so for readings of an amplifier).
+        facts: facts from headers and names.
+        name: label of a single sweep. summary: gets a note on splits.
+        peak: whether the role ``amplitude`` is that of the sine (not so for readings of an amplifier).
 
-    InputError: roles that are missing or say the same twice, or shapes that do not belong together.
+    InputError: missing or redundant roles, or incompatible shapes.
     """
     arrays = convert_angles(arrays, facts, summary)
     times = _taken_times(arrays, facts.units)
@@ -62,22 +62,22 @@ def to_series(
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
     extra = ({} if times is None else {"time": times}) | _further(arrays, n)
-    # an amplitude is that of the sine by the meaning of its role; parts of a phasor may be rms
-    own = force is not None and not np.iscomplexobj(force)
+    # by its role an amplitude is that of the sine; parts of a phasor may be rms
+    real_force = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     known = replace(
         facts,
         response=None if "response" in facts.units else facts.response,
         scaling=facts.scaling or ("peak" if of_role else None),
-        force_scaling=facts.force_scaling or ("peak" if own else None),
+        force_scaling=facts.force_scaling or ("peak" if real_force else None),
         turn="angle" in arrays,
     )
     is_time, many = role == "time", response.shape[1] > 1
     series = []
     for k, column in enumerate(response.T):
-        own_force = None if force is None else force[:, min(k, force.shape[1] - 1)]
+        of_sweep = None if force is None else force[:, min(k, force.shape[1] - 1)]
         label = f"{name} {k + 1}" if many else name
-        series.append(Series(label, x, column, own_force, is_time, phased, extra, known))
+        series.append(Series(label, x, column, of_sweep, is_time, phased, extra, known))
     if many:
         return series
     return _list_sweeps(series[0], labels, summary)
@@ -95,7 +95,7 @@ def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
 
 
 def _list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -> list[Series]:
-    """The sweeps of a table by the label of each row, else by its cuts."""
+    """The sweeps of a table by the label of each row, else split by `_cuts`."""
     if labels is None and not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
         if cuts:
@@ -117,10 +117,10 @@ def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
-    """Rows at which another sweep begins: the frequency goes back by half its range, or a constant force changes."""
+    """Rows at which a new sweep begins: the frequency goes back by half its range, or a constant force changes."""
     starts: set[int] = set()
     rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
-    first = 0  # place of the current sweep's first row among ``rows``
+    first = 0  # index in ``rows`` of the current sweep's first row
     for k in range(1, len(rows)):
         passed = frequency[rows[first:k]]
         step = frequency[rows[k]] - passed[-1]
@@ -131,21 +131,21 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     if force is not None:
         size = np.abs(force)
         changes = np.flatnonzero(size[1:] != size[:-1]) + 1
-        if len(changes) < len(size) / _FEWEST_ROWS:  # a force that is kept, not one that is measured row by row
+        if len(changes) < len(size) / _FEWEST_ROWS:  # a constant force, not one measured in every row
             starts |= {int(row) for row in changes}
     return sorted(starts)
 
 
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
-    there = [role for role in roles if role in arrays]
-    if len(there) > 1 or (needed and not there):
-        message = f"{'both ' + ' and '.join(there[:2]) if there else 'no'} {what}"
+    present = [role for role in roles if role in arrays]
+    if len(present) > 1 or (needed and not present):
+        message = f"{'both ' + ' and '.join(present[:2]) if present else 'no'} {what}"
         raise InputError(message, expected=f"--column {'=NAME or '.join(roles)}=NAME")
-    return there[0] if there else None
+    return present[0] if present else None
 
 
 def _taken_times(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> FloatArray | None:
-    """When each row was taken, s, where its time stands beside its frequency; None where none does."""
+    """Time of each row, s, if there is a time beside the frequency; else None."""
     beside = next((arrays[role] for role in ("frequency", "omega") if role in arrays), None)
     if "time" not in arrays or beside is None or np.shape(beside) != np.shape(arrays["time"]):
         return None
@@ -153,7 +153,7 @@ def _taken_times(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> Flo
 
 
 def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[str, FloatArray]:
-    """Its role, and its values in Hz or s."""
+    """Role of the abscissa, and its values in Hz or s."""
     role = cast(str, _choose_role(arrays, tuple(_TO_ABSCISSA), "abscissa", needed=True))
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
@@ -166,7 +166,7 @@ def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[
 
 
 def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Samples, bool]:
-    """The response (n, k) and whether its phase is known."""
+    """The response (n, sweeps) and whether its phase is known."""
     main = cast(str, _choose_role(arrays, ("response", "x", "amplitude"), "response", needed=True))
     phase = _choose_role(arrays, tuple(PHASES), "phase", needed=False)
     values = _matrix(arrays[main], n, main)
@@ -196,7 +196,7 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
 
 
 def _force(arrays: Mapping[str, Samples], n: int, k: int) -> Samples | None:
-    """The force (n, 1) or (n, k); None where there is none."""
+    """The force (n, 1) or (n, k); None if there is none."""
     main = _choose_role(arrays, ("force", "force_x"), "force", needed=False)
     if main is None:
         return None
@@ -213,7 +213,7 @@ def _force(arrays: Mapping[str, Samples], n: int, k: int) -> Samples | None:
 
 
 def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
-    """A force for each point: of one number, of one for each sweep, or as it is."""
+    """A force for each point, from one number, from one for each sweep, or unchanged."""
     if values.size == 1:
         return np.full((n, 1), values.reshape(-1)[0])
     if values.size == k and k != n:
@@ -225,7 +225,7 @@ def _spread(values: Samples, n: int, k: int, role: str) -> Samples:
 
 
 def _matrix(values: Samples, n: int, role: str) -> Samples:
-    """An array as (n, k): points along the first axis, sweeps along the second."""
+    """An array as (n, sweeps): points along the first axis, sweeps along the second."""
     squeezed = np.atleast_1d(np.squeeze(values))
     if squeezed.ndim == 1 and n == 1:
         squeezed = squeezed.reshape(1, -1)
@@ -253,7 +253,7 @@ def _real(values: Samples, role: str) -> FloatArray:
 
 
 def _magnitude(values: Samples, role: str) -> FloatArray:
-    """Amplitudes (n, k): a minus sign there is a mistake or a phase that nobody states, and would be lost."""
+    """Amplitudes (n, sweeps); a minus sign is refused as a mistake or an unstated phase, which would be lost."""
     sizes = _real(values, role)
     below = np.argwhere(sizes < 0.0)
     if len(below):
@@ -263,7 +263,7 @@ def _magnitude(values: Samples, role: str) -> FloatArray:
     return sizes
 
 
-#: What the unit in the header of a role's column belongs to.
+#: Quantity of the unit in the header of a role's column.
 UNIT_OF = (
     dict.fromkeys(("force", "force_x", "force_y"), "force")
     | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
@@ -272,7 +272,7 @@ UNIT_OF = (
 
 
 def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
-    """The first unit of each quantity that the columns or arrays of some roles name; of an abscissa the stated one."""
+    """The first unit of each quantity in the columns or arrays of some roles; stated units of an abscissa go first."""
     units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
     for role, text in of_roles.items():
         if role in UNIT_OF:

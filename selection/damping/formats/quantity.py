@@ -1,9 +1,9 @@
 """Units as text: ``m/s^2/N``, ``(m/s²)/N``, ``g``, ``in/lbf`` to powers of force, length and time and a factor to SI.
 
-Only products, quotients and whole powers of known names; nothing is evaluated. ``g`` is the standard acceleration of
-gravity and ``lb`` the pound-force, as records of vibration tests use them.
+Only products, quotients and whole powers of known names are parsed; nothing is evaluated. ``g`` is the standard
+acceleration of gravity and ``lb`` the pound-force, as in records of vibration tests.
 
-Records and modes from one consistent system of units to another: SI (N, m, kg) or US (lbf, in, lbf s^2/in).
+Also converts records and modes between consistent systems of units: SI (N, m, kg) and US (lbf, in, lbf s^2/in).
 """
 
 from __future__ import annotations
@@ -63,18 +63,18 @@ class Unit:
         return Unit(f"({self.text})/{other.text}", (force, length, time), self.factor / other.factor)
 
     def agrees_with(self, other: Unit) -> bool:
-        """Whether both are of one kind and size, whatever their names."""
+        """Whether both have the same powers and factor, whatever their names."""
         return (self.powers, self.factor) == (other.powers, other.factor)
 
 
-#: The two consistent systems records are written in: names of force and length; time is s, mass force s^2/length.
+#: Consistent systems of units of records: names of force and length; time is s, mass force s^2/length.
 SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
 
 
 def unit(text: str, *, what: str = "unit") -> Unit:
     """The unit that ``text`` names.
 
-    InputError: an unknown name (logarithmic and electrical units among them), or no unit at all; ``what`` says whose.
+    InputError: an unknown name (logarithmic and electrical units included), or no unit; ``what`` names it in errors.
     """
     try:
         return Unit(text.strip(), *_parsed(text))
@@ -83,7 +83,7 @@ def unit(text: str, *, what: str = "unit") -> Unit:
 
 
 def find_powers(text: str) -> tuple[int, int, int] | None:
-    """Powers of force, length and time of a unit; None of a text that is no unit."""
+    """Powers of force, length and time of a unit; None if the text is not a unit."""
     try:
         return unit(text).powers
     except InputError:
@@ -91,7 +91,7 @@ def find_powers(text: str) -> tuple[int, int, int] | None:
 
 
 def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
-    """Powers and factor; ValueError where the text is no unit."""
+    """Powers and factor; ValueError if the text is not a unit."""
     if len(text) > _LONGEST:
         raise ValueError
     signs, sign, powers, factor = [1], 1, [0, 0, 0], 1.0
@@ -102,7 +102,7 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
             name, square, minus, digit = term.groups()
             of_name, size = _find_name(name)
             power = signs[-1] * sign * (_POWERS[square] if square else int(f"{minus}{digit}") if digit else 1)
-            powers = [total + power * own for total, own in zip(powers, of_name, strict=True)]
+            powers = [total + power * exponent for total, exponent in zip(powers, of_name, strict=True)]
             factor *= size**power
             rest = rest[term.end() :]
             # a space between two names multiplies
@@ -125,7 +125,7 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
 
 
 def _find_name(name: str) -> tuple[tuple[int, int, int], float]:
-    """A name as it is, else in lower case (LBF, IN, G)."""
+    """Powers and size of a name as written, else in lower case (LBF, IN, G)."""
     if name in _NAMES:
         return _NAMES[name]
     if (name.lower() in _NAMES and len(name) > 1) or name in ("G", "S"):
@@ -133,7 +133,7 @@ def _find_name(name: str) -> tuple[tuple[int, int, int], float]:
     raise ValueError
 
 
-#: Powers of (force, length) of the columns of a record; all times are in s. Other columns stay as they are.
+#: Powers of (force, length) of the columns of a record; all times are in s. Other columns are not converted.
 _COLUMNS = {
     **dict.fromkeys(("force", "force_sd"), (1, 0)),
     **dict.fromkeys(("amplitude", "amplitude_sd", "amplitude_3", "amplitude_y"), (0, 1)),
@@ -148,7 +148,7 @@ _WITHOUT_UNIT = (
 
 @dataclass(frozen=True)
 class Factors:
-    """What a number in the old system is multiplied by, for one unit of force and one of length."""
+    """Factors from the old to the new system, for units of force and of length."""
 
     force: float
     length: float
@@ -159,14 +159,14 @@ class Factors:
 
     @property
     def per_mass(self) -> Factors:
-        """The same where a base's acceleration stands in the place of the force: a mass is then a number."""
+        """The factors if the force column is the acceleration of a base: masses are then pure numbers."""
         return Factors(self.length, self.length)
 
 
 def factors(units: Units, to: str, *, source: str) -> Factors:
     """Factors from the named units to a system of ``SYSTEMS``.
 
-    InputError: units that are not named or not understood, a time that is not in s, or no such system.
+    InputError: units that are not named or not understood, a time that is not in s, or an unknown system.
     """
     if to not in SYSTEMS:
         raise InputError(f"--units {to!r} is unknown", expected=" or ".join(SYSTEMS))
@@ -179,7 +179,7 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
     new = tuple(unit(name).factor for name in SYSTEMS[to])
     by = Factors(old[0].factor / new[0], old[1].factor / new[1])
     if old[1].powers == (0, 1, 0) and (old[0].powers, old[0].factor) == ((0, 1, -2), old[1].factor):
-        return by.per_mass  # the acceleration of a base
+        return by.per_mass  # acceleration of a base
     if (old[0].powers, old[1].powers) != ((1, 0, 0), (0, 1, 0)):
         raise InputError(f"{units.force} and {units.length} are no units of force and length", file=source)
     return by
@@ -188,7 +188,7 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
 def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[Record, list[str]]:
     """The record in the new system, and notes on columns whose unit is not known.
 
-    ``drive``: of its mode; that of a ``base`` is an acceleration in the column ``force``, and energies are per mass.
+    ``drive``: of its mode; with ``base`` the column ``force`` is an acceleration, and energies are per mass.
     """
     table, driven = record.frame.copy(), by.per_mass if drive == "base" else by
     for name, powers in _COLUMNS.items():
@@ -200,8 +200,9 @@ def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[R
 
 
 def convert_loads(table: pd.DataFrame, by: Factors, asked: str = "force") -> pd.DataFrame:
-    """Predictions (a row for each design value and law) in the new system: forces and amplitudes, one of which was
-    ``asked``, ``force`` or ``amplitude``; the other is predicted.
+    """Predictions (one row for each design value and law) in the new system.
+
+    ``asked``: the given quantity, ``force`` or ``amplitude``; the other is predicted.
     """
     force, amplitude = by.of(1, 0), by.of(0, 1)
     given, predicted = (force, amplitude) if asked == "force" else (amplitude, force)
@@ -217,9 +218,9 @@ def convert_curve(table: pd.DataFrame, by: Factors) -> pd.DataFrame:
 
 
 def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
-    """The mode in the new system, the parameters of its damping forces and effects with it.
+    """The mode in the new system, with the parameters of its damping forces and effects.
 
-    InputError: a force or an effect that is not known.
+    InputError: an unknown force or effect.
     """
     force, length = SYSTEMS[to]
     damping = {name: rescale(shapes_of(name), table, name, by.force, by.length) for name, table in mode.damping.items()}

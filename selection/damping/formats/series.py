@@ -1,6 +1,6 @@
-"""What a file holds, before it is a record: series, what the file and the user say of them, and its angles in rad.
+"""Contents of a file before it is a record: series, facts from the file and from the user, and angles in rad.
 
-What was understood of a file: a table of fact and whence, and notes on what was left out.
+The summary of a file is a table of facts with their origin, and notes on what was left out.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,32 +18,32 @@ from damping.formats.headers import PHASES, parse_header
 from damping.records.text import describe_shortened
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
-#: Sweeps that a file may hold beside each other.
+#: Most sweeps side by side in a file.
 MOST_SWEEPS = 1000
 
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What a file says of a series; None where it says nothing."""
+    """Facts on a series stated in a file; None if not stated."""
 
     response: str | None = None  #: a name of ``RESPONSES``
     per_force: bool | None = None  #: whether it is a ratio to force
     scaling: str | None = None  #: a name of ``SCALINGS``
-    force_scaling: str | None = None  #: that of the force where it has its own
-    peak_assumed: bool = False  #: whether the scaling is that of most tables, and neither a header's nor a role's
-    turn: bool = False  #: whether the phase leads or lags is told by its turn alone
+    force_scaling: str | None = None  #: scaling of the force, if separate
+    peak_assumed: bool = False  #: whether the scaling is assumed, and neither from a header nor from a role
+    turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
-    angles: Mapping[str, str] = field(default_factory=dict)  #: roles whose header says ``degrees`` or ``radians``
+    angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
 
 
 @dataclass(frozen=True)
 class Series:
-    """One sweep or one time history, as a file has it."""
+    """One sweep or one time history, in the units of the file."""
 
     label: str
-    abscissa: FloatArray  #: in Hz, of a time history in s
-    response: Samples  #: (n,), complex with the sign of exp(i omega t) where the phase is known, else the amplitude
-    force: Samples | None = None  #: (n,) likewise, None where the file has none
+    abscissa: FloatArray  #: in Hz, for a time history in s
+    response: Samples  #: (n,), complex with the sign of exp(i omega t) if the phase is known, else the amplitude
+    force: Samples | None = None  #: (n,), complex or amplitude as the response; None if the file has none
     is_time: bool = False
     has_phase: bool = True  #: whether the phase is known
     extra: Mapping[str, FloatArray] = field(default_factory=dict)  #: further columns of a record by name
@@ -52,41 +52,41 @@ class Series:
 
 @dataclass(frozen=True)
 class Stated:
-    """What the user says of a file."""
+    """Statements of the user on a file."""
 
     format: str = "auto"  #: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``
     columns: Mapping[str, str] = field(default_factory=dict)  #: name of the column or array of each role (``ROLES``)
     response: str | None = None  #: a name of ``RESPONSES``
     scaling: str | None = None  #: a name of ``SCALINGS``
-    force_scaling: str | None = None  #: that of the force where it is another
+    force_scaling: str | None = None  #: scaling of the force, if different
     units: Mapping[str, str] = field(default_factory=dict)  #: of ``force``, ``response``, ``energy``, ``mass`` as text
-    consistent: bool = False  #: all values are of one system of units
+    consistent: bool = False  #: all values are in one consistent system of units
     scale: Mapping[str, float] = field(default_factory=dict)  #: sensitivities of ``force`` and ``response``
     system: str = "si"  #: ``si`` or ``us``: the units of the record
     forces: tuple[float, ...] = ()  #: force amplitude of every sweep, or one for all; in the unit of force
     labels: tuple[str, ...] = ()  #: of every sweep
     datasets: tuple[int, ...] = ()  #: numbers (from 1) of the data sets to take; empty: all
     band: tuple[float, float] | None = None  #: lowest and highest frequency to take, Hz
-    reverse: bool = False  #: turn the sign of the response (a sensor mounted against the force)
-    delimiter: str = "auto"  #: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``; ``auto``: as its lines show
+    reverse: bool = False  #: reverse the sign of the response (a sensor mounted against the force)
+    delimiter: str = "auto"  #: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``; ``auto``: from its lines
     skip: int = 0  #: lines before the header of a CSV file
     decimal: str = "auto"  #: mark in its numbers: ``point``, ``comma`` or ``auto``
 
 
 @dataclass
 class Summary:
-    """Rows (what, understood, whence) in the order they became known, and notes; grows while a file is read."""
+    """Rows (what, understood, whence) in the order of reading, and notes; filled while a file is read."""
 
     rows: list[tuple[str, str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def add(self, what: str, understood: str, whence: str) -> None:
-        """A fact: ``whence`` is ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
+        """Add a fact once; ``whence``: ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
         if (what, understood, whence) not in self.rows:
             self.rows.append((what, understood, whence))
 
     def note(self, text: str) -> None:
-        """A remark, once."""
+        """Add a remark once."""
         if text not in self.notes:
             self.notes.append(text)
 
@@ -97,47 +97,46 @@ class Summary:
 
 
 def require_finite(name: str, values: Samples) -> None:
-    """InputError for values (n,) that are no numbers, with the first of them."""
+    """Raise InputError for values (n,) that are not finite; it names the first."""
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
         where = f"the first in row {bad[0] + 1} of {len(values)}"
         raise InputError(f"{name!r} holds values that are no numbers, {where}", expected="finite numbers")
 
 
-#: Names of a column beside x and y that make them readings of an amplifier.
+#: Names of columns beside x and y which show that these are readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}
 _MOTIONS = ("response", "x", "y", "amplitude")
 
 
 def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, *, many: bool) -> None:
-    """InputError where no column is the response, or a real one would be half of a complex one that nobody said.
+    """Raise InputError if no column is the response, or if x and y may be two motions instead of complex parts.
 
     ``many``: ``damping campaign`` reads all responses of such a file.
     """
-    own = {parse_header(name.strip()).name.lower() for name in names}
+    in_table = {parse_header(name.strip()).name.lower() for name in names}
     if not set(_MOTIONS) & set(of_role):
         free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
-        every = "; damping campaign for all" if many else ""
-        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{every}"
+        all_hint = "; damping campaign for all" if many else ""
+        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{all_hint}"
         raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"
-    if guessed and not own & _MODULI:
+    if guessed and not in_table & _MODULI:
         expected = "--column x=x --column y=y for parts, --column amplitude=x for a motion"
         raise InputError("are x and y the parts of one complex response, or two motions?", expected=expected)
 
 
-#: An angle within 2 pi that turns by more is one in rad: a resonance turns it by pi, some degrees are none.
+#: Range above which an angle within 2 pi is in rad: a resonance turns it by pi; a few degrees are no resonance.
 _TURN_IN_RADIANS = 1.5
 
 
 def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Summary) -> dict[str, Samples]:
-    """Angles in rad: those whose header says degrees, and an angle of unknown sense that is too large for rad.
+    """Convert angles to rad if the header says degrees, or if an angle of unknown sense is too large for rad.
 
-    An uncertainty whose header says nothing is in the unit of its phase, and a phase without a number is none. Roles
-    that end with ``_deg`` keep their degrees. InputError: an angle said to be in rad that is too large for it, or in
-    degrees that turns as rad do.
+    An uncertainty without a unit has that of its phase; a phase without any number is dropped. Roles that end in
+    ``_deg`` stay in degrees. InputError: an angle stated in rad is too large, or one in degrees turns as if in rad.
     """
     turned, of_phase = dict(arrays), ""
     for role in PHASES:
@@ -149,7 +148,7 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
             del turned[role]
             summary.note(f"the {role} holds no number: no phases are taken")
             continue
-        of_phase = _tell_unit(role, values, facts.angles.get(role, ""))
+        of_phase = _find_unit(role, values, facts.angles.get(role, ""))
         if of_phase == "degrees" and not role.endswith("_deg"):
             turned[role] = values * (pi / 180.0)
         if role == "angle":
@@ -164,13 +163,13 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
     return turned
 
 
-def _tell_unit(role: str, values: Samples, said: str) -> str:
-    """``degrees`` or ``rad``; ``said`` by its header. InputError where its size or turn is another's."""
+def _find_unit(role: str, values: Samples, stated: str) -> str:
+    """``degrees`` or ``rad``; ``stated``: by the header. InputError if its size or turn contradicts the unit."""
     known = values[np.isfinite(values)]
     size = float(np.max(np.abs(known)))
     large = size > 2.0 * pi
-    degrees = said == "degrees" or role.endswith("_deg")
-    if (role in ("phase", "lead") or said == "radians") and large and not degrees:
+    degrees = stated == "degrees" or role.endswith("_deg")
+    if (role in ("phase", "lead") or stated == "radians") and large and not degrees:
         other = "lead_deg" if role == "lead" else "lag_deg"
         expected = f"at most 2 pi, or --column {other}=NAME for degrees"
         raise InputError(f"{role} in rad up to {size:.4g}", expected=expected)

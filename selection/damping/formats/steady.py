@@ -14,19 +14,19 @@ from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
 from damping.records.text import count, name_apart
 
-#: Rows of a record that is imported, at most: beyond, a band of frequencies or some data sets are to be chosen.
+#: Most rows of an imported record; for more, a band of frequencies or some data sets must be chosen.
 MOST_ROWS = 100_000
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
 def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, summary: Summary) -> Record:
-    """The record of some sweeps; ``summary`` grows by what was understood on the way.
+    """The record of some sweeps; facts are added to ``summary``.
 
     A response of order n (0 displacement, 1 velocity, 2 acceleration) is R exp(i omega t) with complex R; the
-    displacement is X = R/(i omega)^n, times the force where R is a ratio. Amplitude |X|, phase arg F - arg X, within
-    -pi/2..3 pi/2. Rows that are no steady state (0 Hz, no force, no response, no number) are left out and counted.
+    displacement is X = R/(i omega)^n, times the force if R is a ratio. Amplitude |X|, phase arg F - arg X, within
+    -pi/2..3 pi/2. Rows that are not steady states (0 Hz, no force, no response, no number) are left out and counted.
 
-    InputError: something that neither the file nor the user says; no rows; rows that no record may hold.
+    InputError: a fact that neither the file nor the user states; no rows; rows that are invalid in a record.
     """
     with naming(file):
         table = _tabulate(series, stated, summary)
@@ -40,7 +40,7 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
         expected = f"at most {MOST_ROWS}: choose --band LO:HI about the mode, or --dataset"
         raise InputError(f"{many} rows", expected=expected)
     labels, forces = _list_labels(series, stated), _stated_forces(series, stated)
-    with np.errstate(all="ignore"):  # what overflows is found by the range check below
+    with np.errstate(all="ignore"):  # the range check below finds overflows
         tables = [
             _tabulate_sweep(row, label, force, Statements(row.facts, stated, summary))
             for row, label, force in zip(series, labels, forces, strict=True)
@@ -73,7 +73,7 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
 
 
 def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
-    """Label of each sweep, all different."""
+    """Unique label of each sweep."""
     if stated.labels:
         if len(stated.labels) != len(series) or len(set(stated.labels)) < len(series):
             expected = f"{len(series)} different ones, one for each sweep"
@@ -83,7 +83,7 @@ def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:
 
 
 def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | None]:
-    """Stated force amplitude of each sweep; None where the file has it."""
+    """Stated force amplitude of each sweep; None if it is in the file."""
     if not stated.forces:
         return [None] * len(series)
     if len(stated.forces) not in (1, len(series)):
@@ -119,7 +119,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
         table[name] = values[keep]
         if name in _POWERS:
             table[name] *= other_factor(name, _POWERS[name], known)
-        elif name in ("amplitude_sd", "force_sd"):  # it goes with what it belongs to
+        elif name in ("amplitude_sd", "force_sd"):  # scaled as its quantity
             raw = row.response if name == "amplitude_sd" else row.force
             if raw is None:
                 raise InputError("force_sd without a force", expected="a column of the force")
@@ -147,7 +147,7 @@ def _usable(row: Series, label: str, known: Statements) -> BoolArray:
 
 
 def _left_out(row: Series) -> dict[str, BoolArray]:
-    """Rows that are no steady states, by the first reason that holds of each."""
+    """Rows that are not steady states, by the first reason that applies."""
     columns = {"response": row.response, **({} if row.force is None else {"force": row.force}), **row.extra}
     f = row.abscissa
     reasons: dict[str, BoolArray] = {"at 0 Hz": f == 0.0, "without a frequency > 0": ~(np.isfinite(f) & (f > 0.0))}
@@ -164,7 +164,7 @@ def _left_out(row: Series) -> dict[str, BoolArray]:
 
 
 def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, known: Statements) -> FloatArray:
-    """Force amplitude of each row (complex where the file has its phase)."""
+    """Force amplitude of each row (complex if the file has its phase)."""
     if level is None and row.force is None:
         message = "no force in the file: the damping depends on how hard the structure was driven"
         raise InputError(message, expected="--force AMPLITUDE of each sweep")
@@ -179,7 +179,7 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
 
 
 def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:
-    """The displacement, its phase taken as a lead or as a lag, whichever lets the structure take energy.
+    """The displacement, with its phase read as a lead or as a lag, whichever makes the structure absorb energy.
 
     The lag of the displacement of a passive structure lies between 0 and pi and rises through pi/2 with frequency.
     """

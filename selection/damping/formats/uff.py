@@ -1,9 +1,9 @@
 """Universal files (UFF, UNV), data set 58: frequency responses, spectra and time histories, text or binary, to series.
 
-The format is read here and not by the pyuff package, which is the reference of the tests: for any bytes a reader must
-end with a result or one line, in memory of a few times the file (pyuff takes twelve times a binary file of single
-precision), and must read what laboratories have: touching columns, letters D, exponents without a letter, wide
-abscissas, padded last lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
+This reader replaces the pyuff package, which is the reference of the tests. For any bytes it must end with a result or
+a one-line error, in memory of a few times the file (pyuff takes twelve times a binary file of single precision). It
+must read what laboratories have: touching columns, letters D, exponents without a letter, wide abscissas, padded last
+lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from damping.records.text import describe_shortened
 
 #: Function types of data set 58 by code.
 _FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["function"].items()}
-_TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions or no functions of time or frequency
+_TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions, or not functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _MOST_LISTED = 12
 
@@ -29,14 +29,14 @@ _MOST_LISTED = 12
 def read_uff(
     data: bytes, summary: Summary, datasets: tuple[int, ...] = (), labels: tuple[str, ...] = ()
 ) -> list[Series]:
-    """The responses of a universal file, each with its measured force where the file has one.
+    """The responses of a universal file, each with its measured force if the file has one.
 
     Args:
-        data: the file. summary: grows by what was found.
+        data: the file. summary: gets the facts found.
         datasets: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces.
-        labels: not empty where the user labels the sweeps, so that ID lines need not tell them apart.
+        labels: labels of the sweeps by the user, if any; ID lines then need not be unique.
 
-    InputError: no data set 58, a broken one, none that is a response, or responses at several points unchosen.
+    InputError: no data set 58, a broken one, none that is a response, or responses at several points without a choice.
     """
     data = _as_lines(data)
     sets, others = find_sets(data)
@@ -51,7 +51,7 @@ def read_uff(
         if along * against < 0:
             message = f"response and reference directions are opposite ({along}, {against})"
             summary.note(f"data set {response.number}: {message}")
-    if not labels and len({row.label for row in series}) < len(series):  # ID lines that do not tell the sweeps apart
+    if not labels and len({row.label for row in series}) < len(series):  # ID lines are not unique
         series = [replace(row, label=f"set {entry.number}") for row, entry in zip(series, responses, strict=True)]
     if not forces:
         return series
@@ -63,7 +63,7 @@ def read_uff(
 
 @dataclass(frozen=True)
 class Function:
-    """A data set 58 as it stands."""
+    """A data set 58 with its abscissa and ordinate."""
 
     of: DataSet
     x: FloatArray
@@ -84,7 +84,7 @@ def read_functions(data: bytes, summary: Summary) -> list[Function]:
 
 
 def _as_lines(data: bytes) -> bytes:
-    """The file with line feeds, where it has carriage returns alone."""
+    """The file with line feeds in place of carriage returns, if it has no line feeds."""
     return data if b"\n" in data else data.replace(b"\r", b"\n")
 
 
@@ -103,7 +103,7 @@ def _summarise(sets: list[DataSet], others: list[int], summary: Summary) -> None
 
 
 def _list_chosen(sets: list[DataSet], datasets: tuple[int, ...]) -> list[DataSet]:
-    """The sets asked for, or all functions of time or frequency that are motions or forces."""
+    """The requested data sets, or all functions of time or frequency that are motions or forces."""
     bad = next((number for number in datasets if not 1 <= number <= len(sets)), None)
     if bad is not None:
         raise InputError(f"no data set {bad}", expected=f"numbers from 1 to {len(sets)}")
@@ -116,7 +116,7 @@ def _list_chosen(sets: list[DataSet], datasets: tuple[int, ...]) -> list[DataSet
     if not any(not entry.is_force for entry in chosen):
         raise InputError("no data set is a response", expected=_EXPECTED)
     has_ratio = any(entry.function == 4 for entry in chosen)
-    if has_ratio and not datasets:  # the spectra of responses beside their frequency responses say the same twice
+    if has_ratio and not datasets:  # spectra of responses repeat their frequency responses
         chosen = [entry for entry in chosen if entry.function == 4 or (entry.is_force and not entry.is_time)]
     if len({entry.is_time for entry in chosen}) > 1:
         raise InputError("both time histories and spectra", expected="--dataset numbers of one kind")
@@ -144,7 +144,7 @@ def _describe_unfit(entry: DataSet) -> str:
 
 
 def _require_one_point(responses: list[DataSet], datasets: tuple[int, ...]) -> None:
-    """InputError for too many responses, or for several points that nobody chose."""
+    """Raise InputError for too many responses, or for several points without a choice of data sets."""
     if len(responses) > MOST_SWEEPS:
         expected = f"--dataset numbers of at most {MOST_SWEEPS}"
         raise InputError(f"{len(responses)} responses", expected=expected)
@@ -155,7 +155,7 @@ def _require_one_point(responses: list[DataSet], datasets: tuple[int, ...]) -> N
 
 
 def _series(entry: DataSet, data: bytes, summary: Summary) -> Series:
-    """The series of a response, or of a force in place of a response."""
+    """The series of a response, or of a force as if it were a response."""
     x, y = values(data, entry)
     response = entry.quantity
     if entry.function == 4:
@@ -176,7 +176,7 @@ def _series(entry: DataSet, data: bytes, summary: Summary) -> Series:
 
 
 def _with_force(row: Series, entry: DataSet, data: bytes, summary: Summary) -> Series:
-    """A response with its force, which is at the same abscissas."""
+    """A response with its force, which must have the same abscissas."""
     force = _series(entry, data, summary)
     x = force.abscissa
     if len(x) != len(row.abscissa) or not np.allclose(x, row.abscissa, rtol=1e-4, atol=0.0):
@@ -207,7 +207,7 @@ def _abscissa(x: FloatArray, entry: DataSet, summary: Summary) -> FloatArray:
 
 
 def _units(entry: DataSet, summary: Summary) -> dict[str, str]:
-    """Units of response and force by their labels; where there are none, by the units code of data set 164."""
+    """Units of response and force from their labels, else from the units code of data set 164."""
     texts = {}
     refuse_decibels(f"data set {entry.number}", entry.numerator.unit)
     if entry.numerator.unit:

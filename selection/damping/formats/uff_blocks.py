@@ -1,4 +1,4 @@
-"""Universal files cut into data sets: where each begins, its header fields and axes, and where its values are.
+"""Universal files split into data sets: start, header fields, axes and place of the values of each.
 
 Data set 58 (function at nodal DOF), revision of 30-Jun-1999: eleven header lines follow the number of the set, then
 the values, as text or (58b) as bytes. Header lines are counted, not searched, so that an ID line may read ``-1``.
@@ -13,14 +13,14 @@ from damping.errors import InputError
 from damping.records.text import describe_shortened
 
 HEADER_LINES = 11
-MOST_SETS = 50_000  #: data sets of a file that are looked at
-#: A closing line after bytes, where some programs end the line first.
+MOST_SETS = 50_000  #: most data sets in a file
+#: A closing line after bytes; some programs put a line end before it.
 _CLOSING = re.compile(rb"[\r\n]{0,2}[ \t]{0,8}-1[ \t\r]*(?=\n|\Z)")
 _END = re.compile(rb"^[ \t]{0,8}-1[ \t\r]*$", re.MULTILINE)
 _KIND = re.compile(rb"[ \t]{0,8}(\d{1,6})([bB]?)((?:[ \t]+-?\d{1,12})*)[ \t]*")
 _INTEGER = re.compile(rb"\s*[+-]?\d{1,12}\s*")
-D_TO_E = bytes.maketrans(b"Dd", b"EE")  #: Fortran's letter of an exponent to that of C
-_MOST_OTHERS = 12  #: data sets of other numbers that are named
+D_TO_E = bytes.maketrans(b"Dd", b"EE")  #: Fortran's exponent letter to that of C
+_MOST_OTHERS = 12  #: most other data set numbers that are listed
 _QUANTITIES = {8: "displacement", 9: "force", 11: "velocity", 12: "acceleration", 13: "force", 17: "time"}
 FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record 8 of data set 58)
 _TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of data set 58)
@@ -28,7 +28,7 @@ _TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of dat
 
 @dataclass(frozen=True)
 class Axis:
-    """Data characteristics of an axis: specific data type, and label of the units ('' where there is none)."""
+    """Data characteristics of an axis: specific data type, and label of the units ('' if there is none)."""
 
     code: int
     unit: str
@@ -40,7 +40,7 @@ _AXES = {0: "", 1: "X", 2: "Y", 3: "Z", 4: "X rotation", 5: "Y rotation", 6: "Z 
 
 @dataclass(frozen=True)
 class DataSet:
-    """One data set 58: its header, and where its values are. Points are (node, direction)."""
+    """One data set 58: its header, and the place of its values. Points are (node, direction)."""
 
     number: int  #: from 1
     line: int  #: on which it starts
@@ -57,25 +57,25 @@ class DataSet:
     abscissa: Axis
     numerator: Axis
     denominator: Axis
-    form: np.dtype[np.void] | None  #: how a point is stored as bytes; None: as text
+    form: np.dtype[np.void] | None  #: binary storage of a point; None: text
     start: int
     end: int
     closed: bool  #: a closing line was found
-    units_code: int  #: that of the data set 164 before it
+    units_code: int  #: of the preceding data set 164
 
     @property
     def parts(self) -> int:
-        """Numbers of one value: 1 of a real one, 2 of a complex one."""
+        """Numbers in one value: 1 if real, 2 if complex."""
         return _count_parts(self.ordinate)
 
     @property
     def quantity(self) -> str:
-        """What the ordinate is, '' where that is not known."""
+        """Quantity of the ordinate, '' if unknown."""
         return _QUANTITIES.get(self.numerator.code, "")
 
     @property
     def per(self) -> str:
-        """What the ordinate is divided by, '' where by nothing that is known."""
+        """Quantity of the denominator of the ordinate, '' if none or unknown."""
         return _QUANTITIES.get(self.denominator.code, "")
 
     @property
@@ -85,12 +85,12 @@ class DataSet:
 
     @property
     def is_force(self) -> bool:
-        """Whether it is a force and no ratio."""
+        """Whether it is a force and not a ratio."""
         return self.quantity == "force" and not self.per and self.function != 4
 
     @property
     def point(self) -> str:
-        """What was measured where, as node and direction, such as ``node 12 +Z``."""
+        """Node and direction of the measurement, such as ``node 12 +Z``; marked if it is a force."""
         node, along = self.response_point
         axis = _AXES.get(abs(along), f"direction {abs(along)}")
         sign = "" if not along else "-" if along < 0 else "+"
@@ -98,22 +98,22 @@ class DataSet:
 
     @property
     def place(self) -> str:
-        """Where it was measured, in words."""
+        """Points of response and reference in words."""
         (node, direction), (at, along) = self.response_point, self.reference_point
         return f"node {node} direction {direction}" + (f" from node {at} direction {along}" if at or along else "")
 
 
 def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
-    """The data sets 58 of a universal file in order, one at least, and the numbers of all other data sets.
+    """The data sets 58 of a universal file in order, at least one, and the numbers of other data sets.
 
-    InputError: no data set 58, one whose header is cut off or wrong (the line is named), or more than ``MOST_SETS``.
+    InputError: no data set 58, one with a truncated or wrong header (the line is named), or more than ``MOST_SETS``.
     """
     sets: list[DataSet] = []
     others: list[int] = []
     place = counted = units_code = 0
     line = 1
     for _ in range(MOST_SETS):
-        opening = _END.search(data, place)  # nothing of ours between sets
+        opening = _END.search(data, place)  # text between sets is skipped
         if opening is None:
             break
         first = opening.end() + 1
@@ -145,7 +145,7 @@ def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
 
 
 def _take_lines(data: bytes, place: int, count: int) -> tuple[list[bytes], int]:
-    """Some lines from a place on, fewer where the file ends, and where the next one begins."""
+    """Up to ``count`` lines from a place on, fewer at the end of the file, and the start of the next line."""
     lines: list[bytes] = []
     while len(lines) < count and place < len(data):
         end = data.find(b"\n", place)
@@ -156,7 +156,7 @@ def _take_lines(data: bytes, place: int, count: int) -> tuple[list[bytes], int]:
 
 
 def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number: int, units_code: int) -> DataSet:
-    """The data set 58 whose header begins at a place; ``match`` is that of the ``line`` before, with its number."""
+    """The data set 58 with its header at ``place``; ``match``: of the preceding ``line``, with the set's number."""
     lines, start = _take_lines(data, place, HEADER_LINES)
     if len(lines) < HEADER_LINES:
         expected = f"{HEADER_LINES} lines after its number"
@@ -205,17 +205,17 @@ def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number
 
 
 def _count_parts(ordinate: int) -> int:
-    """Numbers of one value of an ordinate data type: 1 of a real one, 2 of a complex one."""
+    """Numbers in one value of an ordinate data type: 1 if real, 2 if complex."""
     return 1 if ordinate in (2, 4) else 2
 
 
 def _whole(field: bytes) -> int:
-    """The integer in a field of a header; 0 where it is blank or holds none."""
+    """The integer in a field of a header; 0 if it is blank or not an integer."""
     return int(field) if _INTEGER.fullmatch(field) else 0
 
 
 def _read_form(content: bytes, line: int) -> list[float]:
-    """Record 7: ordinate type, number of points, spacing, first abscissa, its step; by columns, else by blanks."""
+    """Record 7: ordinate type, number of points, spacing, first abscissa, its step; in columns, else between blanks."""
     columns = [content[a:b] for a, b in ((0, 10), (10, 20), (20, 30), (30, 43), (43, 56))]
     for fields in (columns, content.split()[:5]):
         try:
@@ -236,7 +236,7 @@ def _describe_text(field: bytes) -> str:
 
 
 def _describe_decoded(content: bytes) -> str:
-    """UTF-8, else the Latin-1 of older programs."""
+    """Text decoded as UTF-8, else as the Latin-1 of older programs."""
     try:
         return content.decode()
     except UnicodeDecodeError:
@@ -246,13 +246,13 @@ def _describe_decoded(content: bytes) -> str:
 def _find_binary_form(
     data: bytes, start: int, fields: list[bytes], ordinate: int, points: int, even: bool, line: int
 ) -> tuple[np.dtype[np.void], int]:
-    """How one point of a binary set is stored, and where the values end.
+    """Storage of one point of a binary set, and the end of the values.
 
-    As wide as the ordinate, or (uneven spacing, double precision) with an abscissa of single precision; whichever is
-    followed by the end of the set. ``fields`` follow ``58b``: byte order and floating-point format are used, the number
-    of bytes is not: some programs write half of it.
+    The abscissa is as wide as the ordinate, or (uneven spacing, double precision) of single precision; the form that is
+    followed by the end of the set is chosen. Of the ``fields`` after ``58b``, byte order and floating-point format are
+    used; the number of bytes is not, as some programs write half of it.
 
-    InputError: a floating-point format other than IEEE, no byte order, or neither form fits.
+    InputError: a floating-point format other than IEEE, no byte order, or no form fits.
     """
     byte_order, number_format = (*map(int, fields), 0, 0)[:2]
     if number_format not in (0, 2):

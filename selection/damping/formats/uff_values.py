@@ -1,9 +1,9 @@
-"""Values of a data set 58, read and written: text of fixed columns or blanks between, or bytes of either order.
+"""Values of a data set 58, read and written: text in fixed columns or between blanks, or bytes of either order.
 
-They are read in parts of bounded size, so that memory stays a small multiple of the file. A record is written as, for
-each sweep, its receptance (type 4) and its force amplitude (spectrum, type 12): as bytes (58b) with every digit, as
-text with 13 digits of the ordinate and 6 of the abscissa. The fourth ID line says that amplitudes are peak values,
-which the format has no field for; reading knows it.
+Values are read in parts of bounded size, so that memory stays a small multiple of the file. Each sweep of a record is
+written as its receptance (type 4) and its force amplitude (spectrum, type 12): as bytes (58b) with every digit, as text
+with 13 digits of the ordinate and 6 of the abscissa. The format has no field for peak values: the fourth ID line states
+them, and the reader recognises it.
 """
 
 import re
@@ -20,15 +20,15 @@ from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
 from damping.records.record import Record
 
 _PART = 1_000_000  # bytes of text taken at a time
-_NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran leaves the letter out where 3 digits follow
-_LONGEST = 40  # characters of a number
-_PADDING = 5  # zeros that may fill the last line beyond the points
+_NO_LETTER = re.compile(rb"(?<=\d)([+-]\d{3})(?=\s|$)")  # 1.5-101: Fortran omits the letter before 3 digits
+_LONGEST = 40  # most characters of a number
+_PADDING = 5  # most zeros that fill the last line beyond the points
 
 
 def values(data: bytes, entry: DataSet) -> tuple[FloatArray, Samples]:
     """Abscissa (points,) and ordinate (points,), real or complex.
 
-    InputError: fewer or more values than points, or something that is no number.
+    InputError: fewer or more values than points, or a value that is not a number.
     """
     if entry.form is not None:
         table = np.frombuffer(data, dtype=entry.form, count=entry.points, offset=entry.start)
@@ -49,7 +49,7 @@ def _even(entry: DataSet) -> FloatArray:
 
 
 def _ordinate(columns: FloatArray) -> Samples:
-    """One column as it is, two as a complex number."""
+    """One column unchanged, two as complex numbers."""
     if columns.shape[1] == 1:
         return np.ascontiguousarray(columns[:, 0], dtype=np.float64)
     return cartesian(columns[:, 0], columns[:, 1])
@@ -67,7 +67,7 @@ def _widths(entry: DataSet) -> tuple[int, ...]:
 def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
     cut_off = "" if entry.closed else " (the file is cut off)"
     as_the_header_says = f"{needed} values, as the header says"
-    if needed > (entry.end - entry.start) // 2 + 1:  # a number and a blank each
+    if needed > (entry.end - entry.start) // 2 + 1:  # each value takes a digit and a blank
         raise InputError(f"fewer values{cut_off}", line=entry.line + 12, expected=as_the_header_says)
     numbers = np.empty(needed)
     count, line = 0, entry.line + 12
@@ -88,7 +88,7 @@ def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
 
 
 def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
-    """The body in parts that end with a line."""
+    """The body in parts that end at a line end."""
     while start < end:
         stop = data.rfind(b"\n", start, start + _PART) + 1 if start + _PART < end else end
         yield data[start:stop] if stop > start else b"a line too long"
@@ -96,7 +96,7 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
 
 
 def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
-    """Numbers of some lines: separated by blanks, else in columns (where they may touch)."""
+    """Numbers in some lines: separated by blanks, else in columns, which may touch."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(D_TO_E))
     for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
         texts = fields(part)
@@ -115,7 +115,7 @@ def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
 
 
 def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
-    """The fields of each line by column width; blank ones are left out."""
+    """The fields of each line by column width, without blank ones."""
     for row in text.split(b"\n"):
         start = 0
         for width in widths:
@@ -127,7 +127,7 @@ def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
             yield b"beyond the columns"
 
 
-PEAK = "peak amplitudes"  #: fourth ID line of a set whose amplitudes are those of the sine
+PEAK = "peak amplitudes"  #: fourth ID line of a set with peak amplitudes of the sine
 _DISPLACEMENT = 8  #: data type of the numerator
 _FORCE = 13  #: data type of the denominator
 _ACCELERATION = 12  #: the same where a base is driven
@@ -172,7 +172,7 @@ def _describe_axis(code: int, label: str, unit: str) -> str:
 
 
 def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, str], binary: bool) -> bytes:
-    """One data set of uneven spacing and double precision."""
+    """One data set with uneven spacing and double precision."""
     numbers = np.column_stack([x, y.real, y.imag] if np.iscomplexobj(y) else [x, y])
     first = f"{58:6d}{'':74s}\n"
     if binary:
@@ -191,7 +191,7 @@ def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, 
 
 
 def _as_text(numbers: FloatArray) -> bytes:
-    """Format 1E13.5,2E20.12 of complex and 2(1E13.5,1E20.12) of real values."""
+    """Text in the format 1E13.5,2E20.12 for complex and 2(1E13.5,1E20.12) for real values."""
     points = [f"{row[0]:13.5E}" + "".join(f"{value:20.12E}" for value in row[1:]) for row in numbers.tolist()]
     if numbers.shape[1] == 2:
         points = ["".join(points[i : i + 2]) for i in range(0, len(points), 2)]

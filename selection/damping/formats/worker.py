@@ -1,7 +1,7 @@
-"""Reads arrays and channels of a binary or LabVIEW file in a process of its own; a script, started by ``arrays``.
+"""Reads arrays and channels of a binary or LabVIEW file in a separate process; a script, started by ``arrays``.
 
-A damaged or hostile file can bring the HDF5 library to crash, to loop or to allocate without end. Here that ends this
-process and not the program. Standard output gets one line of JSON, then the bytes of the arrays in its order. Only
+A damaged or hostile file can make the HDF5 library crash, loop or allocate without end; that ends only this process,
+not the program. Standard output gets one line of JSON, then the bytes of the arrays in the order listed there. Only
 numbers are read: no objects, references, functions or text, nothing outside the file (external, virtual), no pickles.
 """
 
@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-_MOST_NAMES = 200  # arrays of a file that are listed: a bound for files that hold thousands
-_DEEPEST = 6  # groups within groups that are looked into: a bound for files that nest without end
-_MOST_PARTS = 1000  # arrays that one name may stand for
+_MOST_NAMES = 200  # most arrays of a file that are listed: a bound for files with thousands
+_DEEPEST = 6  # deepest level of nested groups that is read: a bound for endless nesting
+_MOST_PARTS = 1000  # most arrays that one name may stand for
 _FILTERS = {"gzip", "lzf", None}
 _MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
@@ -30,7 +30,7 @@ class RefusedError(Exception):
 
 @dataclass
 class Contents:
-    """Shapes, units, (start, step) in s by name; bytes allowed; first and behind the last row read, empty for all."""
+    """Shapes, units, (start, step) in s by name; bytes allowed; first row and end (exclusive) read, empty for all."""
 
     bytes_left: int
     rows: list[int] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Contents:
     steps: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def add_channel(self, name: str, count: int, unit: object, start: float, step: float) -> slice:
-        """Note a channel against time; the samples of it that are wanted."""
+        """Note a channel against time, and return the range of its samples to read."""
         self.known[name], self.units[name] = [count], str(unit)[:60]
         if step > 0.0:
             self.steps[name] = (float(start), float(step))
@@ -47,13 +47,13 @@ class Contents:
         return slice(min(first, count), min(last, count))
 
     def refuse_beyond(self, shape: Any, item: int = 16) -> None:
-        """Refuse an array of that shape, its items of ``item`` bytes, that is larger than the file warrants."""
+        """Refuse an array of that shape, with ``item`` bytes per value, if it is larger than the file warrants."""
         if item * math.prod(max(int(n), 1) for n in shape) > self.bytes_left:
             raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
 
 
 def main() -> None:
-    """Read ``sys.argv``: format, path, JSON list of names, most bytes of arrays, of memory, and most seconds."""
+    """Read ``sys.argv``: format, path, JSON list of names, limits of array bytes, memory and seconds, JSON rows."""
     kind, path, names = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
     most, memory, seconds = map(int, sys.argv[4:7])
     _limit(memory, seconds)
@@ -81,9 +81,9 @@ def main() -> None:
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Limits of memory and of processor time of this process, where the system has them."""
+    """Limit memory and processor time of this process, if the system supports it."""
     try:
-        import resource  # noqa: PLC0415 - there is none on Windows
+        import resource  # noqa: PLC0415 - not available on Windows
     except ImportError:
         return
     for kind, most in ((resource.RLIMIT_DATA, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
@@ -91,9 +91,9 @@ def _limit(memory: int, seconds: int) -> None:
 
 
 def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
-    """Arrays of a MAT file of version 5, as MATLAB names them: ``s.field``, ``s(2).field``, ``c{1,2}``, ``c{:,2}``.
+    """Arrays of a MAT file of version 5 by MATLAB names: ``s.field``, ``s(2).field``, ``c{1,2}``, ``c{:,2}``.
 
-    A name that stands for several arrays (a field of an array of structures) gives each of them, in order.
+    A name of several arrays (a field of an array of structures) gives each of them, in order.
     """
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - half a second, for this format alone
 
@@ -116,7 +116,7 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
 
 
 def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int) -> None:
-    """Names of what is below a structure or a cell array, with the shape of the first of each."""
+    """List the members below a structure or a cell array, with the shape of the first of each."""
     if depth > _DEEPEST or len(known) >= _MOST_NAMES or not isinstance(value, np.ndarray):
         return
     known.setdefault(name, [int(n) for n in value.shape])
@@ -131,7 +131,7 @@ def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int)
 
 
 def _list_addressed(variables: Any, name: str) -> list[Any]:
-    """What a name with fields and places stands for; empty where there is nothing of it."""
+    """The values that a name with fields and indices stands for; empty if there are none."""
     top = re.match(r"\w+", name)
     if top is None or top[0] not in variables:
         return []
@@ -146,7 +146,7 @@ def _list_addressed(variables: Any, name: str) -> list[Any]:
 
 
 def _list_parts(value: Any, step: re.Match[str]) -> list[Any]:
-    """What one step of a name leads to: a field of every structure, or the elements at a place counted from 1."""
+    """The values at one step of a name: a field of every structure, or the elements at indices from 1."""
     field, bracket, row, column = step.groups()
     if not isinstance(value, np.ndarray):
         return []
@@ -163,7 +163,7 @@ def _list_parts(value: Any, step: re.Match[str]) -> list[Any]:
 
 
 def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
-    """Arrays of an HDF5 file by path, ``group/name``; of a MAT file of version 7.3 in MATLAB's order of axes.
+    """Arrays of an HDF5 file by path, ``group/name``; for a MAT file of version 7.3 in MATLAB's order of axes.
 
     An attribute ``units`` or ``unit`` of an array is its unit.
     """
@@ -182,7 +182,7 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             dataset = file[place]
             _readable(h5py, dataset, name)
             part, longest = [slice(n) for n in dataset.shape], max(dataset.shape, default=0)
-            if contents.rows and part:  # the samples that are wanted, along the longest axis
+            if contents.rows and part:  # the requested samples, along the longest axis
                 first, last = (min(place, longest) for place in contents.rows)
                 part[dataset.shape.index(longest)] = slice(first, last)
             contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], max(dataset.dtype.itemsize, 16))
@@ -209,7 +209,7 @@ def _rattlesnake(h5py: Any, file: Any, contents: Contents) -> Read:
     contents.known.clear()
     for k in range(data.shape[0]):
         name = f"{text('node_number', k)} {text('node_direction', k)}".strip() or f"channel {k + 1}"
-        name = f"{name} drive" if text("feedback_device", k) else name  # the signal that went to an exciter
+        name = f"{name} drive" if text("feedback_device", k) else name  # the signal sent to an exciter
         name = f"{name} ({k + 1})" if name in contents.known else name
         part = contents.add_channel(name, int(data.shape[1]), text("unit", k), 0.0, step)
         contents.refuse_beyond((data.shape[0] - k, part.stop - part.start))
@@ -250,7 +250,7 @@ def _lvm(path: str, kind: str, names: list[str], contents: Contents) -> Read:
 
 
 def _list(h5py: Any, group: Any, prefix: str, known: dict[str, list[int]], depth: int) -> None:
-    """Names and shapes of the arrays below a group, through hard links alone."""
+    """List names and shapes of the arrays below a group, following only hard links."""
     for name in group:
         if len(known) >= _MOST_NAMES:
             return
@@ -276,7 +276,7 @@ def _readable(h5py: Any, array: Any, name: str) -> None:
 
 
 def _numbers(array: Any, name: str) -> Any:
-    """Complex numbers of a compound of real and imaginary part as such."""
+    """The array, with a compound of real and imaginary parts as complex numbers."""
     names = array.dtype.names
     if names in (("real", "imag"), ("r", "i"), ("re", "im")):
         return array[names[0]].astype(float) + 1j * array[names[1]].astype(float)

@@ -1,12 +1,12 @@
 """Response of a mode: first-harmonic steady states and their branches, time integration for reference.
 
-Here what a test measured, as laws are fitted to it: base drive as a force, swept rows as the steady states of them.
+This module prepares measured rows for fitting: base excitation becomes a force, and swept rows become steady states.
 
-A base that moves with acceleration a drives the motion q relative to it by the modal force p m a, p the participation:
-m q'' + C + K q = p m a. Divided by p m that is a mode of mass 1/p under the force a. A record of a and q tells all of
-it: the mass 1/p as the slope of a/q against frequency squared, and damping as coefficients over p m. What a response at
-a design acceleration needs is free of p; only a damping ratio is not, and takes its uncertainty. Added masses are
-shaken with the structure, see :mod:`damping.records.base_drive`.
+A base acceleration a drives the relative motion q by the modal force p m a, with participation p: m q'' + C + K q =
+p m a. Divided by p m, this is a mode of mass 1/p under the force a. A record of a and q determines all of it: the mass
+1/p is the slope of a/q against frequency squared, and damping coefficients are over p m. The response at a design
+acceleration does not depend on p; only the damping ratio does, and includes its uncertainty. The base drives added
+masses too, see :mod:`damping.records.base_drive`.
 """
 
 from dataclasses import dataclass, replace
@@ -23,9 +23,9 @@ from damping.records.view import View, take_median
 
 @dataclass(frozen=True)
 class Measured:
-    """Steady states under a modal force, the mode of them (None where none is given) and what was done, in words.
+    """Steady states under a modal force, their mode (None if none is given) and notes on what was changed.
 
-    ``driven``: the rows under that force as they were swept, which a diagnosis reads: a rate is a cause of its own.
+    ``driven``: the rows under that force as swept, for the diagnosis, in which the sweep rate is a cause itself.
     """
 
     record: Record
@@ -35,12 +35,11 @@ class Measured:
 
 
 def prepare(record: Record, mode: Mode | None = None) -> Measured:
-    """The record as laws are fitted to it, and the mode with it.
+    """Prepare a record and its mode for fitting.
 
-    A mode that its base drives becomes one of mass 1/p under the base's acceleration as force, p from the rows; rows
-    whose rate of sweeping is known (a column ``sweep_rate``, or ``rate`` of the rig) or shows in their peaks become
-    steady states by :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is returned as it
-    is.
+    A base-driven mode becomes one of mass 1/p under the base acceleration as force, with p from the rows. Rows with a
+    known sweep rate (a column ``sweep_rate``, or ``rate`` of the rig), or one that shows in their peaks, become steady
+    states by :func:`damping.predict.sweep_rate.as_steady`. A steady record driven by a force is unchanged.
     """
     if mode is not None:
         notes = []
@@ -54,7 +53,7 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
         mass, frequency = mode.mass, mode.frequency
     elif "sweep_rate" not in record.frame.columns:
         return Measured(record, None, record)
-    else:  # what the rows imply; NaN where they imply none
+    else:  # implied by the rows, NaN if they imply none
         implied, notes, driven = View(record, None).implied, [], record
         mass, frequency = take_median(implied["mass"]), take_median(implied["frequency"])
     if not mass > 0.0:
@@ -64,14 +63,14 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
 
 
 def count_in(mode: Mode, participation: Participation) -> Mode:
-    """A base-driven mode as one that a force drives, over p m; the tolerance of its mass is the uncertainty of p."""
+    """A base-driven mode as a force-driven one, divided by p m; the tolerance of its mass is the uncertainty of p."""
     forced = in_unit(mode, participation.value * mode.mass)
     known = replace(mode.tolerance, mass=participation.spread, from_record=participation.known)
     return replace(forced, tolerance=known)
 
 
 def in_unit(mode: Mode, unit: float) -> Mode:
-    """A mode under forces, its mass, its damping and its effects over ``unit``."""
+    """A force-driven mode with mass, damping and effects divided by ``unit``."""
     by = 1.0 / unit
     damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
     effects = {name: rescale(find_effect(name).shapes, table, name, by) for name, table in mode.effects.items()}

@@ -22,10 +22,10 @@ from damping.predict.steady import SteadyState, balance, bisect, bracketed_newto
 
 #: Amplitudes searched, in units of the static deflection F/K: 16 decades, 60 points in each.
 _GRID = np.linspace(-8.0, 8.0, 961) * np.log(10.0)
-#: Fewest steps in which a sweep follows a branch between its ends: a branch moves little in each.
+#: Fewest steps over a whole sweep, so that a branch moves little in each.
 _FEWEST_STEPS = 2000
 
-#: Frequencies treated at once, for the sake of memory.
+#: Frequencies computed together, to limit memory.
 _BLOCK = 2048
 
 #: ln(|Z| A) - ln F and its derivative in ln A, at points and rows of frequencies.
@@ -51,8 +51,8 @@ def is_stable(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats
 def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float) -> Branches:
     """All amplitudes with |Z(A, omega)| A = F at each frequency (Eq 4.2.4), their phases and stability.
 
-    A grid in ln A brackets the roots; an extremum inside a cell is looked for, so that a close pair near a fold is
-    not missed. Frequencies without a steady state (friction holds, no damping at resonance) have none.
+    A grid in ln A brackets the roots. Cells are searched for an extremum, so that a close pair near a fold is not
+    missed. Frequencies without a steady state (friction holds, no damping at resonance) have no roots.
 
     Args:
         force: force with scalar parameters. F: force amplitude. omega: frequencies, rad/s, (n,). M, omega_n: mode.
@@ -72,18 +72,18 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
 def sweep(
     force: Force, F: float, omega: FloatArray, M: float, omega_n: float, direction: Literal["up", "down"] = "up"
 ) -> SteadyState:
-    """The steady states that a slow sweep passes, at ``omega`` (increasing, (n,)), with its jumps.
+    """The steady states that a slow sweep passes, at ``omega`` (increasing, (n,)), with jumps.
 
     The sweep starts on the stable state of least amplitude and follows the nearest stable state in the plane of
-    A exp(-i phi) through steps much finer than ``omega``; when its branch ends it falls or rises to another one.
-    NaN where there is no stable steady state.
+    A exp(-i phi) in steps much finer than ``omega``; at the end of a branch it jumps to another one. NaN where there is
+    no stable steady state.
     """
     fine, between = finely(np.asarray(omega, dtype=float))
     return followed(branches(force, F, fine, M, omega_n), between, direction)
 
 
 def finely(omega: FloatArray) -> tuple[FloatArray, int]:
-    """Frequencies with steps between any two, in each of which a branch moves little; the number of steps."""
+    """Frequencies refined by steps in which a branch moves little, and the number of steps between two frequencies."""
     between = max(1, int(np.ceil(_FEWEST_STEPS / max(1, omega.size - 1))))
     index = np.arange((omega.size - 1) * between + 1) / between
     return np.interp(index, np.arange(omega.size), omega), between
@@ -103,7 +103,7 @@ def followed(states: Branches, between: int, direction: Literal["up", "down"]) -
 def _roots(
     force: Force, F: float, omega: FloatArray, start: int, M: float, omega_n: float
 ) -> tuple[IntArray, FloatArray]:
-    """Rows and ln A of every root at a block of frequencies that begins at row ``start``."""
+    """Rows and ln A of every root in the block of frequencies that begins at row ``start``."""
     block = omega[start : start + _BLOCK]
     u = np.log(F / (M * omega_n**2)) + _GRID
 
@@ -117,7 +117,7 @@ def _roots(
 
 
 def list_roots(level: Level, u: FloatArray, rows: int) -> tuple[IntArray, FloatArray]:
-    """Rows and places of every root of a level between points of the grid ``u``, sorted by row and place."""
+    """Rows and positions of every root of ``level`` between points of the grid ``u``, sorted by row and position."""
     with np.errstate(all="ignore"):
         value, derivative = level(u, np.arange(rows)[:, np.newaxis])
         row, low, high = _brackets(level, u, value, derivative)
@@ -154,7 +154,7 @@ def by_row(row: IntArray, amplitude: FloatArray, rows: int) -> FloatArray:
 
 
 def _follow(states: Branches, forward: range) -> IntArray:
-    """Column of the state that the sweep is on at each row, -1 where there is none."""
+    """Column of the state that the sweep is on at each row, -1 if there is none."""
     phasor, count = states.amplitude * np.exp(-1j * states.phase), states.stable.sum(axis=1)
     choice = np.where(count > 0, np.argmax(states.stable, axis=1), -1)
     for before, i in pairwise(forward):

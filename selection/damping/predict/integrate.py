@@ -1,14 +1,13 @@
-"""Steady states by integration in time: the reference for the first-harmonic averages, with none of their code.
+"""Steady states by integration in time: a reference for the first-harmonic averages that shares no code with them.
 
 M q'' + K q + g(q, q') = F sin(omega t) is solved piece by piece between turning points, where the velocity has one
-sign: dry friction is a constant there and a slip joint a function of the distance travelled, so each piece is a smooth
-(joints: continuous) equation. At a turning point the mass goes on, turns back, or sticks until the drive overcomes
-friction. Nothing is regularised. Of a force only `Force.g` and its joints are used, no average that this checks.
+sign: dry friction is constant there and a slip joint a function of the distance travelled, so each piece is a smooth
+(with joints: continuous) equation. At a turning point the mass goes on, turns back, or sticks until the drive overcomes
+friction. Nothing is regularised. Only `Force.g` and the joints of a force are used, not the averages under test.
 
-A periodic motion is found by shooting (Newton's method on the map of one period, the physical state at the end less
-that at the start) and accepted when its multipliers are inside the unit circle; where shooting finds none, the motion
-is left to settle by itself. Either way the steady state is proved on successive windows of several periods: their
-first harmonics agree.
+A periodic motion is found by shooting (Newton's method on the map of one period, the physical state at the end minus
+that at the start) and accepted if its multipliers are inside the unit circle. If shooting fails, the motion is left to
+settle. In both cases the steady state is verified: the first harmonics of successive windows of several periods agree.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Force
 
-#: Pieces in one period beyond which the motion is not advancing.
+#: Most pieces in one period; with more the motion does not advance.
 _MOST_PIECES = 2000
-#: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute one is this times
-#: the scale of the motion.
+#: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute tolerance is this
+#: times the scale of the motion.
 _RTOL = 1e-11
-#: Periods of free settling before each shot from rest: more where the shots before found nothing.
+#: Periods of free settling before each shooting attempt from rest: more after each failure.
 _FREE_FROM_REST = (8, 24, 72)
-#: The same from the motion at a neighbouring frequency, which is nearly right already.
+#: The same from the motion at a neighbouring frequency, which is already close.
 _FREE = (2, 24, 72)
-#: Newton steps of a shot; it converges in four or five, or not at all.
+#: Most Newton steps of a shooting attempt; it converges in four or five, or not at all.
 _MOST_SHOTS = 15
-#: Change over one period, relative to the amplitude, at which a shot has hit.
+#: Change over one period, relative to the amplitude, at which shooting has converged.
 _HIT = 1e-8
-#: Periods of one window in which a motion is watched settling.
+#: Periods of one window of a settling motion.
 _WINDOW = 5
-#: Relative agreement of successive windows, extrapolated to all that follow.
+#: Relative agreement of successive windows, extrapolated to all later ones.
 _AGREEMENT = 1e-6
-#: Windows left for settling: 3000 periods, at which a damping of 0.1 % has taken e^-18 of the transient.
+#: Most windows for settling: 3000 periods, after which damping of 0.1 % leaves e^-18 of the transient.
 _MOST_WINDOWS = 600
 
 
@@ -66,15 +65,15 @@ class Oscillator:
         return 2.0 * math.pi / self.omega
 
     def resistance(self, q: float, speed: float, sign: float) -> float:
-        """K q + g: what spring and force hold against the motion, joints left out."""
+        """K q + g: resistance of spring and force, without joints."""
         return self.K * q + float(self.force.g(q, speed, sign))
 
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, velocity and the joints' stretches at the time t.
+    """Displacement, velocity and the joints' stretches at time t.
 
-    ``sums``: time integrals of q sin(omega t) and q cos(omega t) since a start.
+    ``sums``: time integrals of q sin(omega t) and q cos(omega t) since the last restart.
     """
 
     t: float
@@ -108,7 +107,7 @@ def advance(oscillator: Oscillator, state: State, periods: int) -> State:
 
 
 def _direction(oscillator: Oscillator, state: State) -> tuple[float, float]:
-    """Direction of the coming piece and the time it starts: now, or after sticking (infinity: never)."""
+    """Direction of the next piece and its start time: now, or after sticking (infinity: never)."""
     if state.v != 0.0:
         return math.copysign(1.0, state.v), state.t
     joints = float(sum(j.stiffness * s for j, s in zip(oscillator.force.joints, state.stretches, strict=True)))
@@ -125,7 +124,7 @@ def _direction(oscillator: Oscillator, state: State) -> tuple[float, float]:
 
 
 def _next_time(oscillator: Oscillator, now: float, level: float, *, rising: bool) -> float:
-    """When F sin(omega t) next passes ``level`` upwards or downwards, at the earliest now; infinity: never."""
+    """Time, not before now, when F sin(omega t) next passes ``level`` upwards or downwards; infinity: never."""
     if abs(level) >= oscillator.F:
         return math.inf
     angle = math.asin(level / oscillator.F)
@@ -135,7 +134,7 @@ def _next_time(oscillator: Oscillator, now: float, level: float, *, rising: bool
 
 
 def _stick(oscillator: Oscillator, state: State, until: float) -> State:
-    """Rest at the present position."""
+    """Stick at the present position."""
     w, q, a, b = oscillator.omega, state.q, state.t, until
     sine, cosine = (math.cos(w * a) - math.cos(w * b)) / w, (math.sin(w * b) - math.sin(w * a)) / w
     return replace(state, t=until, sums=state.sums + q * np.array([sine, cosine]))
@@ -180,7 +179,7 @@ class TimeState:
 
     Attributes:
         amplitude, phase: first harmonic A sin(omega t - phase) of the displacement over a window.
-        state: displacement, velocity and joints at the end, at a zero of the drive: where to go on from.
+        state: displacement, velocity and joints at the end, at a zero of the drive, to continue from.
     """
 
     amplitude: float
@@ -213,7 +212,7 @@ def steady_state_in_time(
 def sweep_in_time(
     force: Force, F: float, omega: FloatArray, M: float, omega_n: float, direction: Literal["up", "down"] = "up"
 ) -> Iterator[TimeState]:
-    """Steady states at frequencies (n,) in the order swept, each started from the one before; arguments as above."""
+    """Steady states at frequencies (n,) in the order swept, each started from the previous one; arguments as above."""
     start: State | None = None
     for frequency in np.sort(omega) if direction == "up" else np.sort(omega)[::-1]:
         reached = steady_state_in_time(force, F, float(frequency), M, omega_n, start=start)
@@ -228,7 +227,7 @@ def _moved(oscillator: Oscillator, state: State, dq: float, dv: float) -> State:
 
 
 def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
-    """A stable periodic state near ``state`` and its largest multiplier; None where Newton's method finds none."""
+    """A stable periodic state near ``state`` and its largest multiplier; None if Newton's method finds none."""
     w = oscillator.omega
     jacobian, last = None, np.inf
     for _ in range(_MOST_SHOTS):
@@ -236,7 +235,7 @@ def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
         after = advance(oscillator, state, 1)
         miss = np.array([after.q - state.q, (after.v - state.v) / w])
         distance = float(np.hypot(*miss))
-        if jacobian is None or distance > 0.1 * last:  # else the old one still serves
+        if jacobian is None or distance > 0.1 * last:  # else the last Jacobian is good enough
             jacobian = _jacobian(oscillator, state, after, 1e-5 * size)
         if distance < _HIT * size:
             radius = float(np.max(np.abs(np.linalg.eigvals(jacobian))))
@@ -250,17 +249,17 @@ def _shoot(oscillator: Oscillator, state: State) -> tuple[State, float] | None:
 
 
 def _jacobian(oscillator: Oscillator, state: State, after: State, step: float) -> FloatArray:
-    """Derivative of (q, v/omega) after one period by that at its start."""
+    """Derivative of (q, v/omega) after one period with respect to that at its start."""
     w = oscillator.omega
     ends = [advance(oscillator, _moved(oscillator, state, dq, dv), 1) for dq, dv in ((step, 0.0), (0.0, step * w))]
     return np.array([[(end.q - after.q) / step, (end.v - after.v) / (step * w)] for end in ends]).T
 
 
 def _settle(oscillator: Oscillator, state: State, radius: float | None) -> TimeState:
-    """Go on window by window until first harmonics agree, the rest of the approach included.
+    """Advance window by window until first harmonics agree, including the remaining approach.
 
-    The rest is that of a geometric approach whose ratio from window to window is the multiplier's power where shooting
-    found one, else the ratio of the last two changes.
+    The remainder is that of a geometric series whose ratio from window to window is the power of the multiplier if
+    shooting found one, else the ratio of the last two changes.
     """
     previous, last = None, np.inf
     for _ in range(_MOST_WINDOWS):

@@ -1,6 +1,6 @@
-"""Many bracketed roots at once.
+"""First-harmonic steady states, with a solver for many bracketed roots at once.
 
-First-harmonic (Ritz, Klotter) steady states of M q'' + K q + g(q, q') = F sin(omega t), K = M omega_n^2 (sec. 4.2).
+They are the Ritz (Klotter) solutions of M q'' + K q + g(q, q') = F sin(omega t), K = M omega_n^2 (sec. 4.2).
 
 With q = A sin(omega t - phi) the averages S, C of the force (`damping.forces.contract`) give
 
@@ -19,19 +19,19 @@ import numpy as np
 from damping.arrays import FloatArray, Floats
 from damping.forces.contract import Force
 
-#: A Newton step below this leaves an error near its square, below rounding, of an unknown of order one (ln A).
+#: A Newton step below this leaves an error near its square, below rounding for an unknown of order one (ln A),
 SMALL_STEP = 1e-8
-#: ... where the value, a logarithm, is as near zero as this: beside a kink a short step may lead nowhere.
+#: if the value, a logarithm, is as near zero as this: beside a kink a short step alone proves nothing.
 SMALL_VALUE = 1e-6
-#: A Newton step that is no smaller than this share of the step before goes nowhere soon; bisection does.
+#: Largest ratio of a Newton step to the step before; bisection converges faster than a larger one.
 SHRINKING = 0.9
-#: Newton's method needs about ten steps from a bracket; bisection alone, fifty more.
+#: Most steps: Newton's method needs about ten from a bracket; bisection alone, fifty more.
 MOST_STEPS = 200
-#: Amplitude, in any unit, beyond every amplitude that is asked about; powers up to 20 of it stay finite.
+#: Amplitude, in any unit, beyond every relevant one; powers up to 20 of it stay finite.
 _FAR = 1e15
-#: Largest |ln A| that is looked at: 55 decades, the fifth power of which is still finite.
+#: Largest |ln A| searched: 55 decades, the fifth power of which is still finite.
 _WIDEST = 127.0
-#: ln A between which a force is looked for whose parts do not all grow with amplitude.
+#: ln A of the scan for forces whose parts do not all grow with amplitude.
 _GRID = np.arange(-46.0, 46.25, 0.25)
 
 
@@ -43,11 +43,11 @@ def bracketed_newton(
     *,
     rising: bool = False,
 ) -> FloatArray:
-    """Roots by Newton's method, bisecting wherever a step would leave the bracket; NaN where a bracket is NaN.
+    """Roots by Newton's method, with bisection where a step would leave the bracket; NaN where a bracket is NaN.
 
     Args:
         function: value and derivative at an array of the shape of ``low``; each value changes sign in its bracket.
-        low, high: ends of the brackets. start: in the brackets, where the first step begins; ``high`` by default.
+        low, high: ends of the brackets. start: first points, within the brackets; ``high`` by default.
         rising: whether each value is known to rise from below zero to zero or above.
     """
     side = np.True_ if rising else function(high)[0] >= 0.0
@@ -60,12 +60,12 @@ def bracketed_newton(
             low, high = np.where(of_high, low, u), np.where(of_high, u, high)
             step = value / derivative
             newton, size = u - step, np.abs(step)
-            there = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
-            # strictly inside, so that no two points lead to each other across a kink, and shrinking
-            inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | there
+            converged = (size <= SMALL_STEP) & (np.abs(value) <= SMALL_VALUE)
+            # strictly inside and shrinking, so that no two points lead to each other across a kink
+            inside = ((newton > low) & (newton < high) & (size > SMALL_STEP) & (size < SHRINKING * moved)) | converged
             before, u = u, np.where(inside, newton, 0.5 * (low + high))
             moved = np.abs(u - before)
-            if np.all(there | ~(high - low > 1e-15 * np.abs(u))):
+            if np.all(converged | ~(high - low > 1e-15 * np.abs(u))):
                 break
     return u
 
@@ -89,9 +89,9 @@ class SteadyState:
 
 
 def balance(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats) -> tuple[Floats, ...]:
-    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: what A needs in phase with displacement and velocity.
+    """X = (K - M omega^2) A + S, dX/d ln A, C and dC/d ln A: force in phase with displacement and with velocity.
 
-    The force amplitude that holds A is F = |Z| A = hypot(X, C) (Eq 4.2.4).
+    The force amplitude that sustains A is F = |Z| A = hypot(X, C) (Eq 4.2.4).
     """
     linear = M * (omega_n**2 - omega**2) * A
     C, slope, S, slope_S = force.averages(A, omega)
@@ -107,7 +107,7 @@ def phase_lag(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Floats
 def backbone(force: Force, A: Floats, M: Floats, omega_n: Floats) -> FloatArray:
     """omega(A) at which the phase is pi/2: sqrt((K + S/A)/M); NaN where the joint stiffness is negative.
 
-    S of no force here depends on frequency, so it is taken at ``omega_n``.
+    No S of a force here depends on frequency: it is evaluated at ``omega_n``.
     """
     squared = omega_n**2 + force.in_phase(A, omega_n) / (M * A)
     return np.asarray(np.sqrt(np.where(squared > 0.0, squared, np.nan)))
@@ -117,13 +117,13 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
     """Amplitude at phase resonance under the force F: the solution of C(A, omega) = F (Eqs 4.1.7, 4.2.7, 4.3.9).
 
     NaN where there is no resonance: friction holds (C >= F down to A = 0), or damping saturates and never reaches F
-    (friction or slip alone). Where a part of the force falls with amplitude (a negative coefficient), the smallest A
-    at which C rises through F, on a scan of 40 decades in steps of 0.25 in ln A.
+    (friction or slip alone). If a part of the force falls with amplitude (a negative coefficient), the result is the
+    smallest A at which C rises through F, on a scan of 40 decades in steps of 0.25 in ln A.
 
     Args:
         force: damping force; its parameters may be arrays, such as posterior draws of shape (draws, 1).
         F: force amplitude(s) > 0. omega: frequency at resonance, rad/s. near: amplitude(s) where the search begins, NaN
-            where none is known; the result does not depend on it.
+            if unknown; the result does not depend on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
     with np.errstate(all="ignore"):
@@ -133,7 +133,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             known = (ratio > 0.0) & np.isfinite(ratio) & (power > 0.0)
             return np.broadcast_to(np.where(known, ratio ** (1.0 / power), np.nan), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
-        # no part falls with amplitude: the slope of each force keeps its sign from zero to far amplitudes
+        # whether no part falls with amplitude: each slope keeps its sign from zero to far amplitudes
         grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
         grid = np.array([-_WIDEST, _WIDEST]) if grows else _GRID
 
@@ -141,16 +141,16 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             C, slope = force.grow(np.exp(u), omega)
             return np.log(np.maximum(C, 0.0)) - target, np.broadcast_to(slope / C, shape)
 
-        # ln C of growing powers is convex in ln A and nearly straight: Newton's steps lead there from anywhere
+        # ln C of growing powers is convex in ln A and nearly straight: Newton's method converges from any start
         start = np.broadcast_to(np.clip(np.nan_to_num(np.log(near)), -_WIDEST, _WIDEST), shape) if grows else None
         return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start, rising=True))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:
-    """Amplitude and frequency (rad/s) where both C(A, omega) = F and omega is on the backbone; NaN where there is none.
+    """Amplitude and frequency (rad/s) with C(A, omega) = F and omega on the backbone; NaN where there is none.
 
     For pure damping the frequency is omega_n. Otherwise the two equations are solved in turn until the frequency
-    settles to rounding, as it does while the restoring force is a small share of K A.
+    converges to rounding, as it does if the restoring force is a small share of K A.
     """
     omega = np.asarray(omega_n * np.ones(np.shape(F)), dtype=float)
     for _ in range(MOST_STEPS):
@@ -163,11 +163,11 @@ def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tupl
 
 
 def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Floats) -> SteadyState:
-    """The steady state where there is one only: linear spring and damping that does not fall with amplitude.
+    """The unique steady state of a linear spring and damping that does not fall with amplitude.
 
-    Newton's method in ln A on ln(|Z| A) = ln F, which is convex in ln A for sums of powers with coefficients >= 0, so
-    that it converges from any start. NaN where no steady state exists (friction holds, or no damping at resonance).
-    With a restoring force (slip, cubic stiffness) there may be several: use `damping.predict.branches`.
+    Newton's method in ln A solves ln(|Z| A) = ln F. It is convex in ln A for sums of powers with coefficients >= 0, so
+    that the method converges from any start. NaN where no steady state exists (friction holds, or no damping at
+    resonance). With a restoring force (slip, cubic stiffness) there may be several: use `damping.predict.branches`.
     """
     static = np.asarray(F / (M * omega_n**2), dtype=float)
     with np.errstate(all="ignore"):
@@ -185,7 +185,7 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
 
 
 def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the first rise of C through F between points of a grid; NaN where there is none."""
+    """ln A below and above the first rise of C through F between points of a grid; NaN if there is none."""
     low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
     below = np.zeros(target.shape, dtype=bool)
     for before, u in zip(np.roll(grid, 1), grid, strict=True):

@@ -1,13 +1,13 @@
-"""Sweeps that were run too fast: the envelope of the swept motion, and the steady state that its rows stand for.
+"""Sweeps that were run too fast: the envelope of the swept motion, and the equivalent steady states of its rows.
 
-With q = Re(a exp(i theta)), theta' = omega and a slowly changing complex a, leaving out a'' against omega a',
+With q = Re(a exp(i theta)), theta' = omega and a slowly changing complex a, neglecting a'' against omega a',
 
     (omega_n^2 - omega^2 + i omega c/m) a = F/m - 2 i omega a' - i omega' a,        c = C(|a|, omega)/(omega |a|).
 
-The right side is known from the rows of a sweep alone: each swept row is a steady state under the force
-F_e = F - m (2 i omega a' + i omega' a). No law is presupposed, and a record so corrected is a record like any other.
-The rate itself follows, where nobody kept it, from the envelope integrated with the ratio z1 (1 + b |a|): the shift and
-the skew of the peaks. Hok (1948), Lewis (1932): peaks are moved where (df/dt)/(2 zeta f)^2 is not small.
+The right side follows from the rows of a sweep alone: each swept row is a steady state under the force
+F_e = F - m (2 i omega a' + i omega' a). No law is assumed, and a corrected record is a record like any other. If the
+rate was not recorded, it is fitted by the envelope integrated with the damping ratio z1 (1 + b |a|), from the shift and
+skew of the peaks. Hok (1948), Lewis (1932): peaks move unless (df/dt)/(2 zeta f)^2 is small.
 """
 
 from collections.abc import Callable
@@ -25,25 +25,26 @@ from damping.records.implied import NEAR, sense_rate
 from damping.records.record import Record
 from damping.records.runs import runs_of
 
-#: (df/dt)/(2 zeta f)^2 below which peaks are steady to less than the noise that a correction adds: 0.1 % in amplitude.
+#: (df/dt)/(2 zeta f)^2 below which peaks are not corrected: they are off by less, 0.1 % in amplitude, than the noise
+#: that a correction adds.
 SLOW = 0.05
-_STEP = 0.15  # of the phase of the transient between two points of the integration, rad
-#: Standard errors from which on a rate is believed, and octaves/min in a first look from which on it is looked for.
+_STEP = 0.15  # change of the transient's phase between two points of the integration, rad
+#: Least rate in standard errors that is accepted,
 _KNOWN = 5.0
-#: ... and where it leaves less than this share of what a stiffness that changes with amplitude leaves.
+#: if its misfit is below this share of that of steady states whose stiffness changes with amplitude.
 _BETTER = 0.6
-_FEWEST = 5  # rows of a sweep
-_MOST_ROWS = 3000  # in which an unknown rate is looked for: seconds
+_FEWEST = 5  # fewest rows of a sweep
+_MOST_ROWS = 3000  # most rows in which an unknown rate is estimated: a matter of seconds
 _LARGEST_STEPS = 20_000
-_DECAYS = 4.0  # time constants of sweep before the first row, where they take no more of ln f than _LARGEST_LEAD
+_DECAYS = 4.0  # time constants of sweep before the first row, limited in ln f to _LARGEST_LEAD
 _LARGEST_LEAD = 0.3
 
 
 @dataclass(frozen=True)
 class Rate:
-    """A rate of sweeping in octaves a minute (below 0 downwards) and its standard error.
+    """A sweep rate in octaves per minute (negative: downwards) and its standard error.
 
-    ``severity``: largest (df/dt)/(2 zeta f)^2 of the record; ``misfit``: root mean square of ln a left, and
+    ``severity``: largest (df/dt)/(2 zeta f)^2 of the record; ``misfit``: root mean square residual of ln a, and
     ``steady_misfit`` that of steady states whose stiffness and damping change with amplitude.
     """
 
@@ -57,9 +58,9 @@ class Rate:
 def envelope(
     frequency: FloatArray, rate: float, force: float, mass: float, natural: float, ratio: float, growth: float = 0.0
 ) -> ComplexArray:
-    """Complex amplitude a (n,) while the frequency moves at ``rate`` octaves a minute.
+    """Complex amplitude a (n,) while the frequency changes at ``rate`` octaves per minute.
 
-    Integrated exactly with frozen coefficients from step to step, from a steady state some decay times before the first
+    Each step is integrated exactly with frozen coefficients, from a steady state some decay times before the first
     frequency.
 
     Args:
@@ -78,18 +79,18 @@ def envelope(
     w = RAD_S_PER_HZ * start * np.exp(x)
     dt = duration / steps
     a = np.empty(steps + 1, dtype=complex)
-    here = 0j
+    amplitude = 0j
     for _ in range(50):  # the steady amplitude, by fixed-point iteration far from resonance
-        here = force / mass / (w_n**2 - w[0] ** 2 + 2j * ratio * (1.0 + growth * abs(here)) * w_n * w[0])
-    a[0] = here
+        amplitude = force / mass / (w_n**2 - w[0] ** 2 + 2j * ratio * (1.0 + growth * abs(amplitude)) * w_n * w[0])
+    a[0] = amplitude
     middle = 0.5 * (w[1:] + w[:-1])
     for k, now in enumerate(middle):
-        z = ratio * (1.0 + growth * abs(here))
+        z = ratio * (1.0 + growth * abs(amplitude))
         lead = 2j * now + 2.0 * z * w_n
         decay = -(w_n**2 - now**2 + 2j * z * w_n * now + 1j * per_second * now) / lead
         rest = -(force / mass) / lead / decay
-        here = rest + (here - rest) * np.exp(decay * dt)
-        a[k + 1] = here
+        amplitude = rest + (amplitude - rest) * np.exp(decay * dt)
+        a[k + 1] = amplitude
     at = np.log(frequency / start)
     order = np.argsort(x)
     real, imag = (np.interp(at, x[order], part[order]) for part in (a.real, a.imag))
@@ -97,12 +98,12 @@ def envelope(
 
 
 def correct_rate(record: Record, mass: float) -> Record:
-    """The steady states that the rows of a swept record with phases stand for, rows near the peaks alone.
+    """The equivalent steady states of a swept record with phases; only rows near the peaks are kept.
 
     ``sweep_rate`` (Hz/s) is taken from the record; the result has rates of 0. Force and phase change, frequency and
-    amplitude stay.
+    amplitude do not.
 
-    AnalysisError: sweeps of too few rows.
+    AnalysisError: a sweep has too few rows.
     """
     tables = [_tabulate_corrected(rows, mass) for _, rows in record.frame.groupby("sweep", sort=False)]
     return Record(pd.concat(tables, ignore_index=True), record.source)
@@ -129,13 +130,13 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
 
 
 def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: bool = True) -> Rate:
-    """The rate of a record with phases, ``_FEWEST`` rows or more in each sweep, all run at one rate.
+    """The common sweep rate of a record with phases and ``_FEWEST`` rows or more in each sweep.
 
-    f_n, z1, b and the rate are fitted to ln a of the rows near the peaks of every sweep. A rate of 0 within two
-    standard errors says that the record is steady as far as can be told.
+    f_n, z1, b and the rate are fitted to ln a of the rows near the peaks of every sweep. A rate within two standard
+    errors of 0 means that no departure from steady states is found.
 
     Args:
-        frequency: of the mode, Hz, to start from. upwards: the sense of the sweeps.
+        frequency: initial frequency of the mode, Hz. upwards: direction of the sweeps.
     """
     sweeps = []
     for _, rows in record.frame.groupby("sweep", sort=False):
@@ -172,7 +173,7 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
 
 
 class _SweptRows(NamedTuple):
-    """A sweep in the order swept: Hz and complex amplitudes (n,), the force, and which rows are near the peak."""
+    """A sweep in the order swept: Hz and complex amplitudes (n,), the force, and whether rows are near the peak."""
 
     f: FloatArray
     a: ComplexArray
@@ -186,12 +187,12 @@ def _fit_near(
     last: tuple[float, float, float, float],
     **options: Any,
 ) -> Any:
-    """Least squares of ln a near the peaks; of f_n (relative), ln z1, b, and a ``last`` parameter.
+    """Least squares of ln a near the peaks for f_n (relative), ln z1, b, and a ``last`` parameter.
 
-    ``last``: where that starts, its bounds and its scale. ``predict``: the amplitudes near the peak of one sweep.
+    ``last``: its start, bounds and scale. ``predict``: the amplitudes near the peak of one sweep.
     """
 
-    def left(x: FloatArray) -> FloatArray:
+    def residual(x: FloatArray) -> FloatArray:
         rests = [np.log(predict(x, rows) / rows.a[rows.near]) for rows in sweeps]
         return np.concatenate([part for rest in rests for part in (rest.real, rest.imag)])
 
@@ -200,15 +201,15 @@ def _fit_near(
     first, low, high, scale = last
     limits = ([-0.05, log(1e-4), -0.5, low], [0.05, log(0.3), 20.0, high])
     start = [0.0, log(0.01), 0.5, first]
-    return least_squares(left, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
+    return least_squares(residual, start, bounds=limits, x_scale=[0.002, 0.2, 0.5, scale], **options)
 
 
 def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tuple[str, ...]]:
-    """The record as steady states, and what was done: nothing where it is steady.
+    """The record as steady states, and notes on the correction; unchanged if it is steady.
 
-    A column ``sweep_rate`` is taken as it is, and slow sweeps are left alone. Without one the rate is looked for in the
-    turn of the phases (:func:`damping.records.implied.sense_rate`) and then estimated; it is believed where it is known
-    to a fifth and fast.
+    A column ``sweep_rate`` is used as given; slow sweeps are not corrected. Without it, a rate is detected in the turn
+    of the phases (:func:`damping.records.implied.sense_rate`) and then estimated; it is accepted if it is fast and
+    known to a fifth.
 
     Args:
         mass: generalized mass. frequency: of the mode, Hz.
@@ -234,13 +235,13 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         return record, ()
     rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
     octaves = abs(rate.octaves_a_minute)
-    told = octaves > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
-    if not told or rate.severity < FAST:
+    accepted = octaves > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
+    if not accepted or rate.severity < FAST:
         return record, ()
     hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.frame["frequency"].to_numpy(dtype=float)
-    said = (
+    note = (
         f"peaks are shifted and skewed as by a sweep of {octaves:.2g} +- {rate.standard_error:.1g} octaves a minute "
         f"{'up' if sense > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady states; "
         "state sweep_rate (Hz/s) to be sure"
     )
-    return correct_rate(Record(record.frame.assign(sweep_rate=hertz), record.source), mass), (said,)
+    return correct_rate(Record(record.frame.assign(sweep_rate=hertz), record.source), mass), (note,)

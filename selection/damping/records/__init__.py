@@ -1,8 +1,7 @@
-"""Records and modes: what they may hold, reading and checking them, writing them, and the resonances in them.
+"""Records and modes: their schema, reading, checking and writing, and the resonances of a record.
 
-Here the audit of a record: is it what it seems to be? Every check looks for one cause by which a record that reads well
-is wrong, and says it in the words of a test engineer, with the remedy. One cause is one finding: what a finding
-explains is not looked for again.
+This module holds the audit of a record. Each check looks for one cause that makes a readable record wrong, and reports
+it in the words of a test engineer, with the remedy. One cause gives one finding: findings suppress what they explain.
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ NAMES = (
     "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model", "level-offset",
     "sensor-saturation",
 )  # fmt: skip
-#: Findings that a diagnosis is asked for: laws cannot be ranked on such a record, but the effect can be named.
+#: Findings whose refusal does not stop a diagnosis: laws cannot be ranked on such a record, but it can name the effect.
 DIAGNOSED = ("level-offset",)
-#: What noise and exchanged columns look like: anything but a copy.
+#: Findings that noise or exchanged columns explain: all but copies.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
 _OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
 _OF_A_FAST_SWEEP = ("several-modes", "phase-offset", "beyond-model", "edge-of-sweep", "units", *_OF_LEVELS)
-#: Every check with the checks that its finding explains, in the order in which causes explain each other: a record in
-#: which force and response are exchanged has no resonance either, and is not told so.
+#: Every check with the checks that its finding suppresses, causes before effects: a record with force and response
+#: exchanged has no resonance either, which is then not reported.
 CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_exchange, _EVERYTHING),
     (check_sweeps.check_noise, _EVERYTHING),
@@ -59,10 +58,10 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Audit:
-    """Findings of a record, those that refuse first, and what its sweeps imply.
+    """Findings of a record, refusals first, and the quantities that its sweeps imply.
 
     ``implied``: one row for each sweep, with ``frequency``, ``force``, ``amplitude`` at resonance, ``mass``,
-    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show it. ``source``: of the record.
+    ``damping_ratio``, ``phase_offset`` (rad); NaN where a sweep does not show one. ``source``: of the record.
     """
 
     findings: tuple[Finding, ...]
@@ -82,7 +81,7 @@ class Audit:
         return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
 
     def list_findings(self) -> list[dict[str, Any]]:
-        """The findings as forms hold them."""
+        """The findings as JSON values."""
         return [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
 
     def to_json(self) -> dict[str, Any]:
@@ -91,9 +90,9 @@ class Audit:
         return {"format": FORMAT, "verdict": self.verdict, "findings": self.list_findings(), "implied": implied}
 
     def require(self, despite: Collection[str] = (), *, diagnosed: bool = False) -> Audit:
-        """The audit of a record that may be worked on: Refused where a finding refuses that is not in ``despite``.
+        """The audit, unless a finding outside ``despite`` refuses the record: then Refused is raised.
 
-        ``diagnosed``: what a diagnosis can name, `DIAGNOSED`, refuses none. InputError: ``despite`` names no check.
+        ``diagnosed``: findings in `DIAGNOSED` do not refuse. InputError: a name in ``despite`` is not a check.
         """
         require_checks(despite)
         for finding in self.findings:
@@ -111,14 +110,14 @@ class Audit:
         return str(self)
 
     def _repr_html_(self) -> str:
-        found = self.table.assign(sweeps=[", ".join(finding.sweeps) for finding in self.findings])
+        findings = self.table.assign(sweeps=[", ".join(finding.sweeps) for finding in self.findings])
         with pd.option_context("display.max_colwidth", None):
-            table = found.to_html(index=False, border=0) if self.findings else ""
+            table = findings.to_html(index=False, border=0) if self.findings else ""
         return f"<p>Audit: <b>{self.verdict}</b></p>{table}{self.implied.to_html(index=False)}"
 
 
 def require_checks(names: Collection[str]) -> None:
-    """InputError for a name that is no check's."""
+    """Raise InputError for a name that is not a check."""
     if isinstance(names, str) or not isinstance(names, Collection):
         raise InputError(f"despite is {names!r}", expected="a list of names of checks")
     for name in names:
@@ -127,7 +126,7 @@ def require_checks(names: Collection[str]) -> None:
 
 
 def audit(record: Record, mode: Mode | None = None) -> Audit:
-    """The audit of a record, beside the mode that simulates it where one is given."""
+    """Audit a record, and the mode that simulates it if given."""
     if mode and mode.drive == "base" and has_masses(record):
         record = shake(record, mode, find_participation([(record, mode.mass, 0.0)]))
     view, findings, explained = View(record, mode), [], set()

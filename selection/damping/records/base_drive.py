@@ -1,8 +1,8 @@
-"""A base that shakes, as a force: the participation that the rows imply, and added masses, which the base shakes too.
+"""Base excitation as a force: the participation that the rows imply, and added masses, which the base drives too.
 
-A base of acceleration a drives the motion q relative to it by the modal force p m a, p the participation. A mass that
-is added where q is measured moves with the base and with q: (m + m_a) q'' + C + K q = (p m + m_a) a. The slope of a/q
-against frequency squared is (m + m_a)/(p m + m_a), whether or not a mass is added.
+A base acceleration a drives the relative motion q by the modal force p m a, with participation p. A mass m_a added
+where q is measured moves with the base and with q: (m + m_a) q'' + C + K q = (p m + m_a) a. The slope of a/q against
+frequency squared is (m + m_a)/(p m + m_a), with or without an added mass.
 """
 
 from collections.abc import Iterable
@@ -15,11 +15,11 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.view import View
 
-#: Least relative standard uncertainty of a participation: masses of single sweeps hold no better than that.
+#: Least relative standard uncertainty of a participation: masses of single sweeps are no more accurate.
 LEAST_SPREAD = 0.005
-#: Relative standard uncertainty of a participation of which the rows say nothing.
+#: Relative standard uncertainty of a participation that the rows do not show.
 UNKNOWN_SPREAD = 0.5
-#: Columns that are a force times something, and change with it.
+#: Columns proportional to the force.
 _WITH_FORCE = ("force", "force_sd", "energy")
 #: Columns that are masses.
 _MASSES = ("mass", "added_mass")
@@ -27,7 +27,7 @@ _MASSES = ("mass", "added_mass")
 
 @dataclass(frozen=True)
 class Participation:
-    """A participation with its relative standard uncertainty; ``known``: whether the rows show it at all."""
+    """A participation with its relative standard uncertainty; ``known``: whether the rows show it."""
 
     value: float = 1.0
     spread: float = UNKNOWN_SPREAD
@@ -40,20 +40,20 @@ class Participation:
 
 
 def find_participation(states: Iterable[tuple[Record, float, float]]) -> Participation:
-    """The participation of a structure from all that was measured of it, sweeps without an added mass first.
+    """The participation of a structure from all its records.
 
-    ``states``: each record with the generalized mass of the structure, and the mass that is added to it in every row
-    beside the record's own ``added_mass``. Sweeps with an added mass are asked where there are no others.
+    ``states``: each record with the generalized mass of the structure, and the mass added in every row besides the
+    column ``added_mass``. Sweeps with an added mass are used only if there are no others.
     """
     bare: list[float] = []
     heavier: list[float] = []
     for record, mass, everywhere in states:
-        own, added = record.masses(mass), record.added_masses + everywhere
+        masses, added = record.masses(mass), record.added_masses + everywhere
         as_measured = Record.trusted(record.frame.drop(columns="added_mass", errors="ignore"), record.source)
         implied = View(as_measured, None).implied
         label = record.frame["sweep"].to_numpy()
         for sweep, slope in zip(implied["sweep"], implied["mass"], strict=True):
-            M, m_a = own[label == sweep], added[label == sweep]
+            M, m_a = masses[label == sweep], added[label == sweep]
             if not (np.isfinite(slope) and slope > 0.0) or np.ptp(M) > 0.0 or np.ptp(m_a) > 0.0:
                 continue
             excited = (M[0] + m_a[0]) / slope - m_a[0]
@@ -62,21 +62,21 @@ def find_participation(states: Iterable[tuple[Record, float, float]]) -> Partici
     known = np.array(bare or heavier)
     if not len(known):
         return Participation()
-    # half of the quartiles' distance is 0.67 standard deviations of normal numbers, and a median is 1.25 of a mean
+    # normal values: the quartiles are 1.35 standard deviations apart, the error of a median is 1.25 that of a mean
     quartiles = np.subtract(*np.quantile(np.log(known), [0.75, 0.25]))
     spread = float(np.hypot(LEAST_SPREAD, 1.25 * quartiles / 1.35 / np.sqrt(len(known))))
     return Participation(1.0 / float(np.median(known)), spread, known=True)
 
 
 def has_masses(record: Record) -> bool:
-    """Whether some rows of a record have a mass of their own, or an added one."""
+    """Whether some rows of a record state a mass or an added mass."""
     return any(name in record.frame.columns and bool(record.column(name, 0.0).any()) for name in _MASSES)
 
 
 def drive_by(record: Record, excited: FloatArray, unit: float) -> Record:
-    """A record of a base whose acceleration acts on masses ``excited`` (n,), as one of forces; masses in ``unit``.
+    """Convert base accelerations to forces on the masses ``excited`` (n,), in units in which the mass ``unit`` is 1.
 
-    With ``excited`` of ones a force is counted in another unit of mass.
+    With ``excited`` of ones a force is only converted to the new unit of mass.
     """
     columns = record.frame.columns
     changed = {name: record.frame[name] * (excited / unit) for name in _WITH_FORCE if name in columns}
@@ -87,6 +87,6 @@ def drive_by(record: Record, excited: FloatArray, unit: float) -> Record:
 
 
 def shake(record: Record, mode: Mode, participation: Participation) -> Record:
-    """A base-driven record as one under forces in units of p m: F = a (m_row/m + m_a/(p m)) on masses over p m."""
+    """A base-driven record as a force-driven one in units of p m: F = a (m_row/m + m_a/(p m)), masses over p m."""
     unit = participation.value * mode.mass
     return drive_by(record, participation.value * record.masses(mode.mass) + record.added_masses, unit)

@@ -1,11 +1,11 @@
-"""Readings at their limit: a sensor, an amplifier or a range that clips them, so that amplitudes are too small.
+"""Clipped readings: a sensor, an amplifier or a range at its limit, so that amplitudes are too small.
 
-Of a record it shows by its phases or by a flat top. Of a signal in time: that spends little time near its largest
-value. Of a sine resolved to steps, the last step holds some 2.4 times the samples of the one before it, whatever the
-resolution, since the time above 1 - e goes as sqrt(e). One that is clipped comes back to its largest value again and
-again and holds it, so that there it has many times the samples of the value before. A value that is held once, as
-before a release, is no limit. Not seen: a gain that falls off before a limit, one that noise comes after, and in fewer
-than some 1000 steps a decay, whose later peaks pass the value before.
+In a record clipping shows by the phases or by a flat top. A signal in time spends little time near its largest value:
+of a quantised sine the last step holds some 2.4 times the samples of the step before, whatever the resolution, since
+the time above 1 - e goes as sqrt(e). A clipped signal returns to its largest value again and again and holds it, so
+that it has many times the samples of the value before. A value held once, as before a release, is no limit. Not found:
+a gain that falls off before the limit, clipping before noise is added, and, with fewer than some 1000 steps, clipping
+of a decay, whose later peaks pass the value before.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,24 +19,23 @@ from damping.records.implied import Implied
 from damping.records.runs import Run, fit_parabola
 from damping.records.view import Finding, Leg, View, label_sweeps, name_sweeps
 
-TOP = 0.9  #: readings from this share of the largest of a sweep on are near a ceiling, if there is one,
-WINGS = 0.6  #: and those up to this share are not: what clips them lies below the half of the largest response
-FEWEST_PAIRS = 2  #: pairs of rows near the ceiling that are no chance, and ...
-FEWEST_BESIDE = 3  #: ... in the wings, for their median
-KNOWN = 0.15  #: a pair of rows is used whose noise lets its mass be known to this, relative
-LEAST_NOISE = 0.003  #: relative noise of a row at least: phases are read to this, rad, where amplitudes are smoother
-#: The mass near the ceiling over that in the wings is of clipped readings from this factor on, ...
-CLIPPED = 1.1
-ERRORS = 4.5  #: ... this many standard errors, ...
-#: ... and where sweeps whose largest reading is below this share of the ceiling ...
+TOP = 0.9  #: readings above this share of the largest of a sweep are near a possible ceiling
+WINGS = 0.6  #: readings below this share are in the wings, and are not clipped
+FEWEST_PAIRS = 2  #: fewest pairs of rows near the ceiling, to exclude chance
+FEWEST_BESIDE = 3  #: fewest pairs in the wings, for their median
+KNOWN = 0.15  #: largest relative error of the mass of a pair of rows that is used
+LEAST_NOISE = 0.003  #: least relative noise of a row: phases are read to this, rad, even if amplitudes are smoother
+CLIPPED = 1.1  #: readings are clipped if the mass near the ceiling exceeds that in the wings by this factor,
+ERRORS = 4.5  #: and by this many standard errors,
+#: and if sweeps whose largest reading is below this share of the ceiling
 FAR_BELOW = 0.75
-#: ... have less than this share of it (ln): what falls with the force or stands beside the mode, levels have alike.
+#: have less than this share of the excess (ln): a falling force or a neighbouring mode affects all levels equally.
 OF_LOWER = 0.35
 
 
 @dataclass(frozen=True)
 class Excess:
-    """Mass near the top of a run over that in its wings, and its standard error, relative."""
+    """Mass near the top of a run over that in its wings, and its relative standard error."""
 
     run: Run
     factor: float
@@ -49,25 +48,27 @@ class Excess:
 
 
 def check_ceiling(view: View) -> Finding | None:
-    """Readings that are clipped or compressed near their largest.
+    """Readings that are clipped or compressed near the largest.
 
-    With phases: two rows of like amplitude on either side of resonance imply the mass, whatever the damping and the
-    spring; readings too small by a factor imply one too large by it. Without: a top flatter than the mass allows.
+    With phases: two rows of equal amplitude on either side of resonance imply the mass, whatever the damping and the
+    spring; readings too small by a factor imply a mass too large by it. Without: the top is flatter than the mass
+    allows.
     """
-    measured = [found for leg in view.legs if (found := _measure_excess(leg)) is not None]
-    clipped = [one for one in measured if one.factor > CLIPPED and one.factor - 1.0 > ERRORS * one.error]
+    measured = [excess for leg in view.legs if (excess := _measure_excess(leg)) is not None]
+    clipped = [excess for excess in measured if excess.factor > CLIPPED and excess.factor - 1.0 > ERRORS * excess.error]
     if clipped:
-        highest = max(clipped, key=lambda one: one.top)
-        lower = [one for one in measured if one.top < FAR_BELOW * highest.top]
-        only = all(log(one.factor) < OF_LOWER * log(highest.factor) for one in lower)
-        if only and highest.top == max(one.top for one in measured):
-            return _tell([one for one in clipped if one.top >= FAR_BELOW * highest.top], highest, alone=not lower)
+        highest = max(clipped, key=lambda excess: excess.top)
+        lower = [excess for excess in measured if excess.top < FAR_BELOW * highest.top]
+        only = all(log(excess.factor) < OF_LOWER * log(highest.factor) for excess in lower)
+        if only and highest.top == max(excess.top for excess in measured):
+            near_top = [excess for excess in clipped if excess.top >= FAR_BELOW * highest.top]
+            return _report_excess(near_top, highest, alone=not lower)
     flat = [run for run in view.runs if _is_flat(run)]
-    return _tell_flat(flat) if flat else None
+    return _report_flat_tops(flat) if flat else None
 
 
-def _tell(clipped: list[Excess], highest: Excess, alone: bool) -> Finding:
-    sweeps = label_sweeps(one.run for one in clipped)
+def _report_excess(clipped: list[Excess], highest: Excess, alone: bool) -> Finding:
+    sweeps = label_sweeps(excess.run for excess in clipped)
     what = (
         f"the largest readings of {name_sweeps(sweeps)}, from {TOP * highest.top:.3g} on, imply {highest.factor:.3g} "
     )
@@ -78,7 +79,7 @@ def _tell(clipped: list[Excess], highest: Excess, alone: bool) -> Finding:
 
 
 def _measure_excess(leg: Leg) -> Excess | None:
-    """The excess of a run; None without phases or where pairs of rows near its top or in its wings are too few."""
+    """The excess of a run; None without phases, or with too few pairs of rows near its top or in its wings."""
     if leg.turn is None or leg.lag is None or not leg.turn.both_sides:
         return None
     A, mass, error = _pair_masses(leg.run, leg.turn)
@@ -90,41 +91,41 @@ def _measure_excess(leg: Leg) -> Excess | None:
 
 
 def _pair_masses(run: Run, turn: Implied) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mass of every row and what lies at its amplitude on the other side of resonance, (n,).
+    """Amplitude over the largest, mass, and relative error of the mass, (n,), of pairs across resonance.
 
-    First the amplitude over the largest, last the relative error of the mass. Y is interpolated in ln A between rows of
-    the other side, so that a spring bends nothing.
+    A pair is a row and the point of equal amplitude on the other side. There Y is interpolated in ln A between rows, so
+    that a nonlinear spring has no effect.
     """
     Y, x, top = run.stiffness * np.exp(-1j * turn.offset), np.log(run.A), run.omega[np.argmax(run.compliance)]
     sides = np.flatnonzero(run.omega < top), np.flatnonzero(run.omega > top)
-    found = []
-    for own, other in (sides, sides[::-1]):
+    pairs = []
+    for rows, other in (sides, sides[::-1]):
         other = other[np.argsort(x[other], kind="stable")]
         if len(other) < FEWEST_PAIRS:
             continue
-        own = own[(x[own] >= x[other[0]]) & (x[own] <= x[other[-1]])]
-        rise = Y.real[own] - np.interp(x[own], x[other], Y.real[other])
-        apart = np.interp(x[own], x[other], run.omega[other] ** 2) - run.omega[own] ** 2
-        error = 2.0**0.5 * max(run.noise, LEAST_NOISE) * np.abs(Y[own]) / np.maximum(np.abs(rise), 1e-300)
-        found.append((np.exp(x[own] - x.max()), rise / apart, error))
-    A, mass, error = (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else np.empty((3, 0))
+        rows = rows[(x[rows] >= x[other[0]]) & (x[rows] <= x[other[-1]])]
+        rise = Y.real[rows] - np.interp(x[rows], x[other], Y.real[other])
+        apart = np.interp(x[rows], x[other], run.omega[other] ** 2) - run.omega[rows] ** 2
+        error = 2.0**0.5 * max(run.noise, LEAST_NOISE) * np.abs(Y[rows]) / np.maximum(np.abs(rise), 1e-300)
+        pairs.append((np.exp(x[rows] - x.max()), rise / apart, error))
+    A, mass, error = (np.concatenate(parts) for parts in zip(*pairs, strict=True)) if pairs else np.empty((3, 0))
     return A, mass, error
 
 
-FLAT = 0.01  #: rows beside the largest whose readings are within this of it are its top
-FEWEST_FLAT = 4  #: fewest rows of a top that is flat; three are of a table with few digits
-#: |Y|^2 = C^2/A^2 + M^2 (omega_n^2 - omega^2)^2 at the ends of the top is over that at its middle at most twice this
-#: power of C(A) times what A has fallen there: rows that have fallen less are of no damping.
+FLAT = 0.01  #: rows beside the largest reading and within this share of it are its top
+FEWEST_FLAT = 4  #: fewest rows of a flat top; a table with few digits can have three
+#: Largest power of A in C(A). |Y|^2 = C^2/A^2 + M^2 (omega_n^2 - omega^2)^2 rises from the middle of the top to its
+#: ends by at most twice this power times the fall of A (relative): no damping explains a smaller fall.
 STEEPEST = 10.0
-STEADY = 0.05  #: a force that varies by more, relative, belongs to a sweep that is controlled by its response
-DIGITS = 6  #: a table of as many digits or more is rounded to less than any noise
+STEADY = 0.05  #: a force that varies by more, relative, belongs to a sweep with controlled response
+DIGITS = 6  #: a table of this many digits or more is rounded to less than any noise
 LAST_DIGIT = 10.0 ** (1 - DIGITS)  #: amplitudes of complex values of that many digits agree to this
-SMOOTH = 1.5  #: rows near a top over those four times nearer, from which on it is round: a parabola has 2
-AS_LINEAR = 0.1  #: misfit of the wings by a parabola, and what it may fall short of the top: a mode, not a stop
+SMOOTH = 1.5  #: a top is round if rows within four times a distance below it exceed those within it by this: parabola 2
+AS_LINEAR = 0.1  #: largest misfit of the wings by a parabola, and its largest shortfall at the top: a mode, not a stop
 
 
 def _is_flat(run: Run) -> bool:
-    """Whether readings stand at one ceiling where the parabola of |Y|^2 in omega^2 of the wings says larger ones."""
+    """Whether readings stand at one ceiling where the wings' parabola of |Y|^2 in omega^2 predicts larger readings."""
     top = int(np.argmax(run.A))
     below = np.flatnonzero(np.log(run.A[top] / run.A) > FLAT)
     first, last = int(below[below < top].max(initial=-1)) + 1, int(below[below > top].min(initial=len(run)))
@@ -148,10 +149,10 @@ def _is_flat(run: Run) -> bool:
 
 
 def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
-    """The value at which amplitudes A (n,) of a sweep stand while the force F (n,) stays; None where there is none.
+    """The value at which amplitudes A (n,) of a sweep stand under a steady force F (n,); None if there is none.
 
-    No two measurements agree to the last digit, nor do four. Of a smooth top twice as many rows lie four times as far
-    below its largest; a response that is held by its controller has a force that falls.
+    Four measurements do not agree to the last digit by chance. A smooth top has twice as many rows within four times
+    the distance below its largest. A response held by its controller has a falling force.
     """
     top = float(A.max(initial=0.0))
     below = 1.0 - A / top if top > 0.0 else np.zeros(len(A))
@@ -163,18 +164,18 @@ def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
 
 
 def _find_resolution(A: FloatArray) -> float:
-    """Step of the largest readings: the least difference of any two, or one in the last digit that all of them have."""
+    """Resolution of the largest readings: the least difference of any two, or one unit of their last digit."""
     steps = np.diff(np.unique(A))
     least = float(steps.min()) if len(steps) else float(A.max())
     return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - _count_digits(A) + 1)))
 
 
 def _count_digits(A: FloatArray) -> int:
-    """Digits that all readings have, ``DIGITS`` at most."""
+    """Digits that represent all readings, at most ``DIGITS``."""
     return next((n for n in range(1, DIGITS) if all(float(f"{a:.{n - 1}e}") == a for a in A.tolist())), DIGITS)
 
 
-def _tell_flat(flat: list[Run]) -> Finding:
+def _report_flat_tops(flat: list[Run]) -> Finding:
     sweeps = label_sweeps(flat)
     ceiling = max(float(run.A.max()) for run in flat)
     what = f"the top of {name_sweeps(sweeps)} is flat: readings stay at {ceiling:.4g}; adjacent rows imply more"
@@ -182,26 +183,26 @@ def _tell_flat(flat: list[Run]) -> Finding:
     return Finding("sensor-saturation", "caution", what, advice, sweeps)
 
 
-FEWEST_SAMPLES = 8  #: samples at a limit
-FEWEST_VISITS = 3  #: times that a signal comes to a limit
-CROWDED = 8.0  #: samples at a limit over those at the value before it: some 2.4 of a sine in steps
+FEWEST_SAMPLES = 8  #: fewest samples at a limit
+FEWEST_VISITS = 3  #: fewest times that a signal reaches a limit
+CROWDED = 8.0  #: least ratio of samples at a limit to those at the value before it: some 2.4 for a quantised sine
 
 
 class Limits:
-    """The largest and smallest values of some channels, noted block by block, and which of them are limits."""
+    """The largest and smallest values of several channels, collected block by block, and which of them are limits."""
 
     def __init__(self) -> None:
-        #: (samples, visits) by value, of the two last values: of each channel upwards, then of each downwards
+        #: (samples, visits) of the two largest values of each channel, then of each channel negated
         self._ends: list[dict[float, tuple[int, int]]] = []
 
     def watch(self, blocks: Iterable[FloatArray]) -> Iterator[FloatArray]:
-        """The blocks (channels, n) as they come, their ends noted."""
+        """Pass the blocks (channels, n) on and note their extreme values."""
         for block in blocks:
             self.note(block)
             yield block
 
     def note(self, block: FloatArray) -> None:
-        """Note the ends of samples (channels, n)."""
+        """Note the extreme values of samples (channels, n)."""
         both = [sign * row for sign in (1.0, -1.0) for row in block]
         self._ends = self._ends or [{} for _ in both]
         for ends, x in zip(self._ends, both, strict=True):
@@ -215,14 +216,14 @@ class Limits:
 
     @property
     def found(self) -> list[float | None]:
-        """The limit of each channel, its size; None of one that has none."""
+        """The absolute limit of each channel; None if it has none."""
         limits, half = [_find_limit(ends) for ends in self._ends], len(self._ends) // 2
         either = zip(limits[:half], limits[half:], strict=True)
         return [upper if upper is not None else lower for upper, lower in either]
 
 
 def _list_largest(x: FloatArray) -> list[float]:
-    """The two largest values of x (n,) that differ, or the one that there is."""
+    """The two largest different values of x (n,), or the only one."""
     largest = float(np.max(x, initial=-np.inf))
     below = x[x < largest]
     return [largest, float(np.max(below))] if below.size else [largest] if x.size else []
@@ -238,7 +239,7 @@ def _find_limit(ends: dict[float, tuple[int, int]]) -> float | None:
 
 
 def find_limit(x: FloatArray) -> float | None:
-    """Size of the limit at which x (n,) stands again and again; None where there is none."""
+    """Absolute value of the limit at which x (n,) stands again and again; None if there is none."""
     limits = Limits()
     limits.note(x[np.newaxis])
     return limits.found[0]

@@ -12,13 +12,13 @@ from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, n
 from damping.records.mode import Mode
 from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
 
-FORCE_STEP = 1.1  #: levels are compared where their forces differ by this factor
-FALLEN = 0.87  #: a resonant amplitude has fallen below this share of that at less force
-FALLING = 0.3  #: share of all pairs of levels that fall where no mass says which level is wrong
-#: An amplitude of one level off by this factor leaves no law to be found; the diagnosis names smaller ones.
+FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
+FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
+FALLING = 0.3  #: share of falling pairs of levels needed if no mass shows which level is wrong
+#: An amplitude of one level off by this factor hides any law; the diagnosis names smaller errors.
 HOPELESS = 2.0
-#: The offset of phases, rad, beside those of other levels, up to which a mass may be of a gain, which turns no phase.
-#: Pairs of rows of a bent resonance, on the branch that jumps, turn and shrink the mass they imply.
+#: Largest phase offset, rad, against other levels at which an odd mass may come from a gain, which turns no phase.
+#: Pairs of rows of a bent resonance, on the branch that jumps, turn the mass that they imply and make it smaller.
 TURNED = 0.1
 
 
@@ -26,7 +26,7 @@ TURNED = 0.1
 class OddMass:
     """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels.
 
-    ``sure``: the mode file or most levels say that it is this one. ``beside``: its added mass is that of no other.
+    ``sure``: the mode file or most levels show that this level is wrong. ``beside``: no other level has its added mass.
     """
 
     sweep: str
@@ -39,48 +39,48 @@ class OddMass:
     def __str__(self) -> str:
         large, small = ("small", "large") if self.factor > 1.0 else ("large", "small")
         by = f"{max(self.factor, 1.0 / self.factor):.3g} times too"
-        told = f"sweep {self.sweep} implies a mass of {self.mass:.4g}, {self.mass / self.factor:.4g} at other levels"
-        told += f": its readings are {by} {large}, or its force is {by} {small}"
-        return told + ("" if self.sure else ", or those of the other levels are wrong")
+        text = f"sweep {self.sweep} implies a mass of {self.mass:.4g}, {self.mass / self.factor:.4g} at other levels"
+        text += f": its readings are {by} {large}, or its force is {by} {small}"
+        return text + ("" if self.sure else ", or those of the other levels are wrong")
 
 
 def check_levels(view: View) -> Finding | None:
-    """A resonant amplitude that falls with force, a decay that loses more as it dies, a level of another mass.
+    """A resonant amplitude that falls with force, a decay whose damping grows as it dies, a level of another mass.
 
-    No one mode has any of these. Whatever its spring and damping, a mode has one mass: a level that implies another is
-    off in its force or its readings, and where one is, a single pair of levels that falls is no scatter.
+    A single mode shows none of these. Whatever its spring and damping, a mode has one mass: a level that implies
+    another has a wrong force or wrong readings. If there is one, a single pair of falling levels is not scatter.
     """
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     odd = find_odd_masses(view, table)
-    pair = _find_fall(table, {one.sweep for one in odd})
+    pair = _find_fall(table, {level.sweep for level in odd})
     if pair is None and not odd:
         return None
-    told = [] if pair is None else [_tell_fall(view, table, *pair)]
-    told += [_tell_odd(odd)] if odd else []
-    what, advice = "; ".join(what for what, _ in told), told[-1][1]
-    sweeps = tuple(one.sweep for one in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
-    hopeless = pair is not None or max(abs(log(one.factor)) for one in odd) > log(HOPELESS)
+    reports = [] if pair is None else [_report_fall(view, table, *pair)]
+    reports += [_report_odd_masses(odd)] if odd else []
+    what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
+    sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
+    hopeless = pair is not None or max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
     check = "amplitude-falls" if pair is not None else "level-offset"
     return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
 
 
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
-    """Places of the two levels, the lower force first, between which the amplitude falls most; None where too few do.
+    """Positions of the two levels, lower force first, between which the amplitude falls most; None if too few fall.
 
-    One pair is enough where one of its levels is ``odd``.
+    One pair is enough if one of its levels is ``odd``.
     """
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
     falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]
-    told = any(odd & set(table["sweep"].iloc[[i, j]]) for i, j in falling)
-    if not falling or not (told or len(falling) >= FALLING * len(pairs)):
+    explained = any(odd & set(table["sweep"].iloc[[i, j]]) for i, j in falling)
+    if not falling or not (explained or len(falling) >= FALLING * len(pairs)):
         return None
     return min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
 
 
-def _tell_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
-    """What is seen at the two places of the table, and what to do."""
+def _report_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
+    """Observation on levels i and j of the table, and advice."""
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     if view.record.is_decay:
         what = f"the damping force of the decay grows from {F[i]:.4g} at amplitude {A[i]:.4g}"
@@ -91,26 +91,27 @@ def _tell_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, st
     return what, advice
 
 
-def _tell_odd(odd: list[OddMass]) -> tuple[str, str]:
-    """What masses say of levels, and what to do."""
+def _report_odd_masses(odd: list[OddMass]) -> tuple[str, str]:
+    """Observation on levels with odd masses, and advice."""
     if exchanged := _find_exchanged(odd):
-        masses = " and ".join(f"{one.mass:.4g}" for one in exchanged)
-        sweeps = name_sweeps(one.sweep for one in exchanged)
+        masses = " and ".join(f"{level.mass:.4g}" for level in exchanged)
+        sweeps = name_sweeps(level.sweep for level in exchanged)
         other = exchanged[0].mass / exchanged[0].factor
         return f"{sweeps} imply masses of {masses}, {other:.4g} at other levels", "are their forces exchanged?"
     advice = "check the gain of the sensor and the force at that level, or leave it out"
-    told = "; ".join(map(str, odd))
-    if all(one.beside for one in odd):
-        told += "; or, since no other level has that added mass, the force path depends on frequency or the mass is not"
-        return f"{told} as stated", "measure the force where it enters the structure, and weigh what was added"
-    return told, advice
+    what = "; ".join(map(str, odd))
+    if all(level.beside for level in odd):
+        what += "; or, since no other level has that added mass, the force path depends on frequency or the mass is not"
+        return f"{what} as stated", "measure the force where it enters the structure, and weigh what was added"
+    return what, advice
 
 
 def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
-    """Levels of the ``table`` of what sweeps imply whose mass is far from that of the others, by their force.
+    """Levels of the ``table`` of implied quantities whose mass is far from that of the others, by force.
 
-    The mass of the others is that which most levels share within the factor; of several such that nearest to the
-    mode's, without one to the median. Masses by a parabola, without phases, are compared where no resonance is bent.
+    The mass of the others is the one that most levels share within the factor; of several, the one nearest to the
+    mode's, or without a mode to the median. Masses from a parabola, without phases, are compared if no resonance is
+    bent.
     """
     known = {leg.run.sweep for leg in view.legs if _is_known(leg)}
     table = table[table["sweep"].isin(known) & table["mass"].notna()]
@@ -121,15 +122,15 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
     stated = view.mode is not None and view.mode.drive == "force"
     same = np.abs(x - _find_shared(x, far, 0.0 if stated else float(np.median(x)))) < far
-    # what no gain changes: of phases their offset, without them the frequency, within the bandwidth's half
+    # a gain changes neither the offset of phases nor, without phases, the frequency, within half the bandwidth
     course = table["phase_offset"] if phased else np.log(table["frequency"])
     least = TURNED if phased else take_median(table["damping_ratio"])
     gain = np.abs(course.to_numpy() - np.median(course[same])) < least
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
     added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).median()
-    own = added.loc[labels].to_numpy(dtype=np.float64)
-    beside = ~np.isin(own, own[same])
+    level_added = added.loc[labels].to_numpy(dtype=np.float64)
+    beside = ~np.isin(level_added, level_added[same])
     return [
         OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure, bool(beside[k]))
         for k in np.flatnonzero(~same & gain).tolist()
@@ -137,9 +138,9 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
 
 
 def _is_known(leg: Leg) -> bool:
-    """Whether a run's mass may be compared: of a resonance that is not bent, of rows that lie on a line in Y.
+    """Whether a run's mass may be compared: the resonance is not bent, and its rows lie on a line in Y.
 
-    Readings near the least step of an instrument lie on none, and imply too small a mass the smaller they are.
+    Readings near the resolution of an instrument are not on a line: the smaller they are, the smaller the mass.
     """
     mass, straight = leg.mass
     on_line = leg.turn is None or leg.lag is None or leg.turn.miss < SURE
@@ -147,21 +148,21 @@ def _is_known(leg: Leg) -> bool:
 
 
 def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
-    """The mass that the record states of each sweep of the table, else that of the mode, else 1."""
+    """The mass that the record states for each sweep of the table, else that of the mode, else 1."""
     default = view.mode.mass if view.mode is not None and view.mode.drive == "force" else 1.0
-    own = pd.Series(view.record.masses(default)).groupby(view.record.frame["sweep"].astype(str)).median()
-    return np.asarray(own.loc[table["sweep"].astype(str)], dtype=np.float64)
+    by_sweep = pd.Series(view.record.masses(default)).groupby(view.record.frame["sweep"].astype(str)).median()
+    return np.asarray(by_sweep.loc[table["sweep"].astype(str)], dtype=np.float64)
 
 
 def _find_shared(x: FloatArray, far: float, anchor: float) -> float:
-    """Of the values ``x`` (n,) that most others lie within ``far`` of, the one nearest to the ``anchor``."""
+    """The value of ``x`` (n,) with most others within ``far``; of several, the one nearest to the ``anchor``."""
     votes = (np.abs(x[:, None] - x) < far).sum(axis=1)
     most: BoolArray = votes == votes.max()
     return float(x[most][np.argmin(np.abs(x[most] - anchor))])
 
 
 def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
-    """Two levels each of whose forces, freed of its factor, is that of the other."""
+    """Two levels whose forces, each divided by its factor, are those of each other; empty if there are none."""
     for k, first in enumerate(odd):
         for second in odd[k + 1 :]:
             apart = np.log([first.force / first.factor / second.force, second.force / second.factor / first.force])
@@ -170,16 +171,16 @@ def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
     return ()
 
 
-FAR_MASS = 1.27  #: a mass farther than this factor from the mode file's is far
-FAR_FREQUENCY = 1.1  #: the same of the frequency of the lowest level, where a resonance is bent least
-FAR_DAMPING = 5.0  #: the same of the damping ratio, which simulations know least
-FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass is that of a parabola, which a bent resonance is not
-#: Without phases masses agree where levels whose forces differ by this factor, three at least, differ by a share
-#: (``AGREE``) of how far they are from the mode file's (ln): what bends a resonance changes with amplitude, a gain not.
+FAR_MASS = 1.27  #: factor from which a mass is far from the mode file's
+FAR_FREQUENCY = 1.1  #: the same for the frequency of the lowest level, where a resonance is bent least
+FAR_DAMPING = 5.0  #: the same for the damping ratio, the least known input of a simulation
+FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass comes from a parabola, which a bent resonance does not follow
+#: Without phases, masses agree if three levels or more, with forces that differ by this factor, scatter by less than
+#: the share ``AGREE`` of their distance (ln) from the mode file's mass: bending changes with amplitude, gains do not.
 AGREE_OVER = 2.0
 FEWEST_AGREE = 3
 AGREE = 0.1
-OTHER_MODE = 1.25  #: farther than this outside the rows no mode of the record is the one described
+OTHER_MODE = 1.25  #: a mode farther than this factor outside the range of the rows is not in the record
 
 
 def check_beyond_model(view: View) -> Finding | None:
@@ -213,7 +214,7 @@ def check_beyond_model(view: View) -> Finding | None:
 
 
 def _agree(view: View) -> bool:
-    """Whether the masses of all levels are far from those stated, and alike."""
+    """Whether the masses of all levels are far from the stated masses, and agree with each other."""
     table = view.implied[view.implied["mass"].notna()]
     if len(table) < FEWEST_AGREE or table["force"].max() < AGREE_OVER * table["force"].min():
         return False
@@ -221,17 +222,17 @@ def _agree(view: View) -> bool:
     return bool(np.ptp(x) < AGREE * abs(np.median(x)))
 
 
-#: Stated tolerances that frequency and mass must both be off by for the mode file to be of another structure or state:
-#: three are within what is stated and five beyond any doubt of it; a joint or spring moves the frequency alone.
+#: The mode file is of another structure or state if frequency and mass are both off by this many stated tolerances,
+#: well beyond the usual three; a joint or spring moves the frequency alone;
 OTHER_STRUCTURE = 5.0
-LEAST_SHIFT = 0.01  #: and the frequency by this, ln: a structure set up anew shifts by less, whatever is stated
-SCATTERS = 3.0  #: and the mass is off by this many times its own scatter
+LEAST_SHIFT = 0.01  #: and the frequency by this, ln: a structure set up again shifts by less, whatever is stated;
+SCATTERS = 3.0  #: and the mass by this many times its scatter.
 
 
 def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | None:
-    """A mode file whose frequency and mass are both many of its tolerances from those of every level.
+    """A mode file whose frequency and mass are both many tolerances away from those of every level.
 
-    ``hertz``: of every level without what is added. Masses by phases alone are known well enough.
+    ``hertz``: frequency of every level without added mass. Only masses from phases are accurate enough.
     """
     stated, ratio = mode.tolerance, view.mass_ratio
     phased = [leg.turn.scatter for leg in view.legs if leg.turn and leg.lag is not None and np.isfinite(leg.mass[0])]
@@ -249,20 +250,19 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 
 
-#: Half-power bandwidths between a resonance and that of the mode file, from which on no row of resonance is of both.
+#: Half-power bandwidths between two resonances from which they share no row near resonance.
 BANDWIDTHS = 1.0
-#: Distance of the lowest level from the mode file's frequency, over how far the others move on from there, that one
-#: cause may have made before the lowest level: a joint that is fourfold beyond its limit there has lost 4.7 times what
-#: it loses from there to sixteenfold.
+#: Distance of the lowest level from the mode file's frequency, over the further shift of the other levels, that one
+#: cause can explain: a joint fourfold beyond its limit has lost 4.7 times what it loses from there to sixteenfold.
 MOVED_BEFORE = 5.0
-#: One level tells no movement: the ln of a frequency that joints and springs seldom move by.
+#: The least shift, ln, for one level, which shows no movement: joints and springs seldom move a frequency by so much.
 LEAST_SHIFT_ALONE = 0.05
 
 
 def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding | None:
-    """A mode file whose frequency no level comes near, nor would at a smaller amplitude.
+    """A mode file whose frequency no level is near, nor would be at a smaller amplitude.
 
-    ``hertz``: as above. Not of a mode that is simulated with what moves its resonance from that frequency.
+    ``hertz``: frequency of every level without added mass. Modes simulated with a cause that moves the resonance pass.
     """
     far = np.log(mode.frequency / hertz)
     shift = float(np.abs(far).min())
@@ -284,8 +284,8 @@ def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding |
 
 
 def _free_of_added_mass(view: View, mode: Mode) -> FloatArray:
-    """Frequencies of the levels, by force, Hz, as they would be without the mass that is added to them."""
+    """Frequencies of the levels, by force, Hz, as they would be without added mass."""
     table = view.implied.sort_values("force", kind="stable")
     added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).first()
-    own = added.loc[table["sweep"].astype(str)].to_numpy(dtype=np.float64)
-    return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + own / mode.mass))
+    by_level = added.loc[table["sweep"].astype(str)].to_numpy(dtype=np.float64)
+    return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + by_level / mode.mass))

@@ -1,4 +1,4 @@
-"""Checks of single sweeps (resonance, rate, wild readings) and of labels (levels that share one, copies)."""
+"""Checks of single sweeps (resonance, rate, outliers) and of labels (several levels under one label, copies)."""
 
 from math import log, pi
 
@@ -14,7 +14,7 @@ from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_s
 
 
 def check_noise(view: View) -> Finding | None:
-    """Amplitudes that jump from row to row as much as over the whole sweep: no resonance at all."""
+    """Amplitudes that differ from row to row as much as over the whole sweep: there is no resonance."""
     if view.curve:
         return None
     smooth = [run for run in view.runs if run.phase is not None and np.mean(np.cos(np.diff(run.phase))) > SMOOTH]
@@ -26,27 +26,27 @@ def check_noise(view: View) -> Finding | None:
 
 
 def check_outlier(view: View) -> Finding | None:
-    """Single readings far from what the rows beside them say.
+    """Single readings far from the course of the neighbouring rows.
 
-    They stay in the fits of laws: one in a hundred coarse sweeps has a right reading like them, at its resonance.
+    They stay in the fits of laws: in one of a hundred coarse sweeps such a reading is right, at the resonance.
     """
     table = view.record.frame
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
-    beats = view.sensed is not None  # the response after a peak that was passed too fast falls to nothing between beats
+    beats = view.sensed is not None  # after a peak passed too fast the response falls to zero between beats
     wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
     if not wild:
         return None
     odd = view.odd.runs if view.odd else ()
     beside = [row for row in wild if view.wild[row] not in label_sweeps(odd)]
     shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
-    told = [
+    readings = [
         f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
         f"({table['frequency'][row]:g} Hz, sweep {view.wild[row]})"
         for row in beside[:3]
     ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
     taken = not view.record.has_phase and any(row in peaks for row in beside)
-    what = [f"{'; '.join(told)}: far from the neighbouring rows"] if told else []
+    what = [f"{'; '.join(readings)}: far from the neighbouring rows"] if readings else []
     advice = "every law is fitted to it (gap names what it sets aside): correct that reading (gain range, tracking), "
     advice += "or run again without the row"
     if view.odd:
@@ -58,12 +58,12 @@ def check_outlier(view: View) -> Finding | None:
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
 
 
-#: A frequency is off by more (ln) than a structure that is set up again, warms or loosens between two levels.
+#: Largest shift of frequency (ln) of a structure that is set up again, warms or loosens between two levels.
 NO_RERUN = 0.05
 
 
 def check_edge(view: View) -> Finding | None:
-    """Sweeps that hold no resonance: without a phase their last row would be taken for it."""
+    """Sweeps that contain no resonance: without a phase the row at their edge would be taken for it."""
     seen = {leg.run.sweep for leg in view.legs if leg.resonant}
     beside = [leg for leg in view.legs if leg.run.sweep not in seen and not _find_levels(view, leg.run.sweep)]
     if not beside:
@@ -80,7 +80,7 @@ def check_edge(view: View) -> Finding | None:
 
 
 def check_jump(view: View) -> Finding | None:
-    """Sweeps that jump past their resonance, so that no row stands at it: a bistable mode on its lower branch."""
+    """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
     jumps: dict[str, str] = {}
     table = tabulate_resonances(view.right).query("method == 'beside'")
     for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
@@ -96,8 +96,8 @@ def check_jump(view: View) -> Finding | None:
     return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
 
 
-SPLIT = 1.03  #: a simulated mode farther than this from both of two peaks is neither
-SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies are of different modes for certain
+SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them
+SEPARATE = 1.08  #: peaks farther apart than this ratio of frequencies certainly belong to different modes
 
 
 def _find_further_peaks(view: View) -> list[tuple[Run, FloatArray]]:
@@ -124,16 +124,16 @@ def check_several_modes(view: View) -> Finding | None:
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
 
 
-#: Half-power bandwidths in the time one takes, (df/dt)/(2 zeta f)^2, beyond which a sweep is no steady state:
-#: peaks differ by more than some per cent.
+#: Sweep rate (df/dt)/(2 zeta f)^2, bandwidths swept in the reciprocal of the bandwidth, beyond which a sweep is not a
+#: steady state: peaks differ by more than some per cent.
 FAST = 0.3
-#: The same beyond which no answer holds: damping of a linear mode, integrated, whose mass is taken from the sweep, is
+#: Rate beyond which no result holds: the damping of an integrated linear mode, with the mass taken from the sweep, is
 #: 6 % off at 1.7, and 12 % off, beyond the band, at 2.1.
 TOO_FAST = 2.0
 
 
 def check_sweep_rate(view: View) -> Finding | None:
-    """Sweeps faster than the resonance can follow: by their rate where it is known, else by beats after the peak."""
+    """Sweeps faster than the resonance can follow: by their rate if it is known, else by beats after the peak."""
     rates = view.rates
     fast = {sweep: eta for sweep, eta in rates.items() if eta > FAST}
     if fast:
@@ -170,31 +170,31 @@ def check_sweep_rate(view: View) -> Finding | None:
     return Finding("sweep-rate", verdict, what, "sweep slower, or dwell; state sweep_rate (Hz/s)", tuple(ringing))
 
 
-DRAGGED = 0.5  #: a phase offset, rad, that with ``CURVED`` only a sweep faster than the mode could follow has
-CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, beside that offset
-#: Share of that misfit that other modes beside the resonance leave at most, where it is theirs; of a fast sweep three
-#: fifths are left.
+DRAGGED = 0.5  #: phase offset, rad, that together with ``CURVED`` only a sweep faster than the mode can follow has
+CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, together with that offset
+#: If other modes cause that misfit, allowing for them leaves at most this share of it; of a fast sweep's misfit it
+#: leaves three fifths.
 OF_OTHER_MODES = 0.3
 
 
-#: Forces of levels differ by this factor at least; of one level by less than a quarter of that (in the logarithm).
+#: Least ratio of the forces of two levels; within a level, forces differ by less than half that gap (in the logarithm).
 LEVEL = 1.12
-#: Peaks alone under one label: their phases differ by less than this, rad,
+#: Rows under one label are peaks of several levels if their phases differ by less than this, rad,
 PEAKS_IN_PHASE = 0.5
-#: and ln amplitude grows by more than this times ln force: of peaks by 0.5 (velocity-squared damping) or more; where a
-#: shaker's force drops at a resonance amplitude grows as the force falls.
+#: and ln amplitude grows by more than this times ln force: peaks grow by 0.5 (velocity-squared damping) or more; within
+#: one resonance the shaker's force drops as amplitude grows.
 GROWS = 0.3
-#: Without phases they are peaks where it grows by more than this, which no rig makes of one resonance,
+#: Without phases they are peaks if it grows by more than this, which no rig causes within one resonance,
 GROWS_AS_FORCE = 0.75
-#: or where F/A changes by more than this many times the inertia that the frequencies span;
+#: or if F/A changes by more than this many times the inertia over the range of frequencies;
 BEYOND_INERTIA = 2.0
-LIGHTEST = 5e-4  #: a mass that nobody states is that of a damping ratio of this
+LIGHTEST = 5e-4  #: damping ratio from which that inertia takes a mass that is not stated
 
 
 def check_mixed_levels(view: View) -> Finding | None:
-    """One label, several forces: rows of different levels take turns over the same frequencies, or are peaks alone.
+    """Several force levels under one label: their rows alternate over the same frequencies, or are single peaks.
 
-    Levels that would be taken for one sweep without a resonance are refused.
+    The record is refused if the levels would be taken for one sweep without a resonance.
     """
     levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
     mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
@@ -205,14 +205,14 @@ def check_mixed_levels(view: View) -> Finding | None:
     forces = ", ".join(f"{force:.4g}" for force in levels[:6])
     what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
     advice = "give every level a label of its own"
-    every = view.record.has_phase or "energy" in view.record.frame
-    advice += "" if every else ": of one label only the largest amplitude is used"
+    uses_all_rows = view.record.has_phase or "energy" in view.record.frame
+    advice += "" if uses_all_rows else ": of one label only the largest amplitude is used"
     blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
     return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
 
 
 def _find_levels(view: View, sweep: str) -> list[float]:
-    """Forces of the levels that one label holds; none where it is one level."""
+    """Forces of the levels under one label; empty if there is one level."""
     table = view.record.frame[view.record.frame["sweep"] == sweep].sort_values("frequency", kind="stable")
     frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
     order = np.sort(x)
@@ -230,10 +230,10 @@ def _find_levels(view: View, sweep: str) -> list[float]:
 
 
 def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
-    """Whether the few rows of one label, of numbered ``level`` (rows,) of force, are peaks and no sweep of one force.
+    """Whether the few rows of one label, with the number of the force ``level`` (rows,), are peaks and not one sweep.
 
-    Of one sweep |Z| = F/A obeys |Z|^2 = M^2 (omega_n^2 - omega^2)^2 + C^2, whatever its forces, so that its largest and
-    least are sqrt(Z_max^2 - Z_min^2) <= M (omega_max^2 - omega_min^2) apart.
+    In one sweep |Z| = F/A obeys |Z|^2 = M^2 (omega_n^2 - omega^2)^2 + C^2, whatever the forces, so that
+    sqrt(Z_max^2 - Z_min^2) <= M (omega_max^2 - omega_min^2).
     """
     means = table[["force", "amplitude"]].transform(np.log).groupby(level).mean()
     steps = means["amplitude"].diff() / means["force"].diff()
@@ -249,7 +249,7 @@ def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
 
 
 def check_repeats(view: View) -> Finding | None:
-    """A sweep that is another one to the last digit, or a multiple of it: noise never repeats itself."""
+    """A sweep that repeats another one, or a multiple of it, to the last digit: noise never repeats itself."""
     copies: list[tuple[Run, Run, float]] = []
     for k, second in enumerate(view.raw):
         for first in view.raw[:k]:
@@ -266,12 +266,12 @@ def check_repeats(view: View) -> Finding | None:
     return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
 
 
-COPY = 2e-4  #: proportional rows are a copy where their ratio is constant to this share: six digits, rounded
-NOISE_OF_COPY = 5.0  #: and where the noise of their rows is larger than that by this factor
+COPY = 2e-4  #: proportional rows are a copy if their ratio is constant to this share: six digits, rounded,
+NOISE_OF_COPY = 5.0  #: and if the noise of their rows exceeds that by this factor
 
 
 def _find_factor(first: Run, second: Run) -> float | None:
-    """The factor by which the amplitudes of two runs differ, the same for all rows; None where they are no copy."""
+    """The constant factor between the amplitudes of two runs; None if they are not copies."""
     if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
         return None
     if first.phase is not None and (

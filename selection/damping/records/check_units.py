@@ -12,7 +12,7 @@ from damping.records.mode import Units
 from damping.records.record import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
-#: Factors by which a quantity in a wrong unit is off, and what they mean.
+#: Factors by which a quantity in a wrong unit is off, by the mistake.
 UNIT_FACTORS: dict[str, float] = {
     "N for lb": POUND_FORCE_N,
     "kgf for N, or g for m/s^2": STANDARD_GRAVITY_M_S2,
@@ -28,9 +28,9 @@ UNIT_FACTORS: dict[str, float] = {
     "g for mm/s^2": 1000.0 * STANDARD_GRAVITY_M_S2,
     "rad/s for Hz squared": (2.0 * pi) ** 2,
 }
-#: Factors within one system of units: their finding is a caution.
+#: Factors within one system of units.
 SCALING_FACTORS = {"rms for peak": 2.0**0.5, "peak-to-peak for peak": 2.0, "peak-to-peak for rms": 2.0 * 2.0**0.5}
-#: What a ratio that is no unit's alone may mean.
+#: All factors that a ratio of masses may mean.
 FACTORS = UNIT_FACTORS | SCALING_FACTORS
 #: Factors between frequencies.
 FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
@@ -39,8 +39,8 @@ FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz
 def check_exchange(view: View) -> Finding | None:
     """Force exchanged with the response or the frequency.
 
-    Of the response, the force has a maximum where force per response, the dynamic stiffness, has it. Of the frequency,
-    every force is a number near the mode's frequency, while frequencies are levels: one of each sweep, and far apart.
+    Exchanged with the response, the force peaks where the column ratio amplitude over force is least. Exchanged with
+    the frequency, every force is near the mode's frequency, and frequencies are levels: one for each sweep, far apart.
     """
     if view.mode is not None:
         apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
@@ -49,7 +49,7 @@ def check_exchange(view: View) -> Finding | None:
             what = "every force is near the frequency of the mode file, and the frequencies look like force levels"
             advice = "are the columns force and frequency exchanged?"
             return Finding("units", "refuse", what, advice, view.record.sweeps)
-    seen = []
+    tops = []
     for run in view.raw:
         if len(run) < 5:
             continue
@@ -58,19 +58,19 @@ def check_exchange(view: View) -> Finding | None:
         inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > 0.7 * log(2.0)
         steady = np.ptp(np.log(run.A)) < 0.3 * np.ptp(F)
         if inside and steady and g[top] > np.quantile(g, 0.9) and np.corrcoef(F, g)[0, 1] > 0.95:
-            seen.append(run)
-    if len(seen) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
+            tops.append(run)
+    if len(tops) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
         return None
-    what = f"the force passes through a maximum in {name_sweeps(label_sweeps(seen))} while the response stays the same"
-    return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(seen))
+    what = f"the force passes through a maximum in {name_sweeps(label_sweeps(tops))} while the response stays the same"
+    return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(tops))
 
 
-#: Factor within which the resonances of all levels lie of the mode's frequency.
+#: Factor of the mode's frequency within which the resonances of all levels lie.
 NEAR_THE_MODE = 1.3
 
 
 def check_energy(view: View) -> Finding | None:
-    """Energies that force and motion do not allow: E <= pi F A always, equal to it at resonance, pi F A sin(phase)."""
+    """Energies that contradict force and motion: E = pi F A sin(phase) <= pi F A, with equality at resonance."""
     if "energy" not in view.record.frame.columns:
         return None
     table = view.record.frame
@@ -96,9 +96,9 @@ def check_energy(view: View) -> Finding | None:
 
 
 def _compare_energies(view: View, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """ln of E/(pi F A sin(phase)), (n,), NaN where the phase is far from resonance or none, and the noise of its run.
+    """ln of E/(pi F A sin(phase)), (n,), NaN far from resonance or without phase, and the noise of the run, (n,).
 
-    An energy may have been computed from phases as they are, or be free of their offset: the nearer of both counts.
+    An energy may have been computed from the phases as recorded, or free of their offset: the nearer of both counts.
     """
     apart, noise = np.full((2, len(share)), np.nan)
     for leg in view.legs:
@@ -110,29 +110,29 @@ def _compare_energies(view: View, share: FloatArray) -> tuple[FloatArray, FloatA
     return apart, noise
 
 
-ENERGY = 1.25  #: energy beyond pi F A, or off that of its phase, by this factor is no noise
-NOISE_OF_ENERGY = 6.0  #: standard deviations of the noise that an energy must be off by besides
-#: The same of all rows at once: gains of force, motion and a channel of the energy, each 5 % off in one direction.
+ENERGY = 1.25  #: an energy beyond pi F A, or off that of its phase, by this factor is wrong
+NOISE_OF_ENERGY = 6.0  #: if it is also off by this many standard deviations of the noise
+#: The factor for all rows at once: gains of force, motion and energy channel, each 5 % off in one direction.
 ENERGY_OF_ALL = 1.15
-NEAR_RESONANCE = 0.7  #: sine of a phase from which noise of the phase hardly moves the energy
-ENERGY_SHORT = 3.0  #: a resonance whose energy is smaller than pi F A by this factor is none: there they are equal
+NEAR_RESONANCE = 0.7  #: sine of a phase above which phase noise hardly changes the energy
+ENERGY_SHORT = 3.0  #: an energy at resonance smaller than pi F A by this factor is wrong: there they are equal
 
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
-SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a unit is the likelier cause
+SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a wrong unit is more likely
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
 SIMULATED_WITHIN = 1.0  #: ln of the factor within which a simulated damping ratio is right
-FAR_BELOW = 0.01  #: share of the simulated damping ratio below which a unit is the likelier cause
-OTHER_SYSTEM = 3.0  #: a mass is of another system of units beyond this factor
-NEAR_FACTOR = 0.05  #: between 2 and that, where it is so near (in the logarithm) to a known factor
-#: Participation times shape at a sensor that a structure may have: 1.6 at the tip of a beam; what is less is not seen.
+FAR_BELOW = 0.01  #: share of the simulated damping ratio below which a wrong unit is more likely
+OTHER_SYSTEM = 3.0  #: a mass beyond this factor is in another system of units,
+NEAR_FACTOR = 0.05  #: or between 2 and that, if it is so near (in the logarithm) to a known factor
+#: Range of participation times shape at a sensor: 1.6 at the tip of a beam; smaller ones are not measurable.
 LARGEST_PARTICIPATION = 3.0
 SMALLEST_PARTICIPATION = 0.003
-#: The same where the resonance is bent and has no phases: its parabola is off by a factor of 2 to 3.
+#: ``OTHER_SYSTEM`` for a bent resonance without phases, whose parabola is off by a factor of 2 to 3.
 OTHER_SYSTEM_BENT = 5.0
 
 
 def check_units(view: View) -> Finding | None:
-    """Record and mode that cannot be of one system of units: by the mass that the rows imply, else by the damping."""
+    """Record and mode in different systems of units, by the implied mass, else by the damping."""
     if view.mode is None:
         return None
     frequency = take_median(view.implied["frequency"]) / view.mode.frequency
@@ -144,10 +144,10 @@ def check_units(view: View) -> Finding | None:
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
     near = ratio > 0.0 and name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR)
-    # a factor this large on force over amplitude is of a unit, not of a structure
+    # so large a factor on force over amplitude comes from a unit, not from the structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
-    impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep says it
-    if zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio):  # and a unit would make it the simulated one
+    impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep shows it
+    if zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio):  # and a unit factor would give the simulated one
         impossible |= bool(name_unit(zeta / view.mode.viscous_ratio, view.mode.units, within=SIMULATED_WITHIN))
     if not wrong and not (impossible and (np.isnan(ratio) or not 0.5 < ratio < 2.0)):
         return None
@@ -155,29 +155,29 @@ def check_units(view: View) -> Finding | None:
     implied = participation if base else f"{ratio:.4g} times the mass of the mode file"
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    # of the mass, else the unit factor that brings the damping ratio back to a structure's, the simulated one if any
+    # factor of the mass, else the unit factor that gives the simulated damping ratio, or a typical one
     name = name_factor(ratio) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
 
 def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:
-    """What the factor nearest to a ratio (or its inverse) means; nothing where none is so near, in the logarithm."""
+    """Name of the factor nearest to a ratio (or its inverse); empty if none is within ``within`` in the logarithm."""
     size = abs(log(ratio))
     name = min(factors, key=lambda key: abs(size - log(factors[key])))
     return name if abs(size - log(factors[name])) < within else ""
 
 
 def name_unit(ratio: float, units: Units, within: float = inf) -> str:
-    """The unit factor nearest to a ratio: of those to a unit of the mode file or to any, of all where it names none."""
+    """Name of the unit factor nearest to a ratio, among those of a unit of the mode file; of all if it names none."""
     named = {{"lbf": "lb"}.get(unit, unit) for unit in (units.force, units.length) if unit}
-    own = [name for name in UNIT_FACTORS if named & set(re.findall(r"for ([^\s,/]+)", name))]
-    kept = {name: by for name, by in UNIT_FACTORS.items() if not own or name in own or "another factor" in name}
+    of_mode = [name for name in UNIT_FACTORS if named & set(re.findall(r"for ([^\s,/]+)", name))]
+    kept = {name: by for name, by in UNIT_FACTORS.items() if not of_mode or name in of_mode or "another factor" in name}
     return name_factor(ratio, kept, within=within)
 
 
 def check_phase_unit(view: View) -> Finding | None:
-    """Phases that are no radians: they turn far more than a mode can, or have nothing to do with the amplitudes."""
+    """Phases not in radians: they turn far more than a mode can, or are unrelated to the amplitudes."""
     if not view.incoherent or not view.curve:
         return None
     what = f"the phases of {name_sweeps(view.incoherent)} jump or turn unlike any lag in radians"
@@ -200,34 +200,34 @@ _KINDS = {
 
 
 def check_phase_sign(view: View) -> Finding | None:
-    """Phases by which the structure would give energy."""
+    """Phases with which the structure would supply energy."""
     if not view.wrong_sign:
         return None
     kinds = {
-        kind: [sweep for sweep, own in view.wrong_sign.items() if own == kind]
+        kind: [sweep for sweep, sweep_kind in view.wrong_sign.items() if sweep_kind == kind]
         for kind in dict.fromkeys(view.wrong_sign.values())
     }
-    every = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
-    named = {kind: "" if every else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
+    all_alike = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
+    named = {kind: "" if all_alike else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
     what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
     what += ", so the structure would supply energy; the phase must be the lag of displacement behind force, 0 to pi"
     advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
-    advice += " (lead_deg where the file is imported)" if every else ", and leave the others as they are"
+    advice += " (lead_deg where the file is imported)" if all_alike else ", and leave the others as they are"
     return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
 
 
-#: A constant offset is one beyond this, rad, in the mean and in most sweeps: phase meters are good to 2 degrees.
+#: Least phase offset, rad, in the median and, by half, in most sweeps: phase meters are accurate to 2 degrees.
 OFFSET = 0.04
-OFFSET_ERRORS = 3.0  #: and it is at least this many standard errors
+OFFSET_ERRORS = 3.0  #: and least number of standard errors
 
 
-#: Lag, rad, of a swept resonance beside a steady one, over (df/dt)/(2 zeta f)^2: a' = -i a omega'/(zeta omega) adds
+#: Lag, rad, of a swept resonance against a steady one, over (df/dt)/(2 zeta f)^2: a' = -i a omega'/(zeta omega) adds
 #: 2 M omega omega'/(zeta omega) to the stiffness (`damping.predict.sweep_rate`), which turns c omega by that angle.
 DRAGGED_PER_RATE = 2.0 / pi
 
 
 def check_phase_offset(view: View) -> Finding | None:
-    """A constant that all phases carry: they are not pi/2 where rows of like amplitude say the resonance is."""
+    """A constant offset of all phases: they are not pi/2 at the resonance that pairs of equal amplitude imply."""
     turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
     turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
     if not turns:

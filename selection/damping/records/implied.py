@@ -1,8 +1,8 @@
-"""What the rows of a record imply by themselves: the mass and the phase offset of every run.
+"""Mass and phase offset that the rows of each run imply, without the mode file.
 
-Each row with a phase measures the dynamic stiffness Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. Y falls along
-the real axis with omega^2, by the mass, and lies above it, since a passive structure takes energy: where it does not,
-the phase is not the lag of the displacement. Without phases |Y|^2 is a parabola in omega^2.
+Each row with a phase measures the dynamic stiffness Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. Re Y falls with
+omega^2 at the rate M, and Im Y > 0, since a passive structure absorbs energy: otherwise the phase is not the lag of the
+displacement. Without phases |Y|^2 is a parabola in omega^2.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,12 +26,12 @@ from damping.records.runs import (
 
 @dataclass(frozen=True)
 class Implied:
-    """What a run implies: ``mass`` complex, its argument the offset of the phases; ``scatter`` its relative sd.
-    ``damping``: median damping ratio of the rows it rests on, which is what a law may move the offset by.
+    """What a run implies: complex ``mass``, its argument the phase offset; ``scatter``: its relative sd.
 
-    ``energy_sign``: mean sine of the phase freed of that offset, weighted by closeness to resonance, over its standard
-    error: below 0 the structure would give energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1
-    where the phases have nothing to do with the amplitudes. ``both_sides``: seen from rows on both sides of resonance.
+    ``damping``: median damping ratio of the rows used, by which the damping law may displace the offset.
+    ``energy_sign``: mean sine of the phase without that offset, weighted by closeness to resonance, over its standard
+    error: below 0 the structure would supply energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1
+    if phases and amplitudes are unrelated. ``both_sides``: whether pairs of rows across resonance were used.
     """
 
     mass: complex
@@ -47,27 +47,27 @@ class Implied:
         return float(np.angle(self.mass))
 
 
-#: Least share of the mass in motion that is the structure's own: more added to it leaves none to be seen.
+#: Least share of the structure in the moving mass; with more added mass it could not be determined.
 LEAST_OF_MASS = 0.01
 
 
 def find_implied(run: Run) -> Implied | None:
-    """Mass and phase offset that a run with phases implies; None with fewer than ``FEWEST_ROWS`` rows or no phase."""
+    """Mass and phase offset implied by a run; None without phases or with fewer than ``FEWEST_ROWS`` rows."""
     if run.phase is None or len(run) < FEWEST_ROWS or np.ptp(run.omega) == 0.0:
         return None
-    # what is added to every row moves with the rest: an offset turns the phasors of both
+    # a mass added in every row counts as part of the structure: an offset turns the phasors of both
     added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
     run = replace(run, added=run.added - added)
     line, miss = _fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
     mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
-    own = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
+    structure_share = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
     turned = run.stiffness * np.exp(-1j * np.angle(mass))
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
     error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
-    return Implied(own * mass, scatter / own, damping, mean / error, miss, pairs is not None)
+    return Implied(structure_share * mass, scatter / structure_share, damping, mean / error, miss, pairs is not None)
 
 
 def _fit_line(run: Run) -> tuple[complex, float]:
@@ -80,22 +80,22 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     return complex(-values[1] / np.mean(run.omega**2)), miss
 
 
-_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: compliances of other modes that are tried, over the largest of the run
+_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: trial compliances of other modes, over the largest of the run
 
 
 def measure_miss_beside_modes(run: Run) -> float:
-    """The least median misfit of Y by a straight line where other modes add a compliance R: 1/Y - R in place of 1/Y."""
+    """The least median misfit of Y by a straight line if other modes add a compliance R: 1/Y - R in place of 1/Y."""
     assert run.phase is not None
     compliance = run.A / run.F * np.exp(-1j * run.phase)
-    own = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
-    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in own)
+    of_mode = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
+    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in of_mode)
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
-    """Complex mass of pairs of rows of like amplitude beside resonance, its scatter and their damping ratio.
+    """Complex mass from pairs of rows of equal amplitude across resonance, its scatter and their damping ratio.
 
-    Of a pair Y/omega differs by a real number times exp(i offset) where damping is viscous, and Y freed of the offset
-    by M (omega_j^2 - omega_i^2) and an imaginary number, whatever the stiffness at that amplitude.
+    Within a pair Y/omega differs by a real number times exp(i offset) if damping is viscous. Y without the offset
+    differs by M (omega_j^2 - omega_i^2) plus an imaginary number, whatever the stiffness at that amplitude.
     """
     i, j, weight = like_pairs(run.omega, run.A, run.stiffness / run.omega, run.A / run.F)
     if len(weight) == 0:
@@ -118,10 +118,10 @@ def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
 
 
 def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
-    """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2, and whether the rows follow one.
+    """Mass from |Y|^2 = (K - M omega^2)^2 + c^2 omega^2, a parabola in omega^2, and whether the rows follow it.
 
-    Where they do not, but follow the mode beside rigid-body motion or other modes, it is the mass beside these. None
-    where the rows allow none.
+    If they do not, but follow the mode plus a residual compliance (rigid-body motion or other modes), the mass is from
+    that fit. None if neither gives a mass.
     """
     if len(run) < 2 * ROWS_ASIDE or not has_resonance(run, None):
         return None
@@ -136,15 +136,15 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     return mass / float(np.mean(run.omega)) ** 2, straight
 
 
-#: Refinements of the weights of a ratio of polynomials (Sanathanan and Koerner 1963); they settle in three or four.
+#: Iterations of the weights of a ratio of polynomials (Sanathanan and Koerner 1963); they converge in three or four.
 _REWEIGHED = 6
 
 
 def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | None:
-    """Mass (times omega^2 = 1) of |R + 1/Y|^2 = ``squared``, and the median misfit relative to it.
+    """Mass (times omega^2 = 1) from |R + 1/Y|^2 = ``squared``, and the median misfit relative to ``squared``.
 
-    With Y = M (a - x + i b) the square is R^2 ((x - d)^2 + b^2)/((x - a)^2 + b^2): the dip d lies 1/(R M) from the
-    resonance a, whatever the damping. None where the rows show no dip.
+    With Y = M (a - x + i b) the square is R^2 ((x - d)^2 + b^2)/((x - a)^2 + b^2): the antiresonance d lies 1/(R M)
+    from the resonance a, whatever the damping. None if the rows show no antiresonance.
     """
     weight = 1.0 / squared
     columns = np.column_stack([x * x, x, np.ones_like(x), -squared * x, -squared])
@@ -160,15 +160,15 @@ def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | N
     return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
 
 
-#: Median distance of the phasors from a straight line in Y, over |Y|, where phases have nothing to do with amplitudes.
+#: Median distance of Y from a straight line, over |Y|, above which phases are unrelated to amplitudes.
 INCOHERENT = 0.5
-SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which they are no curve
-MOST_RADIANS = 6.0 * pi  #: more radians than a phase can pass in a sweep over a few modes; degrees pass 180
-CERTAIN = 4.0  #: standard errors below 0 from which a mean sine of the phase counts as negative
+SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which phases are not a smooth curve
+MOST_RADIANS = 6.0 * pi  #: largest range of a phase over a few modes; phases in degrees pass 180
+CERTAIN = 4.0  #: standard errors from 0 beyond which the sign of a mean sine of the phase is certain
 
 
 def is_in_turns(run: Run) -> bool:
-    """Whether the phases pass a resonance within one radian, and are a better line in Y taken as turns."""
+    """Whether the phases pass a resonance within one radian, and fit a line in Y better if read as turns."""
     assert run.phase is not None
     if np.abs(run.phase).max() > 1.0 or not has_resonance(run, None):
         return False
@@ -176,7 +176,7 @@ def is_in_turns(run: Run) -> bool:
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:
-    """Whether the phases of a run have nothing to do with its amplitudes, turn more than any mode can, or are turns."""
+    """Whether the phases of a run are unrelated to its amplitudes, turn more than any mode can, or are in turns."""
     assert run.phase is not None
     in_turns = is_in_turns(run)
     if in_turns or len(run) < 6:
@@ -185,7 +185,7 @@ def is_incoherent(run: Run, turn: Implied) -> bool:
     return bool(np.ptp(np.unwrap(run.phase)) > MOST_RADIANS) or (turn.miss > INCOHERENT and jumps)
 
 
-#: The lag that a phase of each kind should have been.
+#: Conversion of each kind of phase to the lag of the displacement.
 AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
     "": lambda phase: phase,
     "negated": lambda phase: -phase,
@@ -195,13 +195,13 @@ AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 
 def classify_phase(run: Run, turn: Implied) -> str:
-    """What a phase is that is no lag: negated, minus pi, the lead of the acceleration; nothing where it may be one.
+    """Kind of a phase that is not a lag: negated, minus pi, or lead of the acceleration; empty if it may be a lag.
 
-    Lags between 0 and pi are negative once negated, and so are they less pi: a phase whose sine is positive at every
-    row is none of these two, whatever line its rows follow beside the resonance.
+    A lag between 0 and pi has a negative sine once negated or reduced by pi: a phase whose sine is positive at every
+    row is neither, whatever line its rows follow beside the resonance.
     """
     assert run.phase is not None
-    half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is half a turn rather than a quarter or none
+    half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is nearest to half a turn
     kind = ("acceleration" if half else "negated") if turn.energy_sign < -CERTAIN else ""
     if half and turn.energy_sign > CERTAIN:
         kind = "minus pi"
@@ -209,9 +209,9 @@ def classify_phase(run: Run, turn: Implied) -> str:
 
 
 def has_antiresonance(run: Run) -> bool:
-    """Whether the phase, between 0 and pi, falls through pi/2 where A/F is least, as an absorber makes it fall.
+    """Whether the phase, between 0 and pi, falls through pi/2 where A/F is least, as with a vibration absorber.
 
-    The lead of an acceleration falls through pi/2 too, but where A/F is largest.
+    The lead of an acceleration also falls through pi/2, but where A/F is largest.
     """
     if run.phase is None or np.mean(np.sin(run.phase)) <= 0.0:
         return False
@@ -226,23 +226,23 @@ def has_antiresonance(run: Run) -> bool:
     return bool(rise > max(FALL, NOISE_BESIDE_FALL * run.noise))
 
 
-#: Rows of at least this share of the largest A/F show a rate of sweeping, and are corrected for it; beyond, they are
-#: noise and tails, and the response beats after its peak.
+#: Rows of at least this share of the largest A/F show a sweep rate, and are corrected for it; the others are noise,
+#: tails, and beats after the peak.
 NEAR = 0.35
-#: Slopes of the phase are taken over a row on either side, and one more for each further group of this many rows.
+#: Slopes of the phase are taken over one row on either side, and one more for each further group of this many rows.
 ROWS_A_SIDE = 30
-FREE_ROWS = 8  #: fewest rows of all runs, beside those that the fit takes
-CERTAIN_RATE = 8.0  #: a rate is believed from this many standard errors on, where it ...
-OF_STEADY = 0.35  #: ... leaves at most this share of the squares that no rate leaves
-OF_SPRING = 0.6  #: ... and this share of those that a spring leaves whose stiffness changes with amplitude
+FREE_ROWS = 8  #: fewest degrees of freedom of the fit over all runs
+CERTAIN_RATE = 8.0  #: a rate is accepted from this many standard errors, if its residual sum of squares is at most
+OF_STEADY = 0.35  #: this share of that without a rate,
+OF_SPRING = 0.6  #: and this share of that of a spring whose stiffness changes with amplitude
 
 
 def sense_rate(runs: Sequence[Run]) -> float | None:
-    """Rate of sweeping (d omega/dt)/omega, 1/s, that all runs show in common; None where they show none.
+    """Sweep rate r = (d omega/dt)/omega, 1/s, common to all runs; None if they show none.
 
-    With the slow envelope of a swept motion, Re Y = K - M omega^2 + 2 r M omega^2 d phase/d omega, by least squares
-    over rows near resonance with a stiffness K for every run. A spring whose stiffness changes with amplitude, K + k A
-    + l A^2, must explain the rows worse.
+    For the slow envelope of a swept motion, Re Y = K - M omega^2 + 2 r M omega^2 d phase/d omega, fitted by least
+    squares to rows near resonance with a stiffness K for every run. A spring whose stiffness changes with amplitude,
+    K + k A + l A^2, must fit worse.
     """
     rows = [part for k, run in enumerate(runs) if (part := _list_terms(run, k, len(runs))) is not None]
     if not rows:
@@ -251,15 +251,15 @@ def sense_rate(runs: Sequence[Run]) -> float | None:
     count = len(real) - linear.shape[1] - 1
     if count < FREE_ROWS:
         return None
-    solution, left, spread = _solve(np.column_stack([linear, slope]), real)
+    solution, misfit, spread = _solve(np.column_stack([linear, slope]), real)
     steady, bent = _solve(linear, real)[1], _solve(np.column_stack([linear, spring]), real)[1]
-    error = spread * np.sqrt(left / count)
-    certain = abs(solution[-1]) > CERTAIN_RATE * error and left < OF_STEADY * steady and left < OF_SPRING * bent
+    error = spread * np.sqrt(misfit / count)
+    certain = abs(solution[-1]) > CERTAIN_RATE * error and misfit < OF_STEADY * steady and misfit < OF_SPRING * bent
     return float(solution[-1] / solution[-2]) if certain and solution[-2] > 0.0 else None
 
 
 def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | None:
-    """Columns of K of every run and M (n, count + 1), of the rate (n,), of a spring (n, 2), and Re Y, times A/F."""
+    """Columns of every K and M (n, count + 1), of the rate (n,), of a spring (n, 2), and Re Y (n,), times A/F."""
     if run.phase is None or len(run) < FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
         return None
     lag, side = np.unwrap(run.phase), 1 + len(run) // ROWS_A_SIDE
@@ -270,10 +270,10 @@ def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | N
         slope[k] = u @ lag[part] / (u @ u)
     weight = run.A / run.F
     near = weight >= NEAR * weight.max()
-    own = np.zeros((len(run), count))
-    own[:, number] = 1.0
+    stiffness = np.zeros((len(run), count))
+    stiffness[:, number] = 1.0
     columns = (
-        np.column_stack([own, -(run.omega**2)]),
+        np.column_stack([stiffness, -(run.omega**2)]),
         2.0 * run.omega**2 * slope,
         np.column_stack([run.A, run.A**2]),
         run.stiffness.real,
@@ -282,10 +282,10 @@ def _list_terms(run: Run, number: int, count: int) -> tuple[FloatArray, ...] | N
 
 
 def _solve(design: FloatArray, target: FloatArray) -> tuple[FloatArray, float, float]:
-    """Least squares of columns of any size, the sum of squares left, and the spread of the last for one of 1."""
+    """Least squares with scaled columns: solution, residual sum of squares, and sd of the last value for unit noise."""
     size = np.linalg.norm(design, axis=0)
     size[size == 0.0] = 1.0
     solution = np.linalg.lstsq(design / size, target)[0] / size
-    left = target - design @ solution
+    residual = target - design @ solution
     spread = np.sqrt(np.linalg.pinv((design / size).T @ (design / size))[-1, -1]) / size[-1]
-    return solution, float(left @ left), float(spread)
+    return solution, float(residual @ residual), float(spread)

@@ -1,6 +1,6 @@
-"""What a record may hold: column names, and the range of every number.
+"""Schema of a record (column names and ranges), and TOML tables checked key by key.
 
-TOML tables that know their file: each key is checked for name, type and range, and an error names its line.
+Each key of a TOML table is checked for name, type and range, and an error names its line.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 Schema = TypeVar("Schema", bound="BaseModel")
 
-#: The columns of a record that have a meaning, in the order in which they are looked at.
+#: The defined columns of a record, in the order in which they are checked.
 _COLUMNS = list(csv.DictReader(Path(__file__).with_name("columns.csv").read_text("utf-8").splitlines()))
-#: Columns without which a table is no record.
+#: Columns that every record has.
 REQUIRED_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["presence"] == "required")
 #: Columns of a record that may be absent.
 OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["presence"] == "optional")
@@ -37,35 +37,35 @@ OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["pres
 TEXT_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["range"] == "text")
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"] == "may be blank")
-#: What is expected in a cell of numbers, and in an empty one of columns that every row has or none.
+#: Expected content of a numeric cell, and of an empty cell in columns that must be complete.
 A_NUMBER = "a finite number"
 IN_BLANK = {"phase": "a finite number: leave out the sweep that has none, or the column for all"}
 
-#: Magnitudes that a number (other than zero) of a record or mode may have: products and powers of a few stay finite.
+#: Magnitudes that a nonzero number of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50
 LARGEST = 1e50
 
 
-#: What cells pass, and what is expected of one that does not.
+#: A test of cells, and what is expected of a cell that fails it.
 Test = tuple[Callable[["pd.Series"], "pd.Series"], str]
 
 
 def _list_tests(column: Mapping[str, str]) -> list[Test]:
     wanted = f"{column['meaning']} {column['range']}"
-    # what is no number > 0 has its own test
+    # numbers <= 0 have a test of their own
     magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
     turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")
     positive, least = [(lambda x: x > 0.0, wanted), magnitude], [(lambda x: x >= 0.0, wanted), magnitude]
     return {"> 0": positive, ">= 0": least, "radians": [turn]}.get(column["range"], [])
 
 
-#: The tests of each column of a record. Standard uncertainties may be zero: none is stated for that row. Empty cells
-#: (NaN) are not tested: whether a cell may be empty is decided where the file is read.
+#: The tests of each column of a record. A standard uncertainty of zero means that none is stated. Empty cells (NaN) are
+#: not tested here: the reader of the file decides whether a cell may be empty.
 COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
 
 
 def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
-    """The first cell of each column out of its range: row, column, the cell, and what was expected of it."""
+    """The first cell of each column out of its range: row, column, cell, and what was expected."""
     refused = []
     for name, tests in ((name, tests) for name, tests in COLUMN_TESTS.items() if name in table.columns):
         cells = table[name].dropna()
@@ -78,12 +78,12 @@ def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)
 
-_LONGEST_VALUE = 100  # lines of a value that spans lines, when the line of a key is looked for
+_LONGEST_VALUE = 100  # most lines of one value in the search for the line of a key
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
-    """The top table of a TOML file. InputError, with the line, if it cannot be read or is no TOML."""
+    """The top table of a TOML file. InputError, with the line, if it cannot be read or is not TOML."""
     with naming(path):
         content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)))
         if broken is not None:
@@ -111,16 +111,16 @@ class TomlTable:
     content: str
 
     def only(self, *known: str) -> None:
-        """InputError for the first key that is not ``known``, naming the nearest one that is."""
+        """Raise InputError for the first key that is not in ``known``; it names the nearest known key."""
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
                 raise self.error(key, f"unknown key{where}", list_nearest(key, known))
 
     def table(self, key: str, *known: str, required: bool = False, expected: str = "a table") -> TomlTable:
-        """The table under ``key``, with no keys but those ``known`` where these are given.
+        """The table under ``key``; if ``known`` keys are given, others are refused.
 
-        It is empty where there is none unless it is ``required``; ``expected`` says what of.
+        A missing table is empty, or an error if ``required``; ``expected`` describes the table in errors.
         """
         if required and key not in self.values:
             raise InputError(f"no table [{key}]", file=self.file, expected=f"[{key}]")
@@ -140,7 +140,7 @@ class TomlTable:
         return value
 
     def truth(self, key: str) -> bool:
-        """Whether ``key`` is set to true; false where it is not there."""
+        """Whether ``key`` is set to true; false if it is missing."""
         value = self.values.get(key, False)
         if not isinstance(value, bool):
             raise self.error(key, f"is {_describe_kind(value)}", "true or false")
@@ -176,15 +176,15 @@ class TomlTable:
         return number
 
     def error(self, key: str, message: str, expected: str) -> InputError:
-        """What is wrong with the value under ``key``, with its line."""
+        """An InputError on the value under ``key``, with its line."""
         line = line_of(self.content, (*self.path, key))
         return InputError(message, file=self.file, line=line, column=describe_shortened(key), expected=expected)
 
 
 def line_of(content: str, path: tuple[str | int, ...]) -> int | None:
-    """Line of a TOML text on which the key at ``path`` is set: the first that, with all before it, sets the key.
+    """Line of a TOML text that sets the key at ``path``: the first that, with all lines before it, sets the key.
 
-    A number in the path is a place in a list, from 0.
+    A number in the path is an index of a list, from 0.
     """
     lines = content.split("\n")
     line = bisect_left(range(len(lines)), True, key=lambda last: _sets(lines, last, path))
@@ -199,8 +199,8 @@ def _sets(lines: list[str], last: int, path: tuple[str | int, ...]) -> bool:
         except ValueError:
             continue
         for key in path:
-            there = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
-            if key not in there:
+            keys = range(len(value)) if isinstance(value, list) else value if isinstance(value, dict) else ()
+            if key not in keys:
                 return False
             value = value[key]
         return True
@@ -213,7 +213,7 @@ def _describe_kind(value: object) -> str:
     return "None" if value is None else kinds.get(type(value), other)
 
 
-#: What belongs where pydantic found another thing, by its name for the mistake.
+#: Expected values by pydantic's name of the error.
 _EXPECTED = {
     "string_type": "text",
     "string_pattern_mismatch": "letters, digits, - and _, the first a letter or digit",
@@ -229,14 +229,14 @@ _EXPECTED = {
 }
 
 
-#: How a schema says that a number is beyond a limit.
+#: Beginning of pydantic's message on a number beyond a limit.
 _LIMIT = "Input should be "
 
 
 def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
-    """A whole TOML file checked by a schema; ``written``: how a key that holds more than one thing is written, by key.
+    """A whole TOML file checked by a schema; ``written``: notation of keys with several values, by key.
 
-    InputError: the line and key of the first thing that is wrong, and what was expected.
+    InputError: line and key of the first problem, and what was expected.
     """
     from pydantic import ValidationError  # noqa: PLC0415 - slow to import, and few commands read such a file
 
@@ -264,7 +264,7 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
 
 
 def locate(table: TomlTable, keys: tuple[str | int, ...], message: str, expected: str | None) -> InputError:
-    """What is wrong at ``keys``, on the line of the least that holds them; places are counted from 1 for people."""
+    """An InputError at ``keys``, on the line of the innermost one found; list places are shown counted from 1."""
     lines = (line_of(table.content, keys[:length]) for length in range(len(keys), 0, -1))
     line = next((line for line in lines if line is not None), None)
     name = "".join(f" {key + 1}" if isinstance(key, int) else f", {key}" for key in keys).removeprefix(", ")
@@ -272,7 +272,7 @@ def locate(table: TomlTable, keys: tuple[str | int, ...], message: str, expected
 
 
 def _find_schema(schema: type[BaseModel], keys: tuple[str | int, ...]) -> type[BaseModel]:
-    """The table of a schema that ``keys`` lead to, or the one that holds what is no table."""
+    """The table of a schema at ``keys``; for other values, the table that contains them."""
     for key in keys:
         field = schema.model_fields.get(str(key))
         parts = [field.annotation] if field else []

@@ -1,4 +1,4 @@
-"""A mode: what a simulation assumes of one vibration mode, read from and written to a TOML file."""
+"""A mode: the assumptions of a simulation about one vibration mode, read from and written to a TOML file."""
 
 import json
 import math
@@ -17,17 +17,17 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: Range of the ln of masses, over their relative standard uncertainty, beyond which they are not of one mass: of ten
-#: estimates of one it is larger in 1.4 %.
+#: Range of ln mass over its relative standard uncertainty beyond which masses differ: ten estimates of one mass exceed
+#: it in 1.4 % of cases.
 STATES_APART = 5.0
-DRIVES = ("force", "base")  #: what shakes a structure: a force, or the motion of its base
+DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the motion of its base
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Relative standard uncertainty of what the simulation assumes.
+    """Relative standard uncertainty of the assumed values.
 
-    ``from_record``: the values were taken from the rows that they are compared with, and are no knowledge beside them.
+    ``from_record``: the values were taken from the rows that they are compared with, and are not independent of them.
     """
 
     frequency: float = 0.001
@@ -38,8 +38,8 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Rig:
-    """What is known of the rig: principal ``planes`` that can move (1 or 2), ``force`` ``measured`` at the structure or
-    ``prescribed``, ``rate`` of the frequency in Hz/s (0 for dwells); None or empty where it is not known.
+    """The test rig: principal ``planes`` that can move (1 or 2), ``force`` ``measured`` at the structure or
+    ``prescribed``, sweep ``rate`` in Hz/s (0 for dwells); None or empty if unknown.
     """
 
     planes: int | None = None
@@ -57,7 +57,7 @@ class Repeatability:
 
 @dataclass(frozen=True)
 class Units:
-    """Names of the units of the record and the mode; empty where none is named: one consistent system."""
+    """Names of the units of record and mode; empty if not named: one consistent system is assumed."""
 
     force: str = ""
     length: str = ""
@@ -65,12 +65,12 @@ class Units:
 
     @property
     def drive(self) -> str:
-        """What stands in the column ``force``, by its unit."""
+        """The quantity in the column ``force``, by its unit."""
         return "base acceleration" if self.force and self.force == self._acceleration else "force"
 
     @property
     def of_base_drive(self) -> "Units":
-        """The same where the base's acceleration stands in the column ``force``."""
+        """The units if the column ``force`` holds the acceleration of the base."""
         return replace(self, force=self._acceleration)
 
     @property
@@ -83,7 +83,7 @@ class Units:
 
 
 class FixedTable(dict[str, Any]):
-    """A table that does not change, like the mode that holds it; a dictionary, so that it is written as one."""
+    """A read-only dictionary, as part of an immutable mode; a subclass of dict, so that it is written like one."""
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise TypeError("a mode does not change; dataclasses.replace(mode, damping={...}) makes another")
@@ -91,20 +91,20 @@ class FixedTable(dict[str, Any]):
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
 
     def __reduce__(self) -> tuple[type, tuple[dict[str, Any]]]:
-        return FixedTable, (dict(self),)  # as a whole: item by item it would refuse
+        return FixedTable, (dict(self),)  # as a whole: setting single items is refused
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """One vibration mode as the simulation assumes it, checked as a mode file is.
+    """One vibration mode as the simulation assumes it, checked like a mode file.
 
     ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
     mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
     the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``drive`` is ``force``, or ``base`` where the base's acceleration stands in the column ``force`` and the
-    motion relative to it in ``amplitude``; the mass then counts for nothing but its damping forces, and is 1 where it
-    is not given. ``source`` says where it is from. The tables may be given as in a mode file: mappings, and a bare
-    coefficient of a force that has no other parameter.
+    parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the acceleration of the base and
+    ``amplitude`` the motion relative to it; the mass then only scales the damping forces, and defaults to 1. ``source``
+    says where the mode is from. Tables may be given as in a mode file: mappings, and a bare number for the coefficient
+    of a force without other parameters.
 
     InputError: what :func:`read_mode` refuses.
     """
@@ -126,21 +126,21 @@ class Mode:
             "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")},
             **{name: getattr(self, name) for name in ("repeatability", "units", "rig", "damping", "effects")},
         }
-        if written["mode"]["mass"] is type(self).mass:  # the default itself: not given
+        if written["mode"]["mass"] is type(self).mass:  # the default object: no mass was given
             del written["mode"]["mass"]
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, _fixed(value))
 
-    def find_states(self, own: FloatArray | None, levels: int) -> FloatArray:
-        """Masses (levels,) of the states that levels were tested in, by their ``own`` (levels,), NaN of those without.
+    def find_states(self, stated: FloatArray | None, levels: int) -> FloatArray:
+        """Masses (levels,) of the states in which levels were tested; ``stated`` (levels,): by the record, NaN if none.
 
-        All are this mode's mass where that was taken from them, or where they differ by no more than estimates of one.
+        All are this mode's mass if that was taken from the record, or if they differ by no more than estimates of one.
         """
-        one = np.full(levels, self.mass)
-        if own is None or self.tolerance.from_record:
-            return one
-        mass = np.where(np.isnan(own), self.mass, own)
-        return mass if np.ptp(np.log(mass)) > STATES_APART * self.tolerance.mass else one
+        same = np.full(levels, self.mass)
+        if stated is None or self.tolerance.from_record:
+            return same
+        mass = np.where(np.isnan(stated), self.mass, stated)
+        return mass if np.ptp(np.log(mass)) > STATES_APART * self.tolerance.mass else same
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(describe_mode_to_toml(self))}</pre>"
@@ -152,7 +152,7 @@ class Mode:
 
     @property
     def viscous_ratio(self) -> float:
-        """Damping ratio C/(2 M omega_n) of the viscous part of the damping; 0 without."""
+        """Damping ratio C/(2 M omega_n) of the viscous part of the damping; 0 if there is none."""
         viscous = self.damping.get("viscous", {}).get("coefficient", 0.0)
         return viscous / (2.0 * self.mass * self.omega_n)
 
@@ -160,16 +160,16 @@ class Mode:
 def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     """The mode in a TOML file, checked.
 
-    Raises InputError, naming file, line and key, for a file that cannot be read or is no TOML; a missing or unknown key
-    (the nearest known one is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
-    frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect that is out of
-    the bounds of its shape.
+    Raises InputError, naming file, line and key, for a file that cannot be read or is not TOML; a missing or unknown
+    key (the nearest known key is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
+    frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect out of its
+    bounds.
     """
     return Mode(**_checked(read_toml(path, max_size), Path(path).stem), source=str(path))
 
 
 def _checked(top: TomlTable, name: str) -> dict[str, Any]:
-    """The fields of a mode (without ``source``) from the tables of its file; ``name`` where it has none."""
+    """The fields of a mode (without ``source``) from the tables of its file; ``name``: the default name."""
     top.only("mode", "repeatability", "units", "rig", "damping", "effects")
     mode = top.table("mode", "name", "frequency", "mass", "drive", "tolerance", required=True)
     drive = mode.text("drive", default="force")
@@ -205,12 +205,12 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
 
 
 def _fixed(value: Any) -> Any:
-    """A field whose tables do not change."""
+    """A field with its tables made read-only."""
     return FixedTable((key, _fixed(inner)) for key, inner in value.items()) if isinstance(value, dict) else value
 
 
 def _as_written(value: Any) -> Any:
-    """A field as it stands in a mode file: tables as dictionaries without what is not stated, plain numbers."""
+    """A field as written in a mode file: tables as dictionaries without unstated values, plain numbers."""
     if isinstance(value, Tolerance | Repeatability | Units | Rig):
         value = {key: stated for key, stated in vars(value).items() if stated is not None and stated != ""}
     if isinstance(value, Mapping):
@@ -230,7 +230,7 @@ def _rig(table: TomlTable) -> Rig:
 
 
 def _force(damping: TomlTable, name: str) -> dict[str, float]:
-    """Parameters of one damping force; a bare number is its parameter where it has one only."""
+    """Parameters of one damping force; a bare number is the value of its only parameter."""
     shapes = forces.shapes_of(name)
     if len(shapes) == 1 and not isinstance(damping.values[name], dict):
         return {shapes[0].name: _number(damping, name, shapes[0])}
@@ -245,7 +245,7 @@ def _force(damping: TomlTable, name: str) -> dict[str, float]:
 
 
 def _parameters(table: TomlTable, shapes: tuple[Shape, ...]) -> dict[str, float]:
-    """The numbers of a table; one that has a default may be absent."""
+    """The numbers of a table; those with a default may be absent."""
     table.only(*(shape.name for shape in shapes))
     given = [shape for shape in shapes if shape.default is None or shape.name in table.values]
     return {shape.name: _number(table, shape.name, shape) for shape in given}
@@ -259,7 +259,7 @@ def _number(table: TomlTable, key: str, shape: Shape) -> float:
 
 
 def describe_mode_to_toml(mode: Mode) -> str:
-    """The TOML file of a mode; reading it gives the same mode (but for ``source``), to the last digit."""
+    """The TOML file of a mode; reading it gives the same mode, except ``source``, to the last digit."""
     groups = {
         "mode": {"name": mode.name, "frequency": mode.frequency, "mass": mode.mass}
         | ({"drive": mode.drive} if mode.drive != "force" else {}),
@@ -294,5 +294,5 @@ def _describe_key(key: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A TOML basic string: escapes are those of JSON, and the delete character is one more."""
+    """A TOML basic string: escaped as in JSON, and the delete character too."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""Among levels of one row, peaks alone: the one that is off the course of the others, in amplitude or in frequency."""
+"""Among levels of one row (single peaks): the level whose amplitude or frequency is off the trend of the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,33 +9,33 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.records.runs import Run
 
-WILD = 3.0  #: an amplitude is wild where its neighbours say less than a third or more than three times as much
-#: An amplitude between others is odd where their course says a tenth less or more. Of 7000 sets of 5 to 8 peaks of 15
-#: structures, in and out of the library, with noise of .3 to 4 %, one in 200 has such a one; of those with noise below
-#: 2 % and 15 % too much or too little in one level 65 % do, and in all but one of 300 of these it is that level.
+WILD = 3.0  #: an amplitude is wild if it differs from its neighbours by more than this factor
+#: An amplitude between others is odd if it differs from their trend by a tenth. Of 7000 sets of 5 to 8 peaks of 15
+#: structures, in and out of the library, with noise of .3 to 4 %, one in 200 has an odd level. Of sets with noise below
+#: 2 % and one level 15 % too high or too low, 65 % do, and in all but one of 300 of these it is that level.
 ODD = 1.1
 #: A level whose force lies farther than this factor (ln) beyond the others cannot be judged by them.
 FAR_LEVEL = log(3.0)
-FEWEST_LEVELS = 4  #: amplitudes of fewer levels lie on no line that one of them could be off
-FEWEST_COURSE = 5  #: levels whose course shows one that is odd ...
-FEWEST_CURVED = 7  #: ... and whose course may be a parabola
-#: What the other levels miss of their own course, over what the odd one misses of it, at most.
+FEWEST_LEVELS = 4  #: fewest levels whose amplitudes define a line
+FEWEST_COURSE = 5  #: fewest levels whose trend shows one off by ``ODD``
+FEWEST_CURVED = 7  #: fewest levels whose trend may be a parabola
+#: Largest misfit of the other levels to their trend, over that of the odd level.
 OF_OTHERS = 0.2
-#: One of two suspected levels is the odd one where the rest misses its course this many times less without it than
-#: without the other.
+#: One of two suspected levels is the odd one if the rest fits its trend this many times better without it than without
+#: the other.
 TELLING = 3.0
-#: Least ln of a frequency beyond those of the levels beside it that is no scatter (six times .1 %).
+#: Least ln of a frequency beyond those of the neighbouring levels that is not scatter (six times .1 %).
 OFF_FREQUENCY = 0.006
 #: The same in damping ratios: a peak is read to a quarter of its bandwidth.
 OFF_BANDWIDTH = 0.5
-#: The same of three levels, of which only two others agree: a joint and a spring together bend a resonance that far.
+#: The same for three levels, where only two others agree: a joint and a spring together bend a resonance that far.
 OFF_OF_THREE = 0.05
 
 
 @dataclass(frozen=True)
 class OddLevel:
-    """The ``quantity`` (amplitude or frequency) that is off, the runs of one row that it may be, one where the others
-    tell which, and by how much (ln)."""
+    """The ``quantity`` (amplitude or frequency) that is off, the suspected runs of one row (a single one if the others
+    decide), and the deviation ``off`` (ln)."""
 
     quantity: str
     runs: tuple[Run, ...]
@@ -43,7 +43,7 @@ class OddLevel:
 
     def __str__(self) -> str:
         frequency, way, size = self.quantity == "frequency", "high" if self.off > 0.0 else "low", abs(self.off)
-        told = [
+        suspects = [
             f"{self.quantity} {run.omega[0] / RAD_S_PER_HZ if frequency else run.A[0]:g} "
             f"at row {run.rows[0] + 1} (force {run.F[0]:g}, sweep {run.sweep})"
             for run in self.runs
@@ -51,15 +51,15 @@ class OddLevel:
         course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
         if frequency:
             course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
-        which = "" if len(told) == 1 else "; the levels do not show which of them is wrong"
-        return f"{' or '.join(told)}: the {self.quantity} {course}{which}"
+        which = "" if len(suspects) == 1 else "; the levels do not show which of them is wrong"
+        return f"{' or '.join(suspects)}: the {self.quantity} {course}{which}"
 
 
 def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLevel | None:
-    """The level whose amplitude does not go with its force, else whose frequency jumps and returns.
+    """The level whose amplitude does not fit its force, else whose frequency jumps and returns; None if there is none.
 
-    ``mass`` of the mode (NaN: not known) tells how wide the resonances are; frequencies are compared where all rows are
-    of ``one_mass``, and amplitudes closely only there.
+    ``mass`` of the mode (NaN: unknown) gives the width of the resonances. Frequencies are compared only if all rows
+    have ``one_mass``; otherwise amplitudes are compared coarsely.
     """
     single = [run for run in runs if len(run) == 1]
     F, A, omega = (np.array([getattr(run, name)[0] for run in single]) for name in ("F", "A", "omega"))
@@ -76,38 +76,37 @@ def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLe
     return None
 
 
-#: Of each level that may be off (its place): how far it is off the course of the others, and these off their own.
+#: By position of each suspected level: its deviation from the trend of the others, and their largest deviation from it.
 _Misses = dict[int, tuple[float, float]]
 
 
 def _compare_amplitudes(x: FloatArray, y: FloatArray, *, one_mass: bool) -> _Misses:
-    """Levels whose ln amplitude ``y`` is off the course of the others against ln force ``x``, (n,).
+    """Levels whose ln amplitude ``y`` is off the trend of the others against ln force ``x``, (n,).
 
-    That is a line or, of more levels, a parabola. Beyond the other levels, or of other masses, it says no more than a
-    factor.
+    The trend is a line or, with more levels, a parabola. Beyond the other levels, or with several masses, only a
+    deviation by the factor ``WILD`` counts.
     """
     misses: _Misses = {}
     for k in range(len(x) if len(x) >= FEWEST_LEVELS else 0):
         others = np.arange(len(x)) != k
         low, high = x[others].min(), x[others].max()
         if not low - FAR_LEVEL < x[k] < high + FAR_LEVEL:
-            continue  # far beyond the other levels friction sticks and joints open: their line says nothing there
+            continue  # friction sticks and joints open there: the trend of the others does not hold
         between = low < x[k] < high
         least = log(ODD if one_mass and between and len(x) >= FEWEST_COURSE else WILD)
         degrees = (int(high - low > 0.05), *((2,) if between and len(x) >= FEWEST_CURVED else ()))
         courses = (y - np.polyval(np.polyfit(x[others], y[others], degree), x) for degree in degrees)
-        left = min(courses, key=lambda left: np.abs(left[others]).max() / max(abs(left[k]), 1e-300))
-        if abs(left[k]) > least:
-            misses[k] = float(left[k]), float(np.abs(left[others]).max())
+        residual = min(courses, key=lambda r: np.abs(r[others]).max() / max(abs(r[k]), 1e-300))
+        if abs(residual[k]) > least:
+            misses[k] = float(residual[k]), float(np.abs(residual[others]).max())
     return misses
 
 
 def _compare_frequencies(A: FloatArray, omega: FloatArray, ratio: FloatArray) -> _Misses:
-    """Levels whose frequency lies beyond those of the levels of next less and next more amplitude.
+    """Levels whose frequency lies beyond those of the levels of next smaller and next larger amplitude.
 
-    Joints and springs move a resonance steadily with amplitude; the lowest and the highest level are not judged, since
-    a joint that sticks at the one, slips or opens at the other moves that one alone. ``ratio``:
-    damping ratios; all (n,).
+    Joints and springs move a resonance steadily with amplitude. The lowest and the highest level are not judged: a
+    joint may stick at the lowest alone, or slip or open at the highest alone. ``ratio``: damping ratios; all (n,).
     """
     if len(A) < FEWEST_LEVELS - 1:
         return {}

@@ -1,6 +1,6 @@
-"""Reading CSV tables and records: everything is checked before any work, and the first problem in file order is named.
+"""Reading CSV tables and records: every cell is checked, and the first problem in file order is named.
 
-Nothing that is read is ever evaluated. A cell is a number, or it is text.
+File content is never evaluated. A cell is a number or text.
 """
 
 import re
@@ -19,11 +19,11 @@ from damping.records.record import CellProblem, Record, find_problems, require_c
 from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, count, describe_shortened, read_bytes, unguarded
 
 MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
-MOST_COLUMNS = 2000  #: most columns of a header: the same
-_BLOCK = 100_000  # cells that are looked at together
-_FEW = 10_000  # different labels of a column that are kept once each
-_BETWEEN = "\0"  # is in no cell: a file that holds it is no text
-_CODE = re.compile(r"\s*[+-]?0\d")  # 007 where no number is needed is a label, and stays one
+MOST_COLUMNS = 2000  #: most columns of a header: a bound on memory and time
+_BLOCK = 100_000  # cells processed together
+_FEW = 10_000  # most different labels of a column that are stored once each
+_BETWEEN = "\0"  # occurs in no cell: a file with a NUL byte is refused as not text
+_CODE = re.compile(r"\s*[+-]?0\d")  # labels such as 007 stay text in columns that need no numbers
 
 
 def read_table(
@@ -35,14 +35,13 @@ def read_table(
 ) -> pd.DataFrame:
     """The table of a CSV file (UTF-8, commas, one header row), rows in file order, index 0..n-1.
 
-    ``required`` columns must be there and, unless they are among ``text_columns``, hold a finite number in every cell.
-    Any other column becomes floats if all its cells are numbers and is otherwise kept as text; ``text_columns`` are
-    always text.
+    ``required`` columns must exist and, unless they are among ``text_columns``, hold a finite number in every cell.
+    Any other column becomes floats if all its cells are numbers and otherwise stays text; ``text_columns`` are always
+    text.
 
     Raises InputError, naming file, line and column, for the first problem in file order: a file that is missing, a
-    folder, larger than ``max_size`` bytes, empty, not UTF-8 or without data rows; missing, doubled or nameless
-    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell where a number
-    belongs.
+    folder, larger than ``max_size`` bytes, empty, not UTF-8 or without data rows; missing, repeated or nameless
+    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell in place of a number.
     """
     needed, text = tuple(required), tuple(text_columns)
     columns = _Columns(required=needed, numbers=[name for name in needed if name not in text], text=text)
@@ -55,8 +54,9 @@ def read_table(
 def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record:
     """The record of a CSV file, checked.
 
-    Refused beside what ``read_table`` refuses: what :func:`damping.records.record.find_problems` finds, and an
-    unlabelled sweep. A cell of ``mass`` may be empty: there the mode file's mass holds. Raises InputError.
+    Raises InputError for all that ``read_table`` refuses, for the problems that
+    :func:`damping.records.record.find_problems` finds, and for an unlabelled sweep. A cell of ``mass`` may be empty:
+    the mode file's mass then holds.
     """
     numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
     columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
@@ -70,7 +70,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
 
 @dataclass(frozen=True)
 class _Columns:
-    """Which columns must be there, hold numbers, hold text, and may have empty cells among their numbers."""
+    """Columns that must exist, hold numbers, hold text, and may have empty cells among their numbers."""
 
     required: Sequence[str]
     numbers: Collection[str]
@@ -80,7 +80,7 @@ class _Columns:
 
 @dataclass
 class _Scan:
-    """What one pass over a file found: the table, the line on which each row starts, and problems by their place."""
+    """Result of one pass over a file: the table, the line on which each row starts, and problems with their places."""
 
     frame: pd.DataFrame
     lines: IntArray
@@ -99,7 +99,7 @@ class _Scan:
 
 
 def _scan(data: bytes, columns: _Columns) -> _Scan:
-    """Read a table; problems with the file or its header are raised, those with rows are noted."""
+    """Read a table; problems with the file or its header are raised, problems with rows are noted."""
     rows = CsvRows(data)
     header_line, header = next(rows, (1, []))
     if not header:
@@ -118,7 +118,7 @@ def _scan(data: bytes, columns: _Columns) -> _Scan:
 
 
 def _list_names(header: list[str], line: int) -> list[str]:
-    """Column names, stripped; each must be there and occur once."""
+    """Column names, stripped; each must be nonempty and unique."""
     if len(header) > MOST_COLUMNS:
         raise InputError(f"{len(header)} columns", line=line, expected=f"at most {MOST_COLUMNS}")
     names = [unguarded(name.strip()) for name in header]
@@ -133,9 +133,9 @@ def _list_names(header: list[str], line: int) -> list[str]:
 
 
 def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputError | None]:
-    """Lines of the rows up to the first that cannot be read or is ragged, and what is wrong with that.
+    """Lines of the rows up to the first unreadable or ragged row, and the problem with that row.
 
-    Cells go to their columns some thousand rows at a time, joined, so that memory stays a few times that of the file.
+    Cells are joined to their columns in blocks of rows, so that memory stays at a few times the size of the file.
     """
     lines = array("q")
     block: list[list[str]] = []
@@ -163,7 +163,7 @@ def _grow(growing: Sequence[list[str]], block: list[list[str]]) -> None:
 
 
 def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) -> pd.Series:
-    """One column as floats or as text; the first cell that does not hold what it should is noted."""
+    """One column as floats or as text; the first invalid cell is noted as a problem."""
     if name in columns.text:
         text = _list_labels(blocks, strip=True)
         if name in columns.required and "" in text:
@@ -186,7 +186,7 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
 
 
 def _list_labels(blocks: Sequence[str], *, strip: bool) -> list[str]:
-    """The column as text, the same object for equal labels as long as there are few."""
+    """The column as text; equal labels share one object as long as there are few."""
     known: dict[str, str] = {}
     labels = []
     for cell in (cell for block in blocks for cell in block.split(_BETWEEN)):
@@ -196,13 +196,13 @@ def _list_labels(blocks: Sequence[str], *, strip: bool) -> list[str]:
 
 
 def _read_floats(cells: Sequence[str]) -> FloatArray:
-    """Numbers in the cells (n,), NaN where there is none. Digits are 0-9, without grouping marks."""
+    """Numbers in the cells (n,), NaN for other content. Digits are 0-9, without grouping marks."""
     joined = "".join(cells)
     if joined.isascii() and "_" not in joined:
         try:
             return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
         except ValueError:
-            pass  # a cell holds text: look at each
+            pass  # some cell holds text
     return np.array([float(cell) if NUMBER.fullmatch(cell) else np.nan for cell in cells], dtype=np.float64)
 
 
@@ -220,7 +220,7 @@ def _describe_wrong(cell: str) -> str:
 def require_column(
     table: pd.DataFrame, name: str, file: str | Path | None = None, line: int | None = None, why: str = ""
 ) -> None:
-    """InputError for a column that is not there; ``file`` and ``line`` of the header, ``why`` it is needed."""
+    """Raise InputError for a missing column; ``file`` and ``line`` of the header, ``why`` the column is needed."""
     if name not in table.columns:
         expected = f"{describe_nearest(name, map(str, table.columns))} or another column"
         raise InputError(f"no column {name!r}{why}", file=file, line=line, expected=expected)
@@ -229,7 +229,7 @@ def require_column(
 def require_numbers(
     table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
 ) -> None:
-    """InputError for the first column that is missing, or holds what is no finite number; those of ``text`` may."""
+    """Raise InputError for the first column that is missing or not finite numbers; columns in ``text`` may be text."""
     for name in names:
         require_column(table, name, source)
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):

@@ -1,4 +1,4 @@
-"""A record: steady states measured (or computed) in one or more sweeps, checked when it is made, and as CSV text."""
+"""A record: steady states measured or computed in one or more sweeps, validated on creation, and its CSV text."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from damping.records.text import (
 
 
 class _CopiedRows:
-    """The rows of a record: what is given when it is made, and a copy at each access."""
+    """The rows of a record: set on creation, and copied at each access."""
 
     def __get__(self, record: Record | None, owner: type) -> pd.DataFrame:
         if record is None:
-            raise AttributeError  # so the field has no default
+            raise AttributeError  # gives the field no default
         return record.frame.copy()
 
     def __set__(self, record: Record, table: pd.DataFrame) -> None:
@@ -47,17 +47,17 @@ class _CopiedRows:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record:
-    """One row a steady state.
+    """Steady states, one in each row.
 
-    ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and where given ``phase``
+    ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and if given ``phase``
     (rad, lag of displacement behind force), ``energy`` (per cycle), ``mass``, ``amplitude_sd``, ``phase_sd``,
-    ``force_sd`` (floats), then any others as they were; rows in file order, index 0..n-1. ``source`` says where it is
-    from, for messages. Records are equal whose rows and source are.
+    ``force_sd`` (floats), then any others unchanged; rows in file order, index 0..n-1. ``source`` is the origin, for
+    messages. Records are equal if rows and source are equal.
 
-    A record does not change: ``table`` is a copy at each access, and another record is made of one that was edited.
-    The library reads ``frame``, the rows that were checked, which nothing writes to.
+    A record is immutable: ``table`` is a copy at each access; an edited copy makes another record. The library reads
+    ``frame``, the checked rows, and never writes to it.
 
-    InputError: what :func:`find_problems` finds, a column that is missing or no numbers, or no rows.
+    InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
     """
 
     table: _CopiedRows = _CopiedRows()
@@ -75,7 +75,7 @@ class Record:
 
     @classmethod
     def trusted(cls, frame: pd.DataFrame, source: str) -> Record:
-        """A record of rows that were checked before, or are computed from such; nothing is checked or copied."""
+        """A record of rows that are known to be valid; nothing is checked or copied."""
         record = object.__new__(cls)
         vars(record).update(frame=frame, source=source)
         return record
@@ -90,7 +90,7 @@ class Record:
 
     @property
     def title(self) -> str:
-        """What this is, in a line."""
+        """The source, and the numbers of rows and sweeps."""
         return f"{self.source}: {count(len(self), 'row')} in {count(len(self.sweeps), 'sweep')}"
 
     def __repr__(self) -> str:
@@ -108,7 +108,7 @@ class Record:
 
     @property
     def is_decay(self) -> bool:
-        """Whether rows were taken from free decays: so labelled, or one-row sweeps whose amplitude falls with time."""
+        """Whether rows are from free decays: a column ``decay``, or one-row sweeps whose amplitude falls with time."""
         if "decay" in self.frame.columns:
             return True
         if "time" not in self.frame.columns or len(self.sweeps) != len(self) or len(self) < 2:
@@ -118,41 +118,41 @@ class Record:
 
     @property
     def input(self) -> str:
-        """Column that tells levels apart: the amplitude of a decay, from which its force follows, else the force."""
+        """Column that defines levels: for a decay the amplitude, from which its force follows, else the force."""
         return "amplitude" if self.is_decay else "force"
 
     def _repr_html_(self) -> str:
         return describe_as_html(self.title, self.frame.head(MOST_SHOWN))
 
     def column(self, name: str, default: float | None = None) -> FloatArray:
-        """A numeric column as a new array (n,), with a ``default`` for what may be blank, or be no column at all."""
+        """A numeric column as a new array (n,); ``default`` replaces blank cells or a missing column."""
         if default is None:
             return self.frame[name].to_numpy(dtype=np.float64, copy=True)
-        own = self.column(name) if name in self.frame.columns else np.full(len(self), np.nan)
-        return np.where(np.isnan(own), float(default), own)
+        values = self.column(name) if name in self.frame.columns else np.full(len(self), np.nan)
+        return np.where(np.isnan(values), float(default), values)
 
     def relative_sd(self, name: str) -> FloatArray:
-        """Standard uncertainty of ``amplitude`` or ``force`` over its value (n,); 0 where the record states none."""
+        """Standard uncertainty of ``amplitude`` or ``force`` over its value (n,); 0 where none is stated."""
         return self.column(f"{name}_sd", 0.0) / self.column(name)
 
     def masses(self, mode_mass: float) -> FloatArray:
-        """Generalized mass of each row (n,): the row's own where it has one, else ``mode_mass``."""
+        """Generalized mass of each row (n,): that stated in the row, else ``mode_mass``."""
         return self.column("mass", mode_mass)
 
     @property
     def added_masses(self) -> FloatArray:
-        """Known mass added to the structure for each row (n,); 0 where the record names none."""
+        """Known mass added to the structure in each row (n,); 0 where none is stated."""
         return self.column("added_mass", 0.0)
 
     def of(self, sweep: str) -> Record:
-        """The rows of one sweep. InputError if the record has no such sweep."""
+        """The rows of one sweep. InputError if there is no such sweep."""
         if sweep not in self.sweeps:
             raise InputError(f"no sweep {sweep!r}", file=self.source, expected=f"one of {', '.join(self.sweeps)}")
         return Record.trusted(self.frame[self.frame["sweep"] == sweep].reset_index(drop=True), self.source)
 
 
 class CellProblem(NamedTuple):
-    """What is wrong with a cell of a record, or (``column`` None) with a row; ``twin``: the row that it repeats."""
+    """A problem with a cell of a record, or (``column`` None) with a row; ``twin``: the row that it repeats."""
 
     row: int
     column: str | None
@@ -161,20 +161,19 @@ class CellProblem(NamedTuple):
     twin: int | None = None
 
     def describe(self, kind: str, numbers: Sequence[int] | np.ndarray) -> str:
-        """The message; a twin is named by its number among ``numbers`` (rows,), which count ``kind``."""
+        """The message; a twin is named by its number in ``numbers`` (rows,), which count ``kind`` (lines or rows)."""
         return self.message if self.twin is None else f"{self.message} to {kind} {int(numbers[self.twin])}"
 
     def place(self, table: pd.DataFrame) -> int:
-        """Number of the column; -1 for a row as a whole."""
+        """Index of the column; -1 for a whole row."""
         return -1 if self.column is None else list(table.columns).index(self.column)
 
 
 def find_problems(table: pd.DataFrame) -> list[CellProblem]:
-    """The first cell of each column outside the range of the record schema, and the first row that is there twice.
+    """The first cell of each column outside the range of the record schema, and the first repeated row.
 
-    Refused are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
-    uncertainty (zero is allowed: none is stated for that row), numbers too large or small to calculate with
-    (magnitudes beyond 1e-50..1e50), and rows identical in every column.
+    Problems are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
+    uncertainty (zero means none is stated), magnitudes beyond 1e-50..1e50, and rows identical in every column.
     """
     problems = [CellProblem(*cell) for cell in find_refused(table)]
     repeats = table.duplicated().to_numpy()
@@ -188,7 +187,7 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
 def require_columns(
     required: Iterable[str], names: Sequence[str], file: str | None = None, line: int | None = None
 ) -> None:
-    """InputError that names the required columns that are missing, if any are."""
+    """Raise InputError that names the missing required columns, if any."""
     required = tuple(required)
     missing = [name for name in required if name not in names]
     if not missing:
@@ -200,7 +199,7 @@ def require_columns(
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
 
-#: Kinds of values that pandas would turn into numbers of another meaning, and what is expected instead.
+#: Kinds of values that pandas would convert to numbers with another meaning, and what is expected instead.
 _NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
     "complex": "real numbers: of a complex response its size in amplitude and the lag of its angle in phase",
     **dict.fromkeys(("datetime64", "datetime", "timedelta64", "timedelta"), "numbers, times in s"),
@@ -208,13 +207,13 @@ _NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
 
 
 def _name_row(index: pd.Index, row: int) -> str:
-    """A row by its place from 0, and by its label in the index of a table that has others."""
+    """A row by its position from 0, and by its index label if that differs."""
     label = str(index[row])
     return f"row {row}" if label == str(row) else f"row {row} (labelled {describe_shortened(label)})"
 
 
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
-    """A copy with labels as text and numbers as floats, rows numbered from 0."""
+    """A checked copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
     if not isinstance(table, pd.DataFrame):
         raise InputError("no table", file=file, expected=f"a DataFrame with columns {', '.join(REQUIRED_COLUMNS)}")
@@ -222,9 +221,9 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
         raise InputError("no data rows", file=file, expected="at least one row")
     require_columns(REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
     typed = table.reset_index(drop=True)
-    twice = table.columns[table.columns.duplicated()]
-    if len(twice):
-        raise InputError("two columns of this name", file=file, column=str(twice[0]), expected="each name once")
+    repeated = table.columns[table.columns.duplicated()]
+    if len(repeated):
+        raise InputError("two columns of this name", file=file, column=str(repeated[0]), expected="each name once")
     for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS):
         if name not in typed.columns:
             continue
@@ -249,9 +248,8 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
 def energy_per_cycle(record: Record) -> FloatArray:
     """Energy input per cycle of each row (n,), in force times length.
 
-    The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may carry below 0; else, without
-    phases, pi F A where the row is taken to be at phase resonance (the row of largest amplitude of its sweep, the only
-    one in a sweep of one) and NaN elsewhere.
+    The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may make negative; else, without
+    phases, pi F A in the row of largest amplitude of each sweep, taken to be at phase resonance, and NaN elsewhere.
     """
     if "energy" in record.frame.columns:
         return record.column("energy")
@@ -264,8 +262,8 @@ def energy_per_cycle(record: Record) -> FloatArray:
     return energy
 
 
-_BLOCK = 20_000  # rows that are written together
-_QUOTED = re.compile(r'[,"\r\n]')  # the csv module leaves a lone carriage return bare
+_BLOCK = 20_000  # rows written together
+_QUOTED = re.compile(r'[,"\r\n]')  # the csv module does not quote a lone carriage return
 
 
 def record_to_csv(record: Record | pd.DataFrame) -> str:
@@ -273,7 +271,7 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
 
     Floats are written as the shortest decimals that read back to the same number, integers without a point. A text
     cell or column name that begins with ``=``, ``+``, ``-``, ``@``, tab or carriage return, which a spreadsheet may
-    execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` take it off.
+    execute, gets a leading apostrophe unless it is a plain number; ``read_table`` and ``read_record`` remove it.
     """
     table = record.frame if isinstance(record, Record) else record
     parts = [",".join(_describe_cell(str(name)) for name in table.columns) + "\n"]

@@ -1,7 +1,7 @@
 """The phase resonance of every sweep: where it is passed, or jumped over at a fold.
 
-It rests on the force per unit of displacement that a row measures, Z = F exp(i phase)/A. For first-harmonic averages
-S (in phase) and C (in quadrature) of the restoring and damping forces beyond the linear spring,
+Each row measures the force per unit of displacement, Z = F exp(i phase)/A. For first-harmonic averages S (in phase) and
+C (in quadrature) of the restoring and damping forces beyond the linear spring,
 
     Z = K - M omega^2 + (S + i C)/A,
 
@@ -18,34 +18,34 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, In
 from damping.records.record import Record
 from damping.records.runs import order_rows
 
-#: Rows between the half-power points (|cot phase| <= 1) that make a fit of them better than two neighbours.
+#: Fewest rows between the half-power points (|cot phase| <= 1) for a fit instead of interpolation.
 ROWS_FOR_FIT = 5
-#: Largest |cot phase| of the rows of a fit: a force that drops near resonance is fitted over ever fewer of them.
+#: Largest |cot phase| of the fitted rows: a force that drops near resonance is fitted over narrower windows.
 WINDOWS = (1.0, 0.5, 0.25, 0.125)
-#: What a fit leaves of a force that drops: root mean square, relative, and correlation of the motion's rest with it.
+#: Residual of the fit of a force that drops: relative root mean square, and correlation with the residual of motion.
 LEAVES = 0.01
 FOLLOWS = 0.7
 #: Two neighbours on either side of resonance are interpolated if one is within 60 degrees of it (|cot phase| <= 1.73).
 NEIGHBOUR = 3.0**0.5
-#: Pairs of rows across resonance count as of one amplitude in proportion to a Gaussian of this width in ln A.
+#: Pairs of rows across resonance are weighted by a Gaussian of this width in the difference of ln A.
 SAME_AMPLITUDE = 0.1
-ROWS_ASIDE = 4  #: rows that a phase offset needs on either side of resonance
-#: Phase offset, rad, beyond which none is believed: another quantity measured gives 90 degrees, a sensor reversed 180.
+ROWS_ASIDE = 4  #: fewest rows on either side of resonance for a phase offset
+#: Largest accepted phase offset, rad: another measured quantity gives 90 degrees, a reversed sensor 180.
 LARGEST_OFFSET = pi / 4
-#: Damping ratio up to which every offset is taken: a false one, of a ratio at most, moves the frequency of resonance by
-#: the ratio squared, 0.25 %.
+#: Damping ratio up to which every offset is accepted: a false offset, of at most this ratio, moves the frequency of
+#: resonance by the ratio squared, 0.25 %.
 SMALL_DAMPING = 0.05
-_MOST_ROWS_ASIDE = 300  # a longer sweep is thinned: pairs grow with the square
-ROWS_BENT = 8  #: rows on one side of a resonance that tell whether it is bent
-#: A sweep jumps where the resonance itself moves by this between two rows, in half-widths (1: damping ratio times
-#: frequency): a resonance that stays moves by noise, and one that is bent little from row to row.
+_MOST_ROWS_ASIDE = 300  # longer sweeps are thinned: the number of pairs grows with the square
+ROWS_BENT = 8  #: fewest rows on one side of a resonance that show whether it is bent
+#: A sweep jumps if the resonance frequency moves by this between two rows, in half-widths (damping ratio times
+#: frequency): a linear resonance moves by noise only, and a bent one little from row to row.
 JUMP = 1.0
-#: |cot phase| of the nearer row up to which a jump past resonance is read as a passage: F/Im Z is then 3 % more than
-#: its amplitude at most.
+#: |cot phase| of the nearer row up to which a jump past resonance counts as a passage: F/Im Z then exceeds its
+#: amplitude by at most 3 %.
 JUMP_AT_RESONANCE = 0.25
-FEWEST_BESIDE = 2  #: steps from row to row, beside the one past resonance, that tell whether that is a jump
-_TELLING = 1e-6  # least sin(phase) of a row that is told from one that noise carries beyond 0..pi
-_FAR = 0.2  #: change of frequency^2 beyond which rows on one side say nothing of where the resonance is
+FEWEST_BESIDE = 2  #: fewest steps from row to row, besides the one past resonance, to judge whether that is a jump
+_TELLING = 1e-6  # least sin(phase) of a usable row: noise may carry phases beyond 0..pi
+_FAR = 0.2  #: largest relative change of frequency^2 to a resonance extrapolated from rows on one side
 SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweeps are repeats of one level
 
 
@@ -53,10 +53,10 @@ SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweep
 class Resonance:
     """Phase resonance of one sweep.
 
-    ``force``, ``frequency`` (Hz) and ``amplitude`` there; ``phase_offset`` (rad) is what was taken off the phases of
-    the sweep; ``method`` is ``row`` (the sweep has no other), ``interpolated`` (phase pi/2 between rows), ``beside``
-    (damping alone at the row of largest amplitude, where phases do not reach pi/2 or jump past it) or ``peak`` (that
-    row, taken for resonance); ``row`` is the row of the record at or nearest to it.
+    ``force``, ``frequency`` (Hz) and ``amplitude`` at resonance; ``phase_offset`` (rad) was subtracted from the phases;
+    ``method`` is ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping
+    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it) or ``peak`` (that row, taken for
+    resonance); ``row`` is the row of the record at or nearest to resonance.
     """
 
     sweep: str
@@ -69,7 +69,7 @@ class Resonance:
 
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:
-    """Phase resonance of each sweep, a row each in order of appearance with the columns of ``Resonance``."""
+    """Phase resonance of each sweep, one row each in order of appearance, with the columns of ``Resonance``."""
     rows = [find_resonance(str(sweep), table) for sweep, table in record.frame.groupby("sweep", sort=False)]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
 
@@ -77,10 +77,10 @@ def tabulate_resonances(record: Record) -> pd.DataFrame:
 def number_levels(force: FloatArray) -> IntArray:
     """Force level of each sweep by its force at resonance (sweeps,), lowest 0; repeats of one level share a number.
 
-    A level begins at its lowest force and holds every sweep up to ``SAME_LEVEL`` above it. Shakers hold a force to
-    some per cent, more loosely at a resonance, where the structure draws the force down; levels that are meant to
-    differ are mostly chosen a quarter or more apart (a third-octave or half-decade ladder). The margin is taken from
-    the lowest force of the level and not from the neighbour, so that a ladder of small steps is never one level.
+    A level begins at its lowest force and includes every sweep up to ``SAME_LEVEL`` above it. Shakers hold a force to
+    some per cent, less well at a resonance, where the structure reduces the force; different levels are mostly a
+    quarter or more apart (a third-octave or half-decade ladder). The margin counts from the lowest force of the level
+    and not from the neighbour, so that a ladder of small steps is never one level.
     """
     order = np.argsort(force, kind="stable")
     number = np.zeros(len(force), dtype=np.int64)
@@ -93,15 +93,15 @@ def number_levels(force: FloatArray) -> IntArray:
 
 
 def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
-    """Phase resonance of one sweep by its rows in the table of a record, which keep their index.
+    """Phase resonance of one sweep; ``table``: its rows in the record, with their index.
 
-    A constant phase offset is taken off first (``phase_offset``). Force, frequency and 1/Im Z at phase pi/2, Re Z = 0,
-    then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points, or to those
-    nearer by (``WINDOWS``) where the force drops within them. It is exact for a linear mode under constant force or at
-    constant amplitude, averages noise, and minds neither order, direction nor repeated points. With fewer than
+    A constant phase offset is subtracted first (``phase_offset``). Force, frequency and 1/Im Z at phase pi/2, Re Z = 0,
+    then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points, or to a
+    narrower window (``WINDOWS``) if the force drops there. The fit is exact for a linear mode under constant force or
+    at constant amplitude, averages noise, and does not depend on order, direction or repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
-    force; where the sweep jumps from a row at resonance that one decides. The amplitude is force / Im Z. Without phases
-    or a passage (:func:`find_jump`), the row of largest amplitude is taken.
+    force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
+    Without phases or a passage (:func:`find_jump`), the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -114,8 +114,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
         if passage is not None:
             row = int(rows[np.argmin(np.abs(np.cos(phase - offset)) + (np.sin(phase - offset) < 0.0))])
             return Resonance(sweep, *passage, offset, "interpolated", row)
-        if (told := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
-            return Resonance(sweep, *told, offset, "beside", int(rows[np.argmax(amplitude)]))
+        if (beside := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
+            return Resonance(sweep, *beside, offset, "beside", int(rows[np.argmax(amplitude)]))
     peak = int(np.argmax(amplitude))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
@@ -127,14 +127,13 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     Two rows of equal amplitude on either side of resonance have equal S and, with damping that depends on frequency
     as viscous damping does, equal C/omega, whatever the dependence on amplitude. Their Y = F exp(i phase)/(A omega)
     then differ by a real number, M (omega_2 - omega_1) (1 + omega_n^2/(omega_1 omega_2)), so the argument of the
-    difference is the offset. The result is the median over all pairs of rows on either side of the largest A/F,
-    weighted by likeness of amplitude and by the distance of the two Y relative to their size. Damping that grows with
-    another power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs, n from 0 (of
-    displacement) to 2 (of velocity squared): by one ratio at most.
+    difference is the offset. The result is the median over all pairs of rows across the largest A/F, weighted by
+    similarity of amplitude and by the distance of the two Y relative to their size. Damping that grows with another
+    power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs, n from 0 (of
+    displacement) to 2 (of velocity squared): by at most one ratio.
 
-    0 where fewer than ``ROWS_ASIDE`` rows on a side have a like on the other (one wing only, or a bistable mode), where
-    the result is beyond ``LARGEST_OFFSET``, or where it is within that displacement and the ratio above
-    ``SMALL_DAMPING``.
+    0 if fewer than ``ROWS_ASIDE`` rows on a side have a partner on the other (one wing only, or a bistable mode), if
+    the result is beyond ``LARGEST_OFFSET``, or if it is within that displacement and the ratio above ``SMALL_DAMPING``.
     """
     omega = RAD_S_PER_HZ * frequency
     Y = force / (amplitude * omega) * np.exp(1j * phase)
@@ -152,9 +151,9 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
 def like_pairs(
     omega: FloatArray, amplitude: FloatArray, Y: ComplexArray, compliance: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Pairs (below, above) of rows of like amplitude on either side of the largest ``compliance``, and their weights.
+    """Pairs (below, above) of rows of similar amplitude across the largest ``compliance``, and their weights.
 
-    All arguments (n,), the results (pairs,): none where fewer than ``ROWS_ASIDE`` rows on a side have a like.
+    All arguments (n,), the results (pairs,): empty if fewer than ``ROWS_ASIDE`` rows on a side have a partner.
     """
     top = omega[np.argmax(compliance)]
     below, above = _thinned(np.flatnonzero(omega < top)), _thinned(np.flatnonzero(omega > top))
@@ -169,7 +168,7 @@ def like_pairs(
 
 
 def _thinned(rows: IntArray) -> IntArray:
-    """At most ``_MOST_ROWS_ASIDE`` of the rows, evenly chosen."""
+    """At most ``_MOST_ROWS_ASIDE`` of the rows, evenly spaced."""
     if len(rows) <= _MOST_ROWS_ASIDE:
         return rows
     return rows[np.linspace(0, len(rows) - 1, _MOST_ROWS_ASIDE).astype(np.int64)]
@@ -185,7 +184,7 @@ def weighted_median(values: FloatArray, weights: FloatArray) -> float:
 def _at_resonance(
     force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
 ) -> tuple[float, float, float] | None:
-    """Force, frequency and amplitude where the phase (freed of its offset) passes pi/2; None where it does not."""
+    """Force, frequency and amplitude where the phase (without offset) passes pi/2; None if it does not."""
     cosine, sine, cotangent = np.cos(phase), np.sin(phase), find_cotangent(phase)
     telling = np.isfinite(cotangent)
     cosecant = np.divide(1.0, sine, out=np.full_like(sine, np.inf), where=telling)
@@ -205,7 +204,7 @@ def _at_resonance(
         pair = slice(i, i + 2)
         values = _interpolated(cosine[pair] * force[pair] / amplitude[pair], columns[pair], telling[pair])
     F, f, compliance = values
-    if min(F, f, compliance) <= 0.0:  # noise alone
+    if min(F, f, compliance) <= 0.0:  # possible with noise only
         return None
     return float(F), float(f), float(F * compliance)
 
@@ -213,11 +212,11 @@ def _at_resonance(
 def _beside_resonance(
     force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray
 ) -> tuple[float, float, float] | None:
-    """The force that the damping takes at the row of largest amplitude, the frequency of resonance, and that amplitude.
+    """Damping force at the row of largest amplitude, frequency of resonance at that amplitude, and the amplitude.
 
-    Re Z = K - M omega^2 + (3/4) k A^2, fitted to all rows, gives M (the cubic term where there are ``ROWS_BENT`` rows),
-    and with it the frequency^2 of resonance at that amplitude, omega^2 + Re Z/M. It is the row's own where the fit has
-    no mass, or leads far away. None where the phase is none of a driven mode.
+    Re Z = K - M omega^2 + (3/4) k A^2, fitted to all rows, gives M (with the cubic term from ``ROWS_BENT`` rows on) and
+    the frequency^2 of resonance at that amplitude, omega^2 + Re Z/M. The frequency is that of the row if the fit gives
+    no mass or leads far away. None if the phase is impossible for a driven mode.
     """
     peak = int(np.argmax(amplitude))
     damping = float(force[peak] * np.sin(phase[peak]))
@@ -233,21 +232,21 @@ def _beside_resonance(
 
 
 def _fitted(cotangent: FloatArray, cosecant: FloatArray, columns: FloatArray) -> tuple[FloatArray, bool]:
-    """Values of the columns (n, 3) at cot(phase) = 0, a line where repeated points allow no more; and whether the force
-    leaves the fit by more than noise: the amplitude, A = F sin(phase)/Im Z, then leaves its own as the force does."""
+    """Fitted values of the columns (n, 3) at cot(phase) = 0, by a line if repeated points need it. Second, whether the
+    force departs from the fit by more than noise: the amplitude, A = F sin(phase)/Im Z, then departs likewise."""
     basis = np.column_stack([np.ones(len(columns)), cotangent, cosecant - 1.0])
     values, _, rank, _ = np.linalg.lstsq(basis, columns)
     if rank < basis.shape[1]:
         return np.asarray(np.linalg.lstsq(basis[:, :2], columns)[0][0]), False
-    with np.errstate(all="ignore"):  # noise alone may take a fit through 0
-        left = (columns / (basis @ values) - 1.0)[:, [0, 2]]
-    force, motion = left[:, 0], left.sum(axis=1)
+    with np.errstate(all="ignore"):  # with noise only, a fit may pass through 0
+        residual = (columns / (basis @ values) - 1.0)[:, [0, 2]]
+    force, motion = residual[:, 0], residual.sum(axis=1)
     size = float(np.sqrt(force @ force * (motion @ motion)))
-    return np.asarray(values[0]), bool(force @ force > LEAVES**2 * len(left) and force @ motion > FOLLOWS * size)
+    return np.asarray(values[0]), bool(force @ force > LEAVES**2 * len(residual) and force @ motion > FOLLOWS * size)
 
 
 def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -> FloatArray:
-    """Values of two rows' columns (2, 3) where Re Z, ``spring`` (2,), is 0; 1/Im Z from the row that tells of it."""
+    """Columns (2, 3) of two rows interpolated to Re Z, ``spring`` (2,), = 0; 1/Im Z of one if the other has none."""
     step = spring[0] - spring[1]
     at = columns[0] + (columns[1] - columns[0]) * (spring[0] / step if step else 0.5)
     if not telling.all():
@@ -256,13 +255,13 @@ def _interpolated(spring: FloatArray, columns: FloatArray, telling: BoolArray) -
 
 
 def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> int | None:
-    """The row (of n in the order of the sweep, phases freed of their offset) after which it jumps past its resonance.
+    """The row (n rows in the order of the sweep, phases without offset) after which a sweep jumps past its resonance.
 
-    Re Z/M = omega_r^2 - omega^2 tells the resonance omega_r at the amplitude of each row, M being the median of
-    -d Re Z/d omega^2 from row to row. Of a resonance that stays it is the same on either side of phase pi/2, however
-    far apart the rows are; over a fold it leaps with the amplitude. None where it moves by less than ``JUMP``
-    half-widths Im Z of the nearer row, or half as far as the frequency (a coarse sweep with noise), or where that row
-    is at resonance (``JUMP_AT_RESONANCE``).
+    Re Z/M = omega_r^2 - omega^2 gives the resonance omega_r at the amplitude of each row, M being the median of
+    -d Re Z/d omega^2 from row to row. A linear resonance is the same on either side of phase pi/2, however far apart
+    the rows are; over a fold it leaps with the amplitude. None if it moves by less than ``JUMP`` half-widths Im Z of
+    the nearer row, or by less than half the step of the frequency (a coarse sweep with noise), or if that row is at
+    resonance (``JUMP_AT_RESONANCE``).
     """
     i, nearest, nearer = find_passage(phase)
     if not JUMP_AT_RESONANCE < nearest < np.inf:
@@ -278,13 +277,13 @@ def find_jump(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, p
 
 
 def find_cotangent(phase: FloatArray) -> FloatArray:
-    """cot(phase); infinite where no row of a driven mode has the phase, though noise may carry it there."""
+    """cot(phase); infinite for phases outside 0..pi, which a driven mode has by noise only."""
     sine = np.sin(phase)
     return np.divide(np.cos(phase), sine, out=np.full_like(sine, np.inf), where=sine > _TELLING)
 
 
 def find_passage(phase: FloatArray) -> tuple[int, float, int]:
-    """The row before phase pi/2 is passed, and |cot phase| and place of the nearer of the two; infinite: no passage."""
+    """The row before the passage of phase pi/2, and |cot phase| and index of the nearer row; infinite: no passage."""
     cosine, size = np.cos(phase), np.abs(find_cotangent(phase))
     nearest = np.where(cosine[:-1] * cosine[1:] <= 0.0, np.minimum(size[:-1], size[1:]), np.inf)
     i = int(np.argmin(nearest))

@@ -1,4 +1,4 @@
-"""Runs of a record, rows of one sweep in one direction, and what their amplitudes show: peaks, beats, wild rows."""
+"""Runs of a record (rows of one sweep in one direction), and peaks, beats and outliers among their amplitudes."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
 
 FEWEST_ROWS = 4  #: fewest rows of a run that can show a resonance
-PROMINENCE = 1.4  #: a further peak stands out by this factor of A/F
-NOISE_BESIDE_PEAK = 5.0  #: and by at least this many standard deviations of the noise
-FALL = 0.05  #: a maximum of A/F is a resonance where A/F falls on either side by this share
-NOISE_BESIDE_FALL = 4.0  #: and by at least this many standard deviations of the noise
-#: A run may stop short of its largest A/F by this factor in (F/A)^2 (12 % in amplitude) and still show it.
+PROMINENCE = 1.4  #: least prominence of a further peak, factor of A/F,
+NOISE_BESIDE_PEAK = 5.0  #: and in standard deviations of the noise
+FALL = 0.05  #: a maximum of A/F is a resonance if A/F falls on both sides by this share,
+NOISE_BESIDE_FALL = 4.0  #: and by this many standard deviations of the noise
+#: A run that stops short of its peak by this factor in (F/A)^2 (12 % in amplitude) still shows the resonance.
 SHORT_OF_PEAK = 1.3
-FAR_FROM_RESONANCE = 0.5  #: |cos(lag)| of every row beyond which a run stops more than 30 degrees of phase short of it
-NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, beside its noise, beyond which a resonance is bent
-WHITE = 1.3  #: neighbouring A/F that differ as much as any two rows do (2: white noise) are no curve
+FAR_FROM_RESONANCE = 0.5  #: a run whose rows all have a larger |cos(lag)| stops more than 30 degrees short of resonance
+NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, besides its noise, beyond which a resonance is bent
+WHITE = 1.3  #: mean squared step of ln(A/F) over its variance (white noise: 2) above which amplitudes are no curve
 
 
 @dataclass(frozen=True)
 class Run:
-    """Rows of one sweep in one direction, by frequency; ``rows`` is their place in the record; phase None: none.
+    """Rows of one sweep in one direction, by frequency; ``rows``: their positions in the record.
 
-    Arrays (n,): ``F``, ``omega`` (rad per unit of time), ``A``, ``phase`` (rad), ``added`` mass.
+    Arrays (n,): ``F``, ``omega`` (rad per unit of time), ``A``, ``phase`` (rad; None if not recorded), ``added`` mass.
     """
 
     sweep: str
@@ -43,7 +43,7 @@ class Run:
         return len(self.rows)
 
     def without(self, left_out: IntArray) -> Run:
-        """The run without some rows of the record."""
+        """The run without the rows ``left_out`` of the record."""
         kept = ~np.isin(self.rows, left_out)
         phase = None if self.phase is None else self.phase[kept]
         return Run(self.sweep, self.rows[kept], self.F[kept], self.omega[kept], self.A[kept], phase, self.added[kept])
@@ -55,26 +55,26 @@ class Run:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of ln A from row to row: median second difference, so that a peak does not count."""
+        """Standard deviation of ln(A/F) from row to row, by the median second difference, which ignores a peak."""
         if len(self) < 5:
             return 0.0
         return float(np.median(np.abs(np.diff(self.compliance, 2))) / (0.6745 * 6.0**0.5))
 
     @cached_property
     def stiffness(self) -> ComplexArray:
-        """Y = F exp(i phase)/A, freed of the added mass, (n,)."""
+        """Y = F exp(i phase)/A without the added mass, (n,)."""
         phase = np.zeros(len(self)) if self.phase is None else self.phase
         return np.asarray(self.F / self.A * np.exp(1j * phase) + self.added * self.omega**2)
 
 
 def runs_of(record: Record) -> list[Run]:
-    """The runs of a record: legs of each sweep that go up or down; a sweep without such legs is one run."""
+    """The runs of a record: the legs of each sweep up or down in frequency; a sweep without legs is one run."""
     ordered = [order_rows(table) for _, table in record.frame.groupby("sweep", sort=False)]
     return [_run(table.iloc[leg].sort_values("frequency", kind="stable")) for table, legs in ordered for leg in legs]
 
 
 def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
-    """Rows of one sweep as taken, and the places of its legs up or down; by frequency where they make no legs."""
+    """Rows of one sweep as taken, and the positions of its legs up or down; by frequency if there are no legs."""
     if "time" in table.columns and table["time"].notna().all():
         table = table.sort_values("time", kind="stable")
     step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))
@@ -101,9 +101,9 @@ def _run(table: pd.DataFrame) -> Run:
 
 
 def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, rows weighed alike.
+    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, with equal relative weights.
 
-    None with fewer than three frequencies, or where it has no minimum.
+    None with fewer than three frequencies, or if the parabola has no minimum.
     """
     x = (omega / np.mean(omega)) ** 2 - 1.0
     fitted = np.polyfit(x, size**2, 2, w=size**-2.0) if len(np.unique(x)) >= 3 else np.zeros(3)
@@ -113,7 +113,7 @@ def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     """Whether a resonance lies within the rows: the lag passes pi/2, or A/F falls on both sides of its maximum.
 
-    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as holding it, unless its lag says otherwise.
+    A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as containing it, unless the lag excludes it.
     """
     if lag is not None and np.cos(lag).max() > 0.0 > np.cos(lag).min():
         return True
@@ -133,17 +133,17 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
 
 
 def measure_whiteness(runs: list[Run]) -> float | None:
-    """Mean squared step of ln(A/F) from row to row over its variance: 2 for white noise; None with too few rows."""
-    long = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
-    if not long:
+    """Mean squared step of ln(A/F) from row to row over its variance, 2 for white noise; None with too few rows."""
+    long_runs = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
+    if not long_runs:
         return None
-    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long)
-    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long)
+    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long_runs)
+    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long_runs)
     return steps / spread if spread > 0.0 else None
 
 
 def find_run_peaks(run: Run) -> IntArray:
-    """Places in the run of the maxima of A/F that stand out, the ends not counted; single wild rows do not."""
+    """Positions in the run of prominent maxima of A/F, without the ends; single outliers are smoothed away."""
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
     smooth = run.compliance.copy()
@@ -157,10 +157,10 @@ def _slide_median(values: FloatArray, width: int) -> FloatArray:
 
 
 def find_prominent(values: FloatArray, least: float) -> tuple[IntArray, FloatArray]:
-    """Places of local maxima (the middle of flat ones) with a prominence of at least ``least``, and their prominences.
+    """Positions of local maxima (the middle of flat ones) with a prominence of at least ``least``, and prominences.
 
-    A prominence is the height above the higher of the lowest values on both sides, up to where something is higher. As
-    `scipy.signal.find_peaks` has it, which takes longer to import than every command on a record takes to read it.
+    A prominence is the height above the higher of the two minima between the maximum and the next higher values on
+    either side, as in `scipy.signal.find_peaks`, whose import takes longer than reading a record.
     """
     begin = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     level, end = values[begin], np.append(begin[1:], len(values)) - 1
@@ -177,16 +177,16 @@ def _measure_prominence(level: FloatArray, top: int) -> float:
     return float(level[top] - max(level[first : top + 1].min(), level[top:last].min()))
 
 
-#: A hump of the beats after a resonance that was passed fast stands out by this much in ln A/F at least, and at most;
-#: all three numbers are those of a linear mode, integrated at rates of 1 to 10 bandwidths squared per second.
+#: Least and largest prominence in ln A/F of a beat after a resonance passed fast; these and the next are of a linear
+#: mode, integrated at rates of 1 to 10 bandwidths squared per second.
 SHALLOW = 0.05
 DEEP = 1.2
-#: The first hump lies this far below the peak, ln A/F, at least and at most.
+#: Least and largest distance of the first beat below the peak, ln A/F.
 FIRST_BEAT = (0.7, 1.8)
 
 
 def count_beats(run: Run) -> int:
-    """Humps on one side of the peak, lower and lower and closer and closer, as a resonance passed fast leaves them."""
+    """Number of beats on one side of the peak, ever lower and closer together, as after a resonance passed fast."""
     if len(run) < 10 * FEWEST_ROWS:
         return 0
     smooth = _slide_median(run.compliance, 5)
@@ -205,16 +205,16 @@ def count_beats(run: Run) -> int:
     return len(humps) if first and closer else 0
 
 
-MOST_WILD = 0.05  #: rows that are off are at most this share of a run: more of them are another branch of the response
-#: A row within this factor of one of the three rows before or after it, in Y, is on a branch of its own.
+MOST_WILD = 0.05  #: largest share of outliers in a run: more such rows are another branch of the response
+#: A row within this factor, in Y, of one of the three rows before or after it is on the same branch: no outlier.
 SAME_BRANCH = 1.5
 
 
 def find_wild_rows(run: Run, factor: float) -> IntArray:
-    """Places in the run of amplitudes more than ``factor`` above both rows beside them, or below, that stand alone.
+    """Positions in the run of isolated amplitudes more than ``factor`` above, or below, both neighbouring rows.
 
-    A resonance between two rows may reach any height: a row that its phase says is at resonance, or to which without
-    phases the rows before and after rise, is no wild one.
+    A resonance between two rows may reach any height: a row at resonance by its phase, or without phases one to which
+    the neighbouring rows rise, is not an outlier.
     """
     n = len(run)
     if n < 2 * FEWEST_ROWS:
@@ -223,18 +223,18 @@ def find_wild_rows(run: Run, factor: float) -> IntArray:
     return np.array(places if len(places) <= max(1.0, MOST_WILD * n) else [], np.int64)
 
 
-#: Least ln of an amplitude over what the phasors beside it say, with phases, that is off; and a phase less that, rad.
+#: Least deviation of a row with phase from the line through its neighbours: ln amplitude, and phase, rad;
 STRAY = ((0.25,), (0.5,))
-STRAY_NOISE = 12.0  #: ... in units of the median of that
-BESIDE_STRAY = 0.3  #: what its other part, and the rows beside it, miss over what it misses, at most: it stands alone
+STRAY_NOISE = 12.0  #: and least deviation over the median deviation
+BESIDE_STRAY = 0.3  #: largest deviation of its other part, and of the neighbouring rows, over that of an isolated row
 
 
 def find_stray_rows(run: Run) -> IntArray:
-    """Places in the run of amplitudes or phases off the straight line through the phasors Y beside them, alone.
+    """Positions in the run of isolated amplitudes or phases off the straight line through the neighbouring phasors Y.
 
-    Along a resonance Y moves evenly, however few rows it has; where a branch ends both rows at the jump are off, and
-    where a resonance bends amplitude and phase are off at once. Where the recorded force leaves that of the rows beside
-    by a factor, A/F may by as much: damping that grows as a power p of amplitude makes it F^(1/p - 1).
+    Along a resonance Y moves evenly, however few rows it has. At the end of a branch both rows at the jump are off; at
+    a bend amplitude and phase are off together. If the recorded force departs from that of the neighbours by a factor,
+    A/F may depart by as much: damping that grows as a power p of amplitude makes it F^(1/p - 1).
     """
     if run.phase is None or len(run) < 2 * FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
         return np.empty(0, np.int64)
@@ -268,12 +268,12 @@ def _stands_alone(run: Run, k: int, factor: float) -> bool:
     return above < 0.0 or not _may_resonate(run, k, factor)
 
 
-MOST_COARSE = 40  #: a sweep of more rows shows its resonance in more than one of them
+MOST_COARSE = 40  #: a sweep with more rows shows its resonance in more than one row
 
 
 def _may_resonate(run: Run, k: int, factor: float) -> bool:
-    """Whether row ``k``, above the rows beside it, may be the resonance."""
-    if run.phase is not None:  # with like damping beside, |Y| sin(phase) is the same: a reading too large lowers it
+    """Whether row ``k``, above its neighbours, may be the resonance."""
+    if run.phase is not None:  # neighbours have similar damping, |Y| sin(phase); a reading too large makes it smaller
         others = np.delete(np.arange(len(run)), k)
         damping = np.abs(run.stiffness.imag)
         near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]

@@ -1,4 +1,4 @@
-"""Files as text: bytes of bounded size, UTF-8, rows of a CSV file with the line of each. Words of many messages."""
+"""Files as text: bounded size, encodings, rows of a CSV file with their lines; and text shared by many messages."""
 
 import codecs
 import csv
@@ -14,25 +14,25 @@ from damping.errors import InputError, describe_nearest
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Largest file that is read unless the caller says otherwise, bytes (200 MB: some four million steady states).
+#: Default size limit of a file, bytes (200 MB: some four million steady states).
 DEFAULT_MAX_SIZE = 200_000_000
 
 LONGEST_ROW = 1_000_000  #: longest row of a CSV file, characters
 
-#: A number as a cell may hold it: digits 0-9, no grouping marks, no NaN or infinity.
+#: A number in a cell: digits 0-9, no grouping marks, no NaN or infinity.
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 
-_EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet may execute begins with one of these
+_EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet may execute cells that begin with one of these
 _LINE_END = re.compile(rb"\r\n?|\n")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
-_TOGETHER = 65_536  # bytes that are decoded together, and on to the end of the line
+_TOGETHER = 65_536  # bytes decoded together, extended to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # characters that no text has
-_OPEN_QUOTE = "unexpected end of data"  # what the csv module says at the end of a file with an open quote
+_CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # control characters that text does not contain
+_OPEN_QUOTE = "unexpected end of data"  # message of the csv module on a file that ends in an open quote
 
 
 def is_binary(start: bytes) -> bool:
-    """Whether the first bytes of a file are no lines of text, of whatever encoding: one in twenty is a control."""
+    """Whether the first bytes of a file are not text in any encoding: over one in twenty is a control character."""
     controls = len(start) - len(start.translate(None, _CONTROLS))
     return not start.startswith(_UTF16) and 20 * controls > len(start)
 
@@ -48,7 +48,7 @@ def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
 
 
 def too_large(path: str | Path, max_size: int) -> InputError:
-    """What is wrong with a file of more than ``max_size`` bytes."""
+    """The error on a file of more than ``max_size`` bytes."""
     return InputError(f"larger than {max_size} bytes", file=path, expected="a smaller file or a larger --max-size")
 
 
@@ -70,7 +70,7 @@ def read_start(path: str | Path, most: int) -> bytes:
 
 
 def decode(data: bytes) -> tuple[str, InputError | None]:
-    """Text before the first line that is not UTF-8 text (a byte order mark is dropped), and what is wrong there."""
+    """Text before the first line that is not UTF-8 (a byte order mark is dropped), and the error on that line."""
     data = data.removeprefix(codecs.BOM_UTF8)
     bad = data.find(b"\0") if b"\0" in data else len(data)
     try:
@@ -88,7 +88,7 @@ def decode(data: bytes) -> tuple[str, InputError | None]:
 
 
 def recode(data: bytes) -> tuple[bytes, str]:
-    """Text of a laboratory in UTF-8, and the encoding that it had: ``UTF-16``, ``Windows-1252``, '' for what else."""
+    """Text recoded to UTF-8, and its original encoding if converted: ``UTF-16``, ``Windows-1252``, else ''."""
     if data.isascii():
         return data, ""
     try:
@@ -104,12 +104,12 @@ def recode(data: bytes) -> tuple[bytes, str]:
 
 
 def describe_shortened(text: str, length: int = 30, mark: str = "...") -> str:
-    """``text``, cut to ``length`` characters for a message, ``mark`` at its end among them."""
+    """``text``, cut to ``length`` characters for a message, including a final ``mark``."""
     return text if len(text) <= length else text[: max(length - len(mark), 0)] + mark
 
 
 def describe_cell(cell: str) -> str:
-    """A cell that is no number in a message."""
+    """A cell that is not a number, for a message."""
     return repr(describe_shortened(cell.strip())) if cell.strip() else "an empty cell"
 
 
@@ -118,7 +118,7 @@ def count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-#: What stands for a number that does not exist.
+#: Sign for a missing number.
 NOTHING = "–"
 
 
@@ -133,41 +133,41 @@ def format_share(value: SupportsFloat) -> str:
 
 
 def name_apart(names: Iterable[str]) -> list[str]:
-    """The names in order, all different: a repeated one with its number behind it, ``run``, ``run (2)``."""
-    apart: dict[str, None] = {}  # in order
+    """The names in order, made unique: a repeated name gets a number, ``run``, ``run (2)``."""
+    unique: dict[str, None] = {}  # in order
     for name in names:
-        own, number = name, 2
-        while own in apart:
-            own, number = f"{name} ({number})", number + 1
-        apart[own] = None
-    return list(apart)
+        numbered, number = name, 2
+        while numbered in unique:
+            numbered, number = f"{name} ({number})", number + 1
+        unique[numbered] = None
+    return list(unique)
 
 
 def describe_meant(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
-    """A hint for a message at the known name most like ``name``; empty where none is."""
+    """A hint at the known name most similar to ``name``, for a message; empty if none is similar."""
     nearest = describe_nearest(name, known, likeness=likeness)
     return f" (is {describe_shortened(nearest)!r} meant?)" if nearest else ""
 
 
 def guarded(text: str) -> str:
-    """``text`` with an apostrophe before it if a spreadsheet might execute it: if it begins with = + - @, tab or CR.
+    """``text`` with a leading apostrophe if a spreadsheet might execute it: if it begins with = + - @, tab or CR.
 
-    A plain number needs none. ``unguarded`` takes exactly that apostrophe off.
+    A plain number needs none. ``unguarded`` removes exactly that apostrophe.
     """
     return f"'{text}" if text.lstrip("'").startswith(_EXECUTED) and not NUMBER.fullmatch(text) else text
 
 
 def unguarded(text: str) -> str:
-    """``text`` without the apostrophe that ``guarded`` put before it."""
+    """``text`` without the apostrophe that ``guarded`` added."""
     return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_EXECUTED) else text
 
 
 class CsvRows:
-    """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are passed over.
+    """Iterator over the rows of a CSV file as (line on which the row starts, cells); blank lines are skipped.
 
-    It stops at the first row that cannot be read; ``problem`` then says why. Quoted cells may hold commas and line
-    ends. Lines are decoded some thousand at a time, so that memory stays at the file and a row. Several blanks count as
-    one delimiter. Passed over are the first ``skip`` lines and, with ``comments``, those that begin with # or %.
+    It stops at the first row that cannot be read; ``problem`` then holds the error. Quoted cells may contain commas and
+    line ends. Lines are decoded in blocks, so that memory stays at the file and a row. Several blanks count as one
+    delimiter. The first ``skip`` lines are skipped, and with ``comments`` also lines that begin with # or %.
     """
 
     def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:
@@ -199,7 +199,7 @@ class CsvRows:
                 return self._start, cells
 
     def _lines(self) -> Iterator[str]:
-        """Lines with their ends. InputError for the first that is no text or makes a row too long."""
+        """Lines with their ends. InputError for the first that is not text or makes a row too long."""
         start, number = 0, 0
         while start < len(self._data):
             end = self._data.find(b"\n", start + _TOGETHER) + 1 or len(self._data)
@@ -219,28 +219,28 @@ class CsvRows:
             start = end
 
 
-#: Rows of the ranking or of a record that a summary shows.
+#: Most rows of a ranking or of a record in a summary.
 MOST_SHOWN = 12
 
 
 def describe_as_text(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
-    """What a terminal shows: a title, a table, and remarks as a list."""
+    """Summary for a terminal: a title, a table, and remarks as a list."""
     text = shown.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
     return "\n".join([title, text, *(f"- {remark}" for remark in remarks)])
 
 
 def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
-    """What a notebook shows: a title, a table, and remarks as a list."""
+    """Summary for a notebook: a title, a table, and remarks as a list."""
     table = shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)
     listed = "".join(f"<li>{escape(remark)}</li>" for remark in remarks)
     return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"
 
 
-#: How a sentence begins that says that ranking and diagnosis give different loads: it stands before an answer, and
-#: what they say against each other of the rows alone behind it.
+#: Beginning of a sentence on different loads by ranking and diagnosis. Such sentences come before a result; those on
+#: the rows alone come after it.
 OF_LOADS = "ranking and diagnosis disagree at the"
 
 
 def list_of_loads(against: Iterable[str]) -> tuple[str, ...]:
-    """What ranking and diagnosis say against each other's loads."""
+    """The sentences in which ranking and diagnosis contradict each other's loads."""
     return tuple(sentence for sentence in against if sentence.startswith(OF_LOADS))

@@ -1,4 +1,4 @@
-"""What the checks of the audit look at: a record, its mode, and what its rows imply, computed once for all checks."""
+"""Input of the checks of the audit: a record, its mode, and the quantities that its rows imply, each computed once."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -34,15 +34,15 @@ from damping.records.runs import (
     runs_of,
 )
 
-SURE = 0.2  #: relative scatter beyond which the mass of pairs of rows is not known
-#: A phase offset within this of zero, rad, is taken out of the lags; a larger one is of another sort of phase.
+SURE = 0.2  #: relative scatter beyond which the mass from pairs of rows is unknown
+#: Largest phase offset, rad, that is subtracted from the lags; a larger one means another kind of phase.
 MOST_OFFSET = 0.25 * pi
-MOST_NAMED = 5  #: labels of sweeps in a message
+MOST_NAMED = 5  #: most labels of sweeps in a message
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One cause: the ``check`` that found it, ``verdict`` caution or refuse, what was seen, what to do, where."""
+    """One cause: the ``check`` that found it, ``verdict`` caution or refuse, observation, advice, and sweeps."""
 
     check: str
     verdict: str
@@ -56,9 +56,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Leg:
-    """A run and what it implies: phases as they are (``turn``), and the ``lag`` that they should have been (n,).
+    """A run, what its phases as recorded imply (``turn``), and the corrected ``lag`` (n,).
 
-    ``lag`` is None where there is no phase or an incoherent one.
+    ``lag`` is None without phases or if they are incoherent.
     """
 
     run: Run
@@ -67,12 +67,12 @@ class Leg:
 
     @cached_property
     def resonant(self) -> bool:
-        """Whether the run holds a resonance; one of few rows is taken at its word."""
+        """Whether the run contains a resonance; a run of few rows is assumed to."""
         return len(self.run) < FEWEST_ROWS or has_resonance(self.run, self.lag)
 
     @cached_property
     def mass(self) -> tuple[float, bool]:
-        """Mass that the run implies (NaN: none); whether by its phases or by a resonance that is not bent."""
+        """Mass that the run implies (NaN: none), and whether from phases or from a resonance that is not bent."""
         if self.turn is None or self.lag is None:
             return estimate_mass_without_phase(self.run) or (float("nan"), False)
         sure = self.turn.both_sides and self.turn.scatter < SURE
@@ -81,57 +81,57 @@ class Leg:
 
 @dataclass(frozen=True)
 class View:
-    """A record, with the mode where one is given, and what its rows imply; computed once for all checks."""
+    """A record, the mode if given, and the quantities that its rows imply, each computed once for all checks."""
 
     record: Record
     mode: Mode | None
 
     @cached_property
     def raw(self) -> list[Run]:
-        """The runs as they are."""
+        """The runs as recorded."""
         return runs_of(self.record)
 
     @cached_property
     def wild(self) -> dict[int, str]:
-        """Rows of the record far off the amplitudes, phasors or levels beside them, with their sweep."""
-        found = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
-        found += [(run, 0) for run in (self.odd.runs if self.odd else ())]
-        return {int(run.rows[k]): run.sweep for run, k in found}
+        """Outliers against the neighbouring amplitudes, phasors or levels: row of the record, and its sweep."""
+        outliers = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
+        outliers += [(run, 0) for run in (self.odd.runs if self.odd else ())]
+        return {int(run.rows[k]): run.sweep for run, k in outliers}
 
     @cached_property
     def odd(self) -> OddLevel | None:
-        """Among sweeps of one row: the one that is off the course of the others. Nobody reads the levels of a decay one
-        by one: where they come and go two modes beat."""
+        """Among sweeps of one row, the level off the trend of the others. Decays are not checked: their levels are not
+        read one by one, and vary where two modes beat."""
         mass = self.mode.mass if self.mode and self.mode.drive == "force" else float("nan")
         one_mass = len(set(self.record.masses(0.0) + self.record.added_masses)) == 1
         return None if self.record.is_decay else find_odd_level(self.raw, mass, one_mass=one_mass)
 
     @cached_property
     def runs(self) -> list[Run]:
-        """The runs without wild rows, as they are."""
+        """The runs as recorded, without outliers."""
         left_out = np.array(sorted(self.wild), dtype=np.int64)
         kept = [run.without(left_out) for run in self.raw] if len(left_out) else self.raw
         return [run for run in kept if len(run)]
 
     @cached_property
     def turns(self) -> list[tuple[Run, Implied | None]]:
-        """Each run and what it implies, phases as they are."""
+        """Each run and what it implies with the phases as recorded."""
         return [(run, find_implied(run)) for run in self.runs]
 
     @cached_property
     def curve(self) -> bool:
-        """Whether the amplitudes are a curve and not white noise."""
+        """Whether the amplitudes form a curve, and are not white noise."""
         white = measure_whiteness(self.runs)
         return white is None or white < WHITE
 
     @cached_property
     def incoherent(self) -> tuple[str, ...]:
-        """Sweeps whose phases have nothing to do with their amplitudes."""
+        """Sweeps whose phases are unrelated to their amplitudes."""
         return label_sweeps(run for run, turn in self.turns if turn and is_incoherent(run, turn))
 
     @cached_property
     def wrong_sign(self) -> dict[str, str]:
-        """Sweeps whose phase is no lag of the displacement, and what it is instead."""
+        """Sweeps whose phase is not the lag of the displacement, with the kind of phase."""
         kinds: dict[str, str] = {}
         for run, turn in self.turns:
             if run.sweep in self.incoherent or run.phase is None:
@@ -147,7 +147,7 @@ class View:
 
     @cached_property
     def legs(self) -> list[Leg]:
-        """Every run with its phase as the lag that it should have been."""
+        """Every run with its phase converted to the lag of the displacement."""
         legs = []
         for run, turn in self.turns:
             kind, lag = self.wrong_sign.get(run.sweep, ""), None
@@ -159,25 +159,25 @@ class View:
 
     @cached_property
     def rates(self) -> dict[str, float]:
-        """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, where the rate is known."""
+        """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, if the sweep rate is stated."""
         table = self.record.frame
         if "sweep_rate" not in table.columns:
             return {}
         width = 2.0 * (self.implied["damping_ratio"] * self.implied["frequency"])
         fastest = table["sweep_rate"].abs().groupby(table["sweep"]).max().fillna(0.0)
-        own = self.implied["sweep"].map(fastest) / width**2
+        etas = self.implied["sweep"].map(fastest) / width**2
         return {
-            str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], own, width, strict=True) if w > 0.0
+            str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], etas, width, strict=True) if w > 0.0
         }
 
     @cached_property
     def sensed(self) -> float | None:
-        """Rate of sweeping (d omega/dt)/omega, 1/s, that the phases show; None where they show none."""
+        """Sweep rate (d omega/dt)/omega, 1/s, that the phases show; None if they show none."""
         return sense_rate([leg.run for leg in self.legs if leg.lag is not None])
 
     @cached_property
     def right(self) -> Record:
-        """The record without wild rows, with lags where its phases were others; without phases where they are noise."""
+        """The record without outliers, wrong kinds of phase converted to lags, and no phases if a run has no lag."""
         rows = np.concatenate([run.rows for run in self.runs])
         table = self.record.frame.loc[np.sort(rows)].copy()
         if "phase" in table.columns and any(leg.lag is None for leg in self.legs):
@@ -190,13 +190,13 @@ class View:
 
     @cached_property
     def straight(self) -> bool:
-        """Whether the implied masses rest on phases or on resonances that are not bent."""
+        """Whether most implied masses are from phases or from resonances that are not bent."""
         known = [straight for mass, straight in (leg.mass for leg in self.legs) if np.isfinite(mass)]
         return float(np.mean(known)) > 0.5 if known else False
 
     @cached_property
     def implied(self) -> pd.DataFrame:
-        """One row for each sweep: its resonance, mass, damping ratio and phase offset as the rows imply them."""
+        """One row for each sweep: resonance, mass, damping ratio and phase offset implied by its rows."""
         table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
         mass: dict[str, list[float]] = {}
         for leg in self.legs:
@@ -212,29 +212,29 @@ class View:
 
     @cached_property
     def mass_ratio(self) -> float:
-        """Mass that the rows imply over that of the mode (or of the rows' own column); NaN where they imply none."""
+        """Mass that the rows imply over that of the mode (or of the column ``mass``); NaN if they imply none."""
         if self.mode is None:
             return float("nan")
-        own = self.record.masses(self.mode.mass)
+        stated = self.record.masses(self.mode.mass)
         base = self.mode.drive == "base"
-        return take_median(leg.mass[0] / (1.0 if base else np.median(own[leg.run.rows])) for leg in self.legs)
+        return take_median(leg.mass[0] / (1.0 if base else np.median(stated[leg.run.rows])) for leg in self.legs)
 
 
 def take_median(values: Iterable[float]) -> float:
-    """Median of the finite values; NaN where there is none."""
+    """Median of the finite values; NaN if there is none."""
     known = np.array([value for value in values if np.isfinite(value)])
     return float(np.median(known)) if len(known) else float("nan")
 
 
 def _replace_steady_amplitudes(table: pd.DataFrame, record: Record) -> pd.DataFrame:
-    """Resonances with those of sweeps at one amplitude and without phases where the force is least."""
+    """Resonances; for sweeps at constant amplitude without phases, moved to the row of least force per amplitude."""
     replaced = table.copy()
     for place in np.flatnonzero(table["method"] == "peak"):
-        own = record.frame[record.frame["sweep"] == table["sweep"][place]]
-        if np.ptp(np.log(own["amplitude"])) < 0.5 * np.ptp(np.log(own["force"])):
-            row = (own["force"] / own["amplitude"]).idxmin()
+        rows = record.frame[record.frame["sweep"] == table["sweep"][place]]
+        if np.ptp(np.log(rows["amplitude"])) < 0.5 * np.ptp(np.log(rows["force"])):
+            row = (rows["force"] / rows["amplitude"]).idxmin()
             for name in ("force", "frequency", "amplitude"):
-                replaced.loc[place, name] = own[name][row]
+                replaced.loc[place, name] = rows[name][row]
             replaced.loc[place, "row"] = row
     return replaced
 
@@ -245,7 +245,7 @@ def label_sweeps(runs: Iterable[Run]) -> tuple[str, ...]:
 
 
 def name_sweeps(sweeps: Iterable[str]) -> str:
-    """Labels for a message: all of a few, else the first with the number of the rest."""
+    """Labels for a message: the first ``MOST_NAMED``, and the number of the rest."""
     labels = list(sweeps)
     more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
     return f"sweep{'s' * (len(labels) != 1)} {', '.join(labels[:MOST_NAMED])}{more}"

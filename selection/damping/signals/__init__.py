@@ -1,13 +1,13 @@
 """Measured motion of a node to the motion of one mode (chapter III): displacement, modal, principal, planar.
 
 The node moves as x = X sin(omega t - phi_x) under F sin(omega t) at that node. Away from resonance every other mode
-and the rigid body move in phase with the force or opposite to it, so what they add is X_in sin(omega t) with a signed
-X_in (section 3.1). Amplitudes here carry that sign (positive below resonance); the report's A_j of Eq. 3.1.14 are their
-magnitudes and its signs in Eqs. 3.1.15-3.1.20 those of the second of four modes, which this reproduces.
+and the rigid body move in phase with the force or opposite to it, so they add X_in sin(omega t) with a signed X_in
+(section 3.1). Amplitudes here carry that sign (positive below resonance); the report's A_j of Eq. 3.1.14 are their
+magnitudes, and its signs in Eqs. 3.1.15-3.1.20 are those of the second of four modes, which this reproduces.
 
 The mode bends in two principal planes of slightly different frequency (section 3.2). The force component in each plane
-excites it as one degree of freedom; the damping factor xi, common to both, is the one whose energy losses add to the
-energy put in (Eq. 3.2.15). That equation has several roots or none: every function here returns all of them.
+excites it as one degree of freedom. The damping factor xi, common to both, makes the sum of the energy losses equal to
+the energy input (Eq. 3.2.15). That equation has several roots or none: `damping_roots` returns all of them.
 """
 
 from collections.abc import Sequence
@@ -38,14 +38,14 @@ def displacement(
 def yaw_displacement(yaw_acceleration: Floats, pitch_acceleration: Floats, pitch_displacement: Floats) -> Floats:
     """Yaw displacement of a node = (tip yaw acceleration/tip pitch acceleration) pitch displacement (Eq. 3.1.1).
 
-    Holds where the yaw mode shape is that of pitch. Accelerations in one unit; the result in that of the displacement.
+    Holds if yaw and pitch have the same mode shape. Accelerations in one unit; the result in that of the displacement.
     """
     return yaw_acceleration / pitch_acceleration * pitch_displacement
 
 
 @dataclass(frozen=True)
 class NodeMode:
-    """A mode as a node sees it: ``phi`` node per modal displacement, ``mass`` M_j, ``omega`` omega_j in rad/s."""
+    """A mode at a node: ``phi`` node per modal displacement, ``mass`` M_j, ``omega`` omega_j in rad/s."""
 
     phi: float
     mass: float
@@ -54,9 +54,9 @@ class NodeMode:
 
 @dataclass(frozen=True)
 class NodeCorrection:
-    """What moves at the node beside the mode of interest, over that mode's phi; arrays over the test points.
+    """Correction for other motion at the node, over phi of the mode of interest; arrays over the test points.
 
-    ``adjacent``: one array per other mode; ``rigid_body``; each is a part of Eq. 3.1.20 with its sign there.
+    ``adjacent``: one array per other mode; ``rigid_body``; each is a term of Eq. 3.1.20 with its sign there.
     """
 
     adjacent: tuple[FloatArray, ...]
@@ -64,21 +64,21 @@ class NodeCorrection:
 
     @property
     def total(self) -> FloatArray:
-        """C_t of Eq. 3.1.20, to be added to the modal amplitude in phase with the force."""
+        """C_t of Eq. 3.1.20, added to the modal amplitude in phase with the force."""
         return np.asarray(np.sum(self.adjacent, axis=0) + self.rigid_body)
 
 
 def node_correction(
     mode: NodeMode, others: Sequence[NodeMode], F: Floats, omega: Floats, r2_over_i: float = 0.0, omega_r: float = 0.0
 ) -> NodeCorrection:
-    """C_t = (-X^R - sum_j phi_j Q_j)/phi over the other modes j: Eq. 3.1.20, part by part.
+    """C_t = (-X^R - sum_j phi_j Q_j)/phi over the other modes j: Eq. 3.1.20, term by term.
 
     Q_j = phi_j F/(M_j (omega_j^2 - omega^2)) (Eqs. 3.1.13, 3.1.14) and X^R = (R^2/I) F/(omega_R^2 - omega^2) (3.1.16),
-    both with sign: X^R is negative above omega_R.
+    both signed: X^R is negative above omega_R.
 
     Args:
         F: force amplitude at the node. omega: forcing frequency, rad/s. r2_over_i, omega_r: R^2/I (1/mass) and
-            frequency (rad/s) of rigid-body rotation; R^2/I = 0 where the body is held.
+            frequency (rad/s) of rigid-body rotation; R^2/I = 0 if the body is fixed.
     """
     undamped = (other.phi * F / (other.mass * (other.omega**2 - omega**2)) for other in others)
     adjacent = tuple(np.asarray(-other.phi * Q / mode.phi) for other, Q in zip(others, undamped, strict=True))
@@ -98,7 +98,7 @@ def modal_amplitude(X: Floats, phi_x: Floats, C_t: Floats, phi: float, phi_2: Fl
 def identify_r2_over_i(
     mode: NodeMode, others: Sequence[NodeMode], F: FloatArray, omega: FloatArray, omega_r: float, C_t: FloatArray
 ) -> float:
-    """R^2/I that fits known corrections C_t best (least squares in Eq. 3.1.20, in which it is linear).
+    """R^2/I that best fits known corrections C_t (linear least squares in Eq. 3.1.20).
 
     The report prints neither R nor I; its corrections of Table 3.III give R^2/I = 1.92e-4 in/(lb s^2).
     """
@@ -138,7 +138,7 @@ class PlaneMotion:
 
 @dataclass(frozen=True)
 class DampingRoots:
-    """Solutions of Eq. 3.2.15 at one point: ``roots`` in rising order (none: empty), and the largest possible energy.
+    """Solutions of Eq. 3.2.15 at one point: ``roots`` in rising order, empty if there are none.
 
     ``xi_peak``, ``energy_peak``: damping factor at which the energy loss is largest, and that energy.
     """
@@ -180,12 +180,12 @@ def energy_loss(planes: PrincipalPlanes, F: Floats, omega: Floats, xi: Floats) -
 def damping_roots(planes: PrincipalPlanes, F: float, omega: float, energy: float) -> DampingRoots:
     """All xi > 0 at which the energy loss equals ``energy`` (Eq. 3.2.15).
 
-    Each plane loses a xi/(b + c xi^2), so the equation is a polynomial of fourth degree in xi: no root is missed.
+    Each plane loses a xi/(b + c xi^2), so the equation is a polynomial of degree four in xi: no root is missed.
     """
     (n1, d1), (n2, d2) = (_loss_fraction(planes.mass, g * F, omega_j, omega) for omega_j, g in planes.planes)
     loss, below = n1 * d2 + n2 * d1, d1 * d2
     roots = _positive_roots(energy * below - loss)
-    if below(0.0) == 0.0:  # exactly at a natural frequency: the smaller xi, the larger the loss
+    if below(0.0) == 0.0:  # exactly at a natural frequency the loss grows without bound as xi falls
         return DampingRoots(roots, 0.0, np.inf)
     stationary = _positive_roots(loss.deriv() * below - loss * below.deriv())
     energies = np.asarray(energy_loss(planes, F, omega, stationary))
@@ -203,22 +203,22 @@ def _positive_roots(equation: Polynomial) -> FloatArray:
     """Positive real roots in rising order, polished by Newton's method."""
     z = equation.roots()
     roots = np.sort(z[(np.abs(z.imag) < 1e-7 * np.abs(z)) & (z.real > 0)].real)
-    for _ in range(3):  # each squares what is left of the error
+    for _ in range(3):  # each step squares the remaining error
         roots = roots - equation(roots) / equation.deriv()(roots)
     return roots
 
 
 def nearest_root(roots: FloatArray, xi: float) -> float:
-    """The root nearest to ``xi``; NaN where there is none."""
+    """The root nearest to ``xi``; NaN if there is none."""
     return float(roots[np.argmin(np.abs(roots - xi))]) if roots.size else np.nan
 
 
 def branch(points: Sequence[DampingRoots], which: int, largest: float = np.inf) -> FloatArray:
-    """One root a point: the lowest (``which`` 0) or the highest (-1) of those below ``largest``; NaN where none."""
+    """One root per point: the lowest (``which`` 0) or the highest (-1) of those below ``largest``; NaN if none."""
     kept = [point.roots[point.roots < largest] for point in points]
     return np.array([roots[which] if roots.size else np.nan for roots in kept])
 
 
 def mean_coefficient(M: float, omega: FloatArray, xi: FloatArray) -> float:
-    """C_1 = (2 M/m) sum_i omega_i xi_i over the m points that have a xi (Eq. 3.2.18)."""
+    """C_1 = (2 M/m) sum_i omega_i xi_i over the m points with a xi (Eq. 3.2.18)."""
     return float(2.0 * M * np.nanmean(omega * xi))

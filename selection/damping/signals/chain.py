@@ -1,9 +1,9 @@
 """The conditioning of a test as a chain of steps, from raw readings to a record of one mode (chapter III).
 
-A step is a pure function of a table; it returns the table before and after it and what it removed, so that the effect
-of each can be seen. The working table has the columns ``sweep``, ``omega`` (rad/s), ``force`` (at the point of
-application), one for each sensor, those kept, and from the step ``node`` on ``amplitude`` and ``phase`` (lag behind the
-force, rad): of the node's motion first, then of the mode's.
+A step is a pure function of a table. It returns the table before and after the step, and what was removed. The working
+table has the columns ``sweep``, ``omega`` (rad/s), ``force`` (at the point of application), one for each sensor, the
+kept columns, and from the step ``node`` on ``amplitude`` and ``phase`` (lag behind the force, rad): first of the node's
+motion, then of the mode's.
 """
 
 from collections.abc import Mapping
@@ -25,11 +25,11 @@ class ConditioningStep:
     """One step of the conditioning.
 
     Attributes:
-        name, equation: what it does and where the report says so.
+        name, equation: what the step does, and the place in the report.
         before, after: the working table, rows in the same order (a step may leave rows out).
-        removed: what was taken away, one column a part, on the rows of ``before``; no columns where nothing was, only
-            converted. Motion in phase with the force is signed: positive with it, negative against it.
-        constants: numbers that the step found.
+        removed: removed motion, one column per part, on the rows of ``before``; no columns if the step only converts.
+            Motion in phase with the force is signed: positive with it, negative against it.
+        constants: numbers identified by the step.
     """
 
     name: str
@@ -44,10 +44,10 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
     """All steps of a test; the last one's ``after`` is the record.
 
     Args:
-        raw: the raw table; the columns that the description names hold numbers in range.
+        raw: the raw table; the columns named in the description hold numbers in range.
 
-    AnalysisError: another mode inside the swept frequencies, R^2/I that comes out negative, or no row with a damping
-    factor.
+    AnalysisError: another mode inside the swept frequencies, an identified R^2/I that is not positive, or no row with a
+    damping factor.
     """
     d = description
     actions = [
@@ -71,7 +71,7 @@ def condition(raw: pd.DataFrame, description: Description) -> tuple[Conditioning
 
 
 def tabulate_working(raw: pd.DataFrame, description: Description) -> pd.DataFrame:
-    """Readings in the units of the description: ``sweep, omega, force``, one column a sensor, columns kept."""
+    """Readings in the units of the description: ``sweep, omega, force``, one column per sensor, and kept columns."""
     d = description
     label = raw[d.raw.sweep].astype(str) if d.raw.sweep else d.raw.sweep_label
     columns = {
@@ -85,7 +85,7 @@ def tabulate_working(raw: pd.DataFrame, description: Description) -> pd.DataFram
 
 
 def to_displacements(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """Amplitudes of displacement: unit a F/omega^2 of an acceleration (Table 3.I), unit v F/omega of a velocity."""
+    """Displacement amplitudes: unit a F/omega^2 from an acceleration (Table 3.I), unit v F/omega from a velocity."""
     omega = _column(table, "omega")
     moved = {}
     for sensor in description.sensors:
@@ -99,7 +99,7 @@ def to_displacements(table: pd.DataFrame, raw: pd.DataFrame, description: Descri
 def to_yaw(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Yaw displacements of nodes measured in pitch only (Eq. 3.1.1).
 
-    The ratio of the tip's accelerations is that of its displacements, as both are at one frequency.
+    At one frequency the ratio of the tip's accelerations is that of its displacements.
     """
     readings = {n.name: (n.tip_yaw, n.tip_pitch, n.pitch) for n in description.yaw}
     yaw = {name: signals.yaw_displacement(*(_column(table, c) for c in columns)) for name, columns in readings.items()}
@@ -107,7 +107,7 @@ def to_yaw(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> 
 
 
 def to_node(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """Amplitude and phase of the node that becomes the mode (Eq. 3.1.21); removes the known lag of the instruments."""
+    """Amplitude and phase of the node that represents the mode (Eq. 3.1.21), without the known instrument lag."""
     node = description.node
     after = table.assign(amplitude=_column(table, node.sensor))
     if node.phase is None:
@@ -125,14 +125,14 @@ def to_mode(table: pd.DataFrame, raw: pd.DataFrame, description: Description) ->
 
 
 def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """Rigid-body rotation taken off (Eqs. 3.1.16-3.1.18, 3.1.22, 3.1.23).
+    """Remove rigid-body rotation (Eqs. 3.1.16-3.1.18, 3.1.22, 3.1.23).
 
     Where R^2/I is not given, it is the one that fits the known total corrections best: ``constants["r2_over_i"]``.
 
     AnalysisError: its frequency lies inside the swept ones, where it resonates and is not in phase with the force.
     """
     rigid = description.rigid_body
-    assert rigid is not None  # the chain comes here only with one
+    assert rigid is not None  # else the step is not in the chain
     mode, others, F = _node_modes(table, description)
     omega, omega_r = _column(table, "omega"), description.units.rad_s * rigid.frequency
     _require_outside(omega, omega_r, "rigid-body rotation")
@@ -148,7 +148,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
 
 
 def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """Other modes taken off as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
+    """Remove other modes as undamped, in phase with the force or opposite (Eqs. 3.1.13-3.1.15, 3.1.22, 3.1.23).
 
     AnalysisError: one of them lies inside the swept frequencies, where its damping cannot be neglected.
     """
@@ -162,8 +162,8 @@ def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
 
 
 def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """A known total correction C_t added in phase with the force (Eqs. 3.1.19, 3.1.22, 3.1.23)."""
-    assert description.correction is not None  # the chain comes here only with one
+    """Add a known total correction C_t in phase with the force (Eqs. 3.1.19, 3.1.22, 3.1.23)."""
+    assert description.correction is not None  # else the step is not in the chain
     C_t = raw.loc[table.index, description.correction.column].to_numpy(float)
     return _in_phase("known correction", "Eq. 3.1.19", table, {"total": C_t})
 
@@ -178,13 +178,13 @@ def to_modal_force(table: pd.DataFrame, raw: pd.DataFrame, description: Descript
 def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Motion and energy in the principal pitch plane, with xi of Eq. 3.2.15 point by point (section 3.2).
 
-    Removes the motion in the yaw plane, and rows at which no xi balances the energy. Amplitude and energy that remain
-    are those of the linear oscillator with that xi: regressing one on the other says nothing that xi does not.
+    Removes the motion in the yaw plane, and rows at which no xi balances the energy. The remaining amplitude and energy
+    are those of the linear oscillator with that xi: regressing one on the other adds no information beyond xi.
 
     AnalysisError: no row is left.
     """
     principal = description.principal
-    assert principal is not None  # the chain comes here only with one
+    assert principal is not None  # else the step is not in the chain
     omega_p, omega_y = (description.units.rad_s * f for f in (principal.frequency_pitch, principal.frequency_yaw))
     planes = signals.PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
     F, omega = _column(table, "force"), _column(table, "omega")
@@ -195,7 +195,7 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
         xi = signals.branch(points, 0 if principal.branch == "low" else -1, principal.largest)
     else:  # that is, branch "near"
         roots = [point.roots[point.roots < principal.largest] for point in points]
-        xi = np.array([signals.nearest_root(own, principal.xi) for own in roots])
+        xi = np.array([signals.nearest_root(of_point, principal.xi) for of_point in roots])
     kept = np.isfinite(xi)
     if not kept.any():
         raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
@@ -207,7 +207,7 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
 
 
 def to_record(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
-    """The columns of a record (frequency in Hz), energy and xi where there are, then those kept."""
+    """The columns of a record (frequency in Hz), energy and xi if present, then the kept columns."""
     columns = {"sweep": table["sweep"], "force": table["force"], "frequency": _column(table, "omega") / RAD_S_PER_HZ}
     names = [name for name in ("amplitude", "phase", "energy", "xi") if name in table]
     columns |= {name: table[name] for name in (*names, *description.raw.keep)}
@@ -215,9 +215,9 @@ def to_record(table: pd.DataFrame, raw: pd.DataFrame, description: Description) 
 
 
 def _node_modes(table: pd.DataFrame, description: Description) -> tuple[NodeMode, list[NodeMode], FloatArray]:
-    """The mode and the others as the node sees them, and the force.
+    """The mode and the other modes at the node, and the force.
 
-    A force that acts elsewhere (phi_drive) excites a mode as if its mass were M phi/phi_drive.
+    A force at another point (phi_drive) excites a mode as if its mass were M phi/phi_drive.
     """
     d = description
     others = []
@@ -233,7 +233,7 @@ def _require_outside(omega: FloatArray, resonance: float, what: str) -> None:
 
 
 def _in_phase(name: str, equation: str, table: pd.DataFrame, parts: Mapping[str, FloatArray]) -> ConditioningStep:
-    """Corrections added in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); removed is their opposite."""
+    """Add corrections in phase with the force (Eqs. 3.1.22, 3.1.23 with phi = 1); ``removed`` has the opposite sign."""
     A, phi = _column(table, "amplitude"), _column(table, "phase")
     C_t = np.sum(list(parts.values()), axis=0)
     after_phi = signals.modal_phase(A, phi, C_t, 1.0)
@@ -243,7 +243,7 @@ def _in_phase(name: str, equation: str, table: pd.DataFrame, parts: Mapping[str,
 
 
 def _turn(table: pd.DataFrame, phi: float) -> pd.DataFrame:
-    """The table with its phase, where it has one, turned by pi if ``phi`` is negative."""
+    """The table with its phase, if there is one, turned by pi if ``phi`` is negative."""
     turned = phi < 0.0 and "phase" in table
     return table.assign(phase=wrap_lag(_column(table, "phase") + np.pi)) if turned else table
 

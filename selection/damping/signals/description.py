@@ -1,11 +1,11 @@
-"""What a user says about his test: the schema of a CONDITION.toml, and of the raw table that it describes.
+"""The user's description of a test: the schema of a CONDITION.toml, and of the raw table that it describes.
 
-The raw table is a CSV file, one row a steady state of one forcing frequency, with any columns; the description says
-which are used. All numbers are in one consistent system of units; names of units are echoed, never converted.
-``docs/reference/files.md`` has an example with every key and its meaning.
+The raw table is a CSV file, one row for each steady state at one forcing frequency, with any columns; the description
+selects those that are used. All numbers are in one consistent system of units; names of units are echoed, not
+converted. ``docs/reference/files.md`` has an example with every key and its meaning.
 
-Standard uncertainties that are stated go through the chain (``damping.signals.reading``) into the record's
-``force_sd``, ``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I are not stated and not included.
+Stated standard uncertainties are propagated (``damping.signals.reading``) to the record's ``force_sd``,
+``amplitude_sd`` and ``phase_sd``; those of modes, angle and R^2/I cannot be stated and are not included.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ Positive = Annotated[FiniteFloat, Field(gt=0.0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
 Name = Annotated[str, Field(min_length=1, max_length=80)]
 
-#: Columns of the working table with a meaning of their own.
+#: Reserved columns of the working table.
 WORKING_COLUMNS = ("sweep", "omega", "force", "amplitude", "phase", "energy", "xi")
 
 
@@ -30,7 +30,7 @@ class _DescriptionTable(BaseModel):
 
 
 class SignalUnits(_DescriptionTable):
-    """Names of units for people, and the two units that are converted."""
+    """Names of units for display, and the two units that are converted."""
 
     force: str = ""
     length: str = ""
@@ -61,7 +61,7 @@ class Raw(_DescriptionTable):
 
 
 class Sensor(_DescriptionTable):
-    """One reading: amplitude = factor * column, of what quantity, in what unit."""
+    """One reading: amplitude = factor * column, its quantity and its unit."""
 
     name: Name
     column: Name
@@ -82,7 +82,7 @@ class Yaw(_DescriptionTable):
 
 
 class Node(_DescriptionTable):
-    """The motion that becomes the mode."""
+    """The motion that represents the mode."""
 
     sensor: Name
     phase: Name | None = None
@@ -91,7 +91,7 @@ class Node(_DescriptionTable):
 
 
 class ModeFactor(_DescriptionTable):
-    """Displacement of the node, and of the point where the force acts, at unit modal displacement."""
+    """Displacement of the node, and of the point of the force, at unit modal displacement."""
 
     phi: FiniteFloat
     phi_drive: FiniteFloat | None = None
@@ -111,7 +111,7 @@ class OtherMode(ModeFactor):
 
 
 class RigidBody(_DescriptionTable):
-    """Rigid-body rotation: its frequency, and R^2/I or the column that it is identified from."""
+    """Rigid-body rotation: its frequency, and R^2/I or the column from which it is identified."""
 
     frequency: NonNegative
     r2_over_i: FiniteFloat | None = None
@@ -125,7 +125,7 @@ class Correction(_DescriptionTable):
 
 
 class Principal(_DescriptionTable):
-    """The two principal planes, and which root of Eq. 3.2.15 is taken."""
+    """The two principal planes, and the choice of root of Eq. 3.2.15."""
 
     theta: Annotated[FiniteFloat, Field(gt=-90.0, lt=90.0)]
     mass: Positive
@@ -136,7 +136,7 @@ class Principal(_DescriptionTable):
     largest: Positive = 0.1
 
 
-#: Something in a description that contradicts the rest of it: the keys that lead there, what, and what was expected.
+#: A contradiction in a description: the path of keys, the problem, and what was expected.
 DescriptionProblem: TypeAlias = tuple[tuple[str | int, ...], str, str]
 
 
@@ -157,7 +157,7 @@ class Description(_DescriptionTable):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns of the raw table that hold numbers that are used."""
+        """Numeric columns of the raw table that are used."""
         names = [self.raw.frequency, self.raw.force, *(sensor.column for sensor in self.sensors), self.node.phase]
         names.append(self.rigid_body.identify_from if self.rigid_body else None)
         names.append(self.correction.column if self.correction else None)
@@ -165,13 +165,13 @@ class Description(_DescriptionTable):
 
     @property
     def uncertainties(self) -> dict[str, str]:
-        """Columns of stated standard uncertainties, by the column whose they are."""
+        """Columns of stated standard uncertainties, by the column they belong to."""
         pairs = [(self.raw.force, self.raw.force_sd), *((sensor.column, sensor.sd) for sensor in self.sensors)]
         pairs.append((self.node.phase or "", self.node.phase_sd))
         return {column: sd for column, sd in pairs if column and sd}
 
     def problems(self) -> Iterator[DescriptionProblem]:
-        """What contradicts itself, in the order of the schema."""
+        """Contradictions, in the order of the schema."""
         yield from self._check_raw()
         yield from self._check_names()
         yield from self._check_removals()

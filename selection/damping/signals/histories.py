@@ -1,13 +1,13 @@
 """A driven sine against time, tracked block by block.
 
-A stepped or swept sine is demodulated by the phase of its drive. A window of some cycles of it has the phase theta(t),
-a parabola through its upward crossings of zero, made exact by the drive itself. With u = t - t_c each channel is fitted
-by least squares with
+A stepped or swept sine is demodulated by the phase of its drive. In a window of some cycles the phase theta(t) is a
+parabola through the upward zero crossings of the drive, refined by a fit to the drive. With u = t - t_c each channel is
+fitted by least squares with
 
     x(t) = Re[(X + X' u) exp(i theta) + X_3 exp(3 i theta)] + constant,
 
-so that X is its amplitude in the middle although the amplitude grows, theta' the frequency and theta'' its rate.
-Samples are kept for the window at hand alone: a record of any length takes the memory of its longest block.
+so that X is the amplitude in the middle even if the amplitude grows, theta' the frequency and theta'' its rate. Samples
+are kept for the current window only: a record of any length takes the memory of its longest block.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,18 +21,18 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 
-MOST_KEPT = 20_000_000  #: samples of all channels within which a window must fit: as many as memory holds with ease
+MOST_KEPT = 20_000_000  #: samples of all channels within which a window must fit, to limit memory
 CYCLES = 8  #: cycles of a window
 HOP = 4  #: cycles from one window to the next
-#: Windows whose frequency differs by less than this share are one row: of a dwell the last but one, when it has settled
+#: Windows whose frequency differs by less than this share form one row; a settled dwell uses the last window but one.
 SAME_FREQUENCY = 5e-4
-DWELL = 4  #: windows of a row from which on its first and last are not used: they may reach beyond the dwell
-PURITY = 0.2  #: most that a window of the drive may hold beside its sine, as a share of it: more is no one frequency
-_HYSTERESIS = 0.1  # of the amplitude, by which a crossing of zero must be left again to count
-_FEWEST_SAMPLES = 4.0  # a cycle of a drive
-ROWS_A_SIDE = 5  #: rows before and after one over which the rate of a sweep is told
-STILL = 0.5  #: drift of a dwell of n windows over that of a sweep that leaves it after n, SAME_FREQUENCY f^2/(n HOP)
-_REFINED = 2  # times that the phase of a window is made exact
+DWELL = 4  #: windows of a row from which its first and last are not used: they may reach beyond the dwell
+PURITY = 0.2  #: largest residual of the drive in a window, over its sine: with more it is not one frequency
+_HYSTERESIS = 0.1  # of the amplitude, below zero, that the drive must reach before the next crossing counts
+_FEWEST_SAMPLES = 4.0  # in a cycle of the drive
+ROWS_A_SIDE = 5  #: rows on either side from which the rate of a sweep is estimated
+STILL = 0.5  #: largest drift of a dwell of n windows, over SAME_FREQUENCY f^2/(n HOP), the drift that would end it
+_REFINED = 2  # refinements of the phase of a window
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     """Rows of a test whose drive is a sine of any slowly changing frequency.
 
     Args:
-        blocks: samples (channels, n) of any n, one after the other. drive: place of the drive's channel, the others are
+        blocks: consecutive samples (channels, n) of any n. drive: index of the drive's channel; the others are
             responses in their order. step: between samples, s.
 
-    InputError: samples that are no numbers. AnalysisError: no window of the drive is a sine that can be tracked.
+    InputError: samples that are not finite. AnalysisError: no window of the drive is a sine that can be tracked.
     """
     kept = np.empty((0, 0))
     rows: list[_Row] = []
-    group: list[_Row] = []  # windows of the last row: its first, then its second, and its last
+    group: list[_Row] = []  # windows of the current row: the first (later the second), and the last
     start = 0
     for block in blocks:
         if not np.isfinite(block).all():
@@ -87,7 +87,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
                 group = [row]
         if not first and kept.size > MOST_KEPT:
             raise AnalysisError(f"the drive does not rise through zero {CYCLES} times within {kept.shape[1]} samples")
-        used = int(crossings[first - 1]) + 1 if first else 0  # the trough before a crossing is part of it
+        used = int(crossings[first - 1]) + 1 if first else 0  # keep the trough before the next crossing
         kept, start = kept[:, used:], start + used
     if not rows:
         raise AnalysisError(
@@ -101,7 +101,7 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
 
 
 def _find_crossings(x: FloatArray) -> FloatArray:
-    """Places (in samples) at which x rises through zero, each after it was well below."""
+    """Positions (in samples) at which x rises through zero, each after it was well below zero."""
     low = -_HYSTERESIS * 2.0**0.5 * float(np.sqrt(np.mean(x**2)))
     rising = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
     below = np.flatnonzero(x < low)
@@ -113,7 +113,7 @@ def _find_crossings(x: FloatArray) -> FloatArray:
 
 
 class _Row(NamedTuple):
-    """A row of a ``TrackedSine``; ``drift``: rate over its ``windows``, NaN of one alone."""
+    """A row of a ``TrackedSine``; ``drift``: rate over its ``windows``, NaN for a single one."""
 
     frequency: float
     rate: float
@@ -126,13 +126,13 @@ class _Row(NamedTuple):
 
     @property
     def is_dwell(self) -> bool:
-        """Whether its frequency stays."""
+        """Whether the frequency is constant."""
         slowest = SAME_FREQUENCY * self.frequency**2 / (self.windows * HOP)
         return self.windows >= DWELL and bool(abs(self.drift) < STILL * slowest)
 
 
 def _drop_passages(rows: Sequence[_Row]) -> list[_Row]:
-    """The rows without those between two dwells that have fewer windows together than either of the two."""
+    """The rows without passages: rows between two dwells with fewer windows together than either dwell."""
     dwells = [k for k, row in enumerate(rows) if row.is_dwell]
     passages = {
         k
@@ -144,7 +144,7 @@ def _drop_passages(rows: Sequence[_Row]) -> list[_Row]:
 
 
 def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, start: int) -> _Row | None:
-    """The row of a window of samples that begin at ``start``; None where the drive is no sine in it."""
+    """The row of a window of samples that begin at ``start``; None if the drive is not a sine in it."""
     a, b = int(np.ceil(crossings[0])), int(crossings[-1])
     if b - a < _FEWEST_SAMPLES * CYCLES:
         return None
@@ -156,29 +156,30 @@ def _fit_window(x: FloatArray, drive: int, crossings: FloatArray, step: float, s
     for _ in range(_REFINED):
         wave = np.exp(1j * np.polynomial.polynomial.polyval(u, theta))
         basis = np.column_stack([wave, wave * u, wave * u**2])
-        d, left = _fit_real(basis, samples[drive : drive + 1])
+        d, residual = _fit_real(basis, samples[drive : drive + 1])
         grown = d[0] / d[0, 0]
         theta = theta + np.array([np.angle(d[0, 0]), grown[1].imag, grown[2].imag - (grown[1] ** 2).imag / 2.0])
-    if float(np.sqrt(np.mean(left**2))) > PURITY * abs(d[0, 0]) / 2.0**0.5:
+    if float(np.sqrt(np.mean(residual**2))) > PURITY * abs(d[0, 0]) / 2.0**0.5:
         return None
     wave = np.exp(1j * np.polynomial.polynomial.polyval(u, theta))
     amplitudes, _ = _fit_real(np.column_stack([wave, wave * u, wave**3]), samples)
-    long, time = (b - a) * step, start * step + middle * step
-    frequency, rate = theta[1] / (2.0 * pi * long), theta[2] / (pi * long**2)
+    length, time = (b - a) * step, start * step + middle * step
+    frequency, rate = theta[1] / (2.0 * pi * length), theta[2] / (pi * length**2)
     others = np.delete(amplitudes, drive, axis=0)
     return _Row(frequency, rate, time, float(abs(amplitudes[drive, 0])), others[:, 0], others[:, 2])
 
 
 def _fit_real(basis: ComplexArray, samples: FloatArray) -> tuple[ComplexArray, FloatArray]:
-    """Complex coefficients (channels, k) of Re(basis c) + constant, and what is left (channels, n)."""
+    """Complex coefficients (channels, terms) of Re(basis c) + constant, and residuals (channels, n)."""
     design = np.column_stack([basis.real, -basis.imag, np.ones(len(basis))])
     solution = np.linalg.lstsq(design, samples.T)[0]
-    k = basis.shape[1]
-    return np.asarray((solution[:k] + 1j * solution[k : 2 * k]).T), np.asarray(samples - (design @ solution).T)
+    terms = basis.shape[1]
+    coefficients = np.asarray((solution[:terms] + 1j * solution[terms : 2 * terms]).T)
+    return coefficients, np.asarray(samples - (design @ solution).T)
 
 
 def _smooth_rate(time: FloatArray, frequency: FloatArray, rate: FloatArray) -> FloatArray:
-    """Slope of the frequency over some rows before and after, where these are of one sweep; else the row's own rate."""
+    """Slope of the frequency over ``ROWS_A_SIDE`` rows on either side if all are of one sweep; else the given rate."""
     values = rate.copy()
     for k in range(len(time)):
         part = slice(max(k - ROWS_A_SIDE, 0), k + ROWS_A_SIDE + 1)

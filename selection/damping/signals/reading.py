@@ -1,14 +1,14 @@
-"""What a raw table says: its description, its numbers in range, and its uncertainties carried through the chain.
+"""A raw table and its description: reading, range checks, and uncertainties propagated through the chain.
 
-Every row of a record comes from one row of the raw table. Each stated uncertainty is therefore carried by moving its
-column, in all rows at once, a small part of the uncertainty up and down, and running the whole chain again: a central
-difference of the record, so that a force that is in a reading per unit of force, in the corrections and in the modal
-force counts in all three. Contributions of independent readings add as squares (JCGM 100:2008, Eq. 10).
+Every row of a record comes from one row of the raw table. Each stated uncertainty is therefore propagated by moving its
+column, in all rows at once, a small part of the uncertainty up and down, and running the whole chain again. This is a
+central difference of the record, in which a force counts in a reading per unit of force, in the corrections and in the
+modal force. Contributions of independent readings add as squares (JCGM 100:2008, Eq. 10).
 
-Included are those of force, sensors and phase as they are stated row by row. Mode factors, masses, frequencies, the
-angle of the planes, known corrections and R^2/I (held at the value identified) are taken as exact: their errors are
-common to all rows, and a record has no place for such. Where amplitude or phase have been corrected, their errors are
-correlated, which a record does not say either. Near a point without a damping factor (Eq. 3.2.15) first order is poor.
+Uncertainties of force, sensors and phase are included as stated row by row. Mode factors, masses, frequencies, the
+angle of the planes, known corrections and R^2/I (held at the identified value) are taken as exact: their errors are
+common to all rows, which a record cannot express. Nor can it express that corrections correlate the errors of amplitude
+and phase. Near a point without a damping factor (Eq. 3.2.15) first order is inaccurate.
 """
 
 from collections.abc import Mapping
@@ -25,17 +25,17 @@ from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 
-_PART = 1e-3  #: part of an uncertainty by which a column is moved: errors of the difference are of the square of it
+_PART = 1e-3  #: share of an uncertainty by which a column is moved; the relative error of the difference is its square
 
 
 def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
     """All steps of a test; the last one's ``after`` is the record.
 
-    Where the raw table (uncertainties >= 0) states uncertainties, one more step adds ``NAME_sd`` to the record:
-    ``force_sd``, ``amplitude_sd`` and ``phase_sd`` are there where the uncertainty of that reading is stated, and 0
-    (none) in rows in which it is stated as 0; ``energy_sd`` and ``xi_sd`` go with ``amplitude_sd``.
+    If the raw table states uncertainties (>= 0), one more step adds ``NAME_sd`` to the record: ``force_sd``,
+    ``amplitude_sd`` and ``phase_sd`` if the uncertainty of that reading is stated, and 0 (none) in rows in which it is
+    stated as 0; ``energy_sd`` and ``xi_sd`` accompany ``amplitude_sd``.
 
-    AnalysisError: a damping factor that is lost as soon as a reading is moved.
+    AnalysisError: a damping factor that vanishes when a reading is moved.
     """
     steps = condition(raw, description)
     stated = description.uncertainties
@@ -48,9 +48,9 @@ def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[Condit
         known = rigid.model_copy(update={"r2_over_i": r2_over_i, "identify_from": None})
         held = description.model_copy(update={"rigid_body": known})
     node = next(sensor.column for sensor in description.sensors if sensor.name == description.node.sensor)
-    own = {"force": description.raw.force, "phase": description.node.phase}  # raw column of each of the record
-    own |= dict.fromkeys(("amplitude", "energy", "xi"), node)
-    owners = {name: column for name, column in own.items() if column in stated and name in record}
+    raw_columns = {"force": description.raw.force, "phase": description.node.phase}  # by column of the record
+    raw_columns |= dict.fromkeys(("amplitude", "energy", "xi"), node)
+    owners = {name: column for name, column in raw_columns.items() if column in stated and name in record}
     squares = {name: np.zeros(len(record)) for name in owners}
     for column, sd in stated.items():
         step = _PART * raw[sd]
@@ -66,7 +66,7 @@ def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[Condit
 
 
 def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.DataFrame) -> FloatArray:
-    """Change from down to up, (rows,); twice that of one side where the other side has no damping factor."""
+    """Change from down to up, (rows,); twice the change of one side where the other has no damping factor."""
     middle = record[name].to_numpy(float)
     above, below = (table[name].reindex(record.index).to_numpy(float) for table in (up, down))
     above, below = (np.where(np.isnan(a), 2.0 * middle - b, a) for a, b in ((above, below), (below, above)))
@@ -77,7 +77,7 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
     return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
 
 
-#: How the keys that hold more than one thing are written.
+#: Notation of keys with several values.
 _WRITTEN = {
     "sensors": "[[sensors]], one for each reading",
     "yaw": "[[yaw]], one for each node",
@@ -87,9 +87,9 @@ _WRITTEN = {
 
 
 def read_description(description: object) -> Description:
-    """A description as it is, from the path of a CONDITION.toml or in its keys, checked.
+    """A checked description from a `Description`, the path of a CONDITION.toml, or a mapping of its keys.
 
-    InputError: the line and key of the first thing that is wrong.
+    InputError: line and key of the first problem.
     """
     if isinstance(description, Description):
         return description
@@ -106,10 +106,10 @@ def read_description(description: object) -> Description:
 
 
 def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_SIZE) -> pd.DataFrame:
-    """The raw table with every cell that is used in range.
+    """The raw table, checked to have every used cell in range.
 
-    InputError: what ``read_table`` refuses; a frequency, a force, or an amplitude of the node or of a yaw ratio that is
-    not positive; another amplitude below 0; a phase beyond one turn.
+    InputError: all that ``read_table`` refuses; a frequency, a force, or an amplitude of the node or of a yaw ratio
+    that is not positive; another amplitude below 0; a phase beyond one turn; an uncertainty below 0.
     """
     d = description
     labels = [d.raw.sweep] if d.raw.sweep else []
@@ -124,9 +124,9 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
 
 
 def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
-    """A raw table that is no file, checked as one; rows numbered anew.
+    """A raw table from memory, checked like a file; rows are renumbered.
 
-    InputError: a column that is missing or holds no finite numbers, or a number out of range.
+    InputError: a column that is missing or not finite numbers, or a number out of range.
     """
     d = description
     require_numbers(table, d.columns)
@@ -139,7 +139,7 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
 
 
 def _find_out_of_range(table: pd.DataFrame, description: Description) -> list[tuple[int, str, str]]:
-    """Row, column and what was expected of the first number out of range of each column, first rows first."""
+    """Row, column and expectation of the first number out of range in each column, first rows first."""
     d = description
     divided = {d.node.sensor, *(name for yaw in d.yaw for name in (yaw.tip_pitch, yaw.pitch))}
     bad: dict[str, tuple[pd.Series, str]] = {}
@@ -160,7 +160,7 @@ def _find_out_of_range(table: pd.DataFrame, description: Description) -> list[tu
 
 
 def check_repeats(record: pd.DataFrame, raw: Path, max_size: int) -> None:
-    """InputError for the first raw row that gives the same row of the record as an earlier one."""
+    """Raise InputError for the first raw row that gives the same row of the record as an earlier one."""
     repeats = record.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))

@@ -4,10 +4,10 @@ The band-passed response and its analytic signal are one convolution, with a win
 
     z(t) = int w(tau) exp(-i omega_0 tau) x(t + tau) d tau,    int w = 2,    int tau^2 w = 0.
 
-It is taken only where the window lies inside the record, so that no edge enters, and its zero second moment leaves an
-amplitude that changes as a cubic as it is. On a decay x = A exp(-delta t) cos(omega t) it gives A exp((-delta + i
-omega) t) times a known constant, which is divided out. A velocity or acceleration has z = A s^n exp(i phase) with s =
--delta + i omega, so that d ln z/dt = s + n s'/s: n omega'/omega, what the change of frequency adds, is taken off.
+It is evaluated only where the window lies inside the record, so that there are no edge effects. Its zero second moment
+preserves an amplitude that changes as a cubic. A decay x = A exp(-delta t) cos(omega t) gives A exp((-delta + i omega)
+t) times a known constant, which is divided out. A velocity or acceleration has z = A s^n exp(i phase) with s = -delta +
+i omega, so that d ln z/dt = s + n s'/s: the term n omega'/omega of the changing frequency is subtracted.
 
 Slowly decaying free motion loses action as d/dt (M omega A^2/2) = -A C/2 (the part of the equation of motion in
 quadrature), so with delta = -A'/A
@@ -15,8 +15,8 @@ quadrature), so with delta = -A'/A
     C(A, omega) = 2 M delta A (omega + d omega/d ln A/2),    d omega/d ln A = -omega'/delta,
 
 which is the force amplitude that holds the amplitude A at phase resonance (C = F, section 4.3 of the report). The
-frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly so with viscous damping. A joint that slips stores
-less than a spring and has about 3 times the term of d omega/d ln A: twice the term is an uncertainty of the force.
+frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly with viscous damping. A slipping joint stores less
+than a spring and has about 3 times the term of d omega/d ln A: twice the term is an uncertainty of the force.
 """
 
 from collections.abc import Sequence
@@ -31,20 +31,20 @@ from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
 from damping.signals.windows import Window, even_times, flat_window, noise_beside, thinned
 
-PERIODS = 6.0  #: periods of the window: what is further than some 2/periods of the frequency away is rejected
-APART = 2.0  #: length of a window that tells two modes apart, over 1/(their distance), least
+PERIODS = 6.0  #: periods of the window: it rejects frequencies farther away than some 2/periods of that of the mode
+APART = 2.0  #: least length of a window that separates two modes, over 1/(their distance)
 NEIGHBOUR = 8.0  #: a mode nearer than this over the length of a window leaks into it
-LEVELS = 16  #: levels of amplitude that a decay is cut into, at most
-ABOVE_NOISE = 10.0  #: least amplitude of a level that is kept, over the noise
-LEAST_FALL = 0.05  #: fall of ln A over a level, least: less says little of the slope
-MOST_FALL = 0.4  #: fall of ln A over a level, most: more smears the slope
-WORST_SLOPE = 0.3  #: a level is kept where the slope is known so well (standard error over slope) ...
-LARGEST_BEND = 0.15  #: ... and ln A is so straight (its bend over half a window) that the window does not smear it
-OF_CUBIC = 0.15  #: error of the slope of a parabola where ln A has c u^3 over a level, |u| < 1/2, in c (<u^4>/<u^2>)
-SURE = 3.0  #: least cubic coefficient c, in its standard errors, from which that error is added to the uncertainty
-LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is said
-LARGEST_GROWTH = 1.5  #: a decay that grows again by more is none of one mode: noise and image of the window are below
-GROWN = 0.1  #: ... where it comes back to this share of its largest amplitude
+LEVELS = 16  #: most levels of amplitude that a decay is split into
+ABOVE_NOISE = 10.0  #: least amplitude of a level, over the noise
+LEAST_FALL = 0.05  #: least fall of ln A over a level: a smaller one hardly determines the slope
+MOST_FALL = 0.4  #: largest fall of ln A over a level: a larger one smears the slope
+WORST_SLOPE = 0.3  #: largest standard error of the slope of a level, over the slope
+LARGEST_BEND = 0.15  #: largest bend of ln A over half a window: more would be smeared by the window
+OF_CUBIC = 0.15  #: error of the slope of a parabola if ln A has c u^3 over a level, |u| < 1/2, in c (<u^4>/<u^2>)
+SURE = 3.0  #: least cubic coefficient c, in standard errors, for which that error is added to the uncertainty
+LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
+LARGEST_GROWTH = 1.5  #: a single mode does not grow again by more: noise and the window's image cause less growth,
+GROWN = 0.1  #: if it returns to this share of its largest amplitude
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -53,9 +53,9 @@ class Decay:
     """Levels of a free decay, arrays (levels,), largest amplitude first.
 
     ``time`` at the middle of each level, ``amplitude`` of displacement, ``frequency`` of phase resonance (Hz),
-    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd``, ``force_sd`` from noise and, of the
-    force, from what the balance and a parabola cannot know.
-    ``noise`` is its amplitude in the unit of the signal, ``notes`` say what was left out.
+    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd``, ``force_sd`` from noise, that of the
+    force also from the limits of the energy balance and of a parabola. ``noise``: amplitude in the unit of the signal;
+    ``notes``: what was left out.
     """
 
     time: FloatArray
@@ -74,7 +74,7 @@ class Decay:
         return self.decay_rate / (RAD_S_PER_HZ * self.frequency)
 
     def table(self, label: str) -> pd.DataFrame:
-        """Rows of a record: each level a sweep of its own, at phase resonance."""
+        """Rows of a record: each level is one sweep, at phase resonance."""
         names = ("force", "frequency", "amplitude", "amplitude_sd", "force_sd", "time", "damping_ratio")
         labels = [f"{label} {k + 1:02d}" for k in range(len(self.time))]
         return pd.DataFrame({"sweep": labels, **{name: getattr(self, name) for name in names}})
@@ -97,13 +97,13 @@ def ring_down(
     Args:
         t, x: time (n,) in s, evenly spaced, and motion (n,), the ``order``-th time derivative of displacement.
         mass: generalized mass M.
-        frequency: of the mode, Hz; that of the decay may be off by some per cent.
-        periods: length of the window: more reject neighbouring modes better, and lose more of the start.
+        frequency: of the mode, Hz; that of the decay may differ by some per cent.
+        periods: length of the window: a longer one rejects neighbouring modes better, and loses more of the start.
         levels: most levels of amplitude.
         start, end: part of the record to use, s; by default from the largest amplitude on.
 
-    InputError: times that are not evenly spaced, too few samples a period, or a part that is not in the record.
-    AnalysisError: no decay above the noise that is long enough, one that grows again, or readings that are clipped.
+    InputError: times that are not evenly spaced, too few samples per period, or a part that is not in the record.
+    AnalysisError: no long enough decay above the noise, one that grows again, or clipped readings.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
@@ -136,7 +136,7 @@ def ring_down(
 
 
 def _describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
-    """What is lost between the largest reading, at ``peak``, and where the window first fits, over ``derived``."""
+    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
     if peak >= since or largest <= LARGEST_LOSS * size:
         return []
     return [
@@ -146,11 +146,11 @@ def _describe_lost(peak: float, since: float, largest: float, size: float, deriv
 
 
 def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
-    """First place of z (n,) whose window holds free motion alone; x comes at ``cycles`` a sample.
+    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
 
-    z is largest while its window still reaches into the rest before the release, and there it does not fall as the
-    motion does. Free motion is below half of its largest for a sixth of a period at a time: where it comes to half
-    after a longer wait, there was rest.
+    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
+    does. Free motion stays below half of its largest for a sixth of a period at a time: if x takes longer to reach
+    half, there was rest.
     """
     largest = int(np.argmax(np.abs(z)))
     near = np.abs(x[largest : largest + len(window.offsets)])
@@ -159,7 +159,7 @@ def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float)
 
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
-    """AnalysisError where the amplitude (n,) grows again: free motion of one mode only loses energy."""
+    """Raise AnalysisError if the amplitude (n,) grows again: free motion of one mode only loses energy."""
     least = np.minimum.accumulate(size)
     grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[:1]))
     if len(grown):
@@ -167,7 +167,7 @@ def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
 
 
 def _growth(since: float) -> AnalysisError:
-    """What is said of a decay that grows from the time ``since`` on."""
+    """The error on a decay that grows from the time ``since`` on."""
     return AnalysisError(
         f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; choose a part without "
         "(--start, --end), or a sensor or a blow that moves one mode alone"
@@ -183,7 +183,7 @@ def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) 
 
 
 def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
-    """Samples at which levels of equal ratio end, each at least ``least`` samples long."""
+    """Samples that bound levels of equal amplitude ratio, each at least ``least`` samples long."""
     edges = [0]
     if len(amplitude) == 0 or not amplitude.all():
         return edges
@@ -200,9 +200,9 @@ def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
 def _levels(
     t: FloatArray, z: ComplexArray, levels: int, window: Window, noise: float, order: int
 ) -> tuple[pd.DataFrame, list[str]]:
-    """The levels that can be used; half as many, twice as long, where noise hides the slope of most of them.
+    """The usable levels; their number is halved and their length doubled while noise hides the slope of most.
 
-    A row for each: middle ``t``, ``A``, ``omega``, ``delta``, ``turn`` d omega/dt, standard errors of ln A and delta,
+    One row each: middle ``t``, ``A``, ``omega``, ``delta``, ``turn`` d omega/dt, standard errors of ln A and delta,
     ``bend`` of ln |z|.
     """
     while True:
@@ -215,7 +215,7 @@ def _levels(
     if kept.empty:
         advice = "choose a part without what comes before the release (--start), or a sensor that shows one mode alone"
         raise AnalysisError("; ".join(["no level of the decay can be used", *notes, advice]))
-    grown = np.flatnonzero(np.diff(kept["A"]) > 0.0)  # levels are steps down, of more than noise
+    grown = np.flatnonzero(np.diff(kept["A"]) > 0.0)  # levels fall by more than the noise
     if len(grown):
         raise _growth(float(kept["t"].iloc[grown[0]]))
     if len(edges) > levels:
@@ -227,31 +227,31 @@ _LEVEL = ("t", "A", "omega", "delta", "turn", "sd_logarithm", "sd_delta", "bend"
 
 
 def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
-    """Parabolas through ln |z| and the phase; errors from the noise, or from what they leave if that is more."""
-    middle, long = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
-    u = (t - middle) / long
+    """Parabolas through ln |z| and the phase; errors from the noise, or from the residuals if these are larger."""
+    middle, length = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
+    u = (t - middle) / length
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
     fit = np.polynomial.polynomial.polyfit(u, logarithm, 2)
-    left = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
-    rate, turn = complex(fit[1]) / long, 2.0 * float(fit[2].imag) / long**2
+    residual = np.std((logarithm - np.polynomial.polynomial.polyval(u, fit)).real)
+    rate, turn = complex(fit[1]) / length, 2.0 * float(fit[2].imag) / length**2
     s = rate - order * turn / rate.imag
     size = float(np.exp(fit[0].real))
     A = size / abs(window.gain(rate)) / abs(s) ** order
-    averaged = 1.0 / np.sqrt(max(long / window.correlation, 1.0))
-    sd = max(noise / _MEDIAN / size, float(left)) * averaged
-    sd_logarithm = float(1.5 * sd)  # the middle of a parabola: sqrt(9/4) of that of a mean
-    bend = float(abs(fit[2].real) * (0.5 * window.length / long) ** 2)
-    # of the slope, and of the bend of the phase: delta has n omega'/omega of it, the force half more
-    sd_delta = float(sd * np.sqrt(12.0) / long * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * long)))
-    # of a cubic coefficient, sqrt(2800) times the error of a mean
+    averaged = 1.0 / np.sqrt(max(length / window.correlation, 1.0))
+    sd = max(noise / _MEDIAN / size, float(residual)) * averaged
+    sd_logarithm = float(1.5 * sd)  # the middle of a parabola has sqrt(9/4) times the error of a mean
+    bend = float(abs(fit[2].real) * (0.5 * window.length / length) ** 2)
+    # errors of the slope and of the bend of the phase, of which delta has n omega'/omega, the force half more
+    sd_delta = float(sd * np.sqrt(12.0) / length * np.hypot(1.0, (order + 0.5) * np.sqrt(60.0) / (abs(s) * length)))
+    # a cubic coefficient has sqrt(2800) times the error of a mean
     cubic, of_noise = abs(float(np.polynomial.polynomial.polyfit(u, logarithm.real, 3)[3])), averaged * noise / size
     if cubic > SURE * np.sqrt(2800.0) * of_noise / _MEDIAN:
-        sd_delta = float(np.hypot(sd_delta, OF_CUBIC * cubic / long))
+        sd_delta = float(np.hypot(sd_delta, OF_CUBIC * cubic / length))
     return float(middle), A, s.imag, -s.real, turn, sd_logarithm, sd_delta, bend
 
 
 def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Levels whose slope is known, up to the first at which the window would smear the decay."""
+    """Levels whose slope is known, up to the first whose decay the window would smear; and notes."""
     notes = []
     known = levels[(levels["delta"] > 0.0) & (levels["sd_delta"] <= WORST_SLOPE * levels["delta"])]
     if hidden := len(levels) - len(known):
@@ -282,10 +282,11 @@ def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> D
 
 
 def list_weights(frequency: float, others: Sequence[float], dt: float, most: int) -> ComplexArray:
-    """Weights (n,) of samples whose sum is half the complex amplitude of a sine of ``frequency`` in their middle.
+    """Weights (n,) of samples whose weighted sum is half the complex amplitude of a sine of ``frequency`` (Hz) at the
+    middle sample.
 
-    Least squares under a Hann window, with every mode beside it as (a + b u + c u^2) exp(i omega u), so that it leaves
-    nothing though it decays. ``others``: modes, Hz. ``most``: samples, but for the periods that a window has.
+    Least squares under a Hann window, with every near mode as (a + b u + c u^2) exp(i omega u), so that its decay is
+    removed too. ``others``: other modes, Hz. ``most``: samples, unless ``PERIODS`` need more.
     """
     from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only several modes need it
 

@@ -1,4 +1,4 @@
-"""A free decay through a window of some periods: even sampling, band pass, analytic signal and noise beside it."""
+"""A free decay through a window of some periods: even sampling, band pass, analytic signal and out-of-band noise."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.errors import InputError
 
-ENOUGH = 32  #: samples a period that are enough: longer records are averaged in groups
-_BESIDE = 4.5  # where noise is looked for, in 1/length above the mode: outside the main lobe of the window used there
-_LARGEST_GAP = 2.5  # steps between samples that jitter; more is a gap
-UNEVEN = 0.02  #: deviation of times from even ones, over a step, that counts as rounding of printed times
-_PARTS = 10  # of a record whose mean steps are compared
-_STRETCHED = 5.0  # standard errors of a mean step by which it is another
-_FEWEST_OF_DECAY = 8  # samples a period of a decay must have
+ENOUGH = 32  #: sufficient samples per period: denser records are averaged in groups
+_BESIDE = 4.5  # where noise is measured, in 1/length above the mode: outside the main lobe of the window used there
+_LARGEST_GAP = 2.5  # largest step between samples with jitter, over the mean step; a larger one is a gap
+UNEVEN = 0.02  #: largest deviation from even times, over a step, that counts as rounding of printed times
+_PARTS = 10  # parts of a record whose mean steps are compared
+_STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
+_FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,23 @@ class Window:
         return dt * float(np.sum(self.weights) ** 2 / np.sum(self.weights**2))
 
     def analytic(self, x: FloatArray) -> ComplexArray:
-        """z where the window lies inside x."""
+        """Analytic signal z where the window lies inside x."""
         from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
         kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
         return np.asarray(oaconvolve(x, kernel[::-1], mode="valid"))
 
     def gain(self, s: complex) -> complex:
-        """What the window makes of exp(s t); its image at the conjugate of s averages out over a level."""
+        """Gain of z for the real part of exp(s t); its image at the conjugate of s averages out over a level."""
         return complex(0.5 * self.weights @ np.exp((s - 1j * self.omega_0) * self.offsets))
 
 
 def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, float, list[str]]:
-    """Times and motion at an even spacing that resolves the mode, its step, and what was done.
+    """Times and motion at an even spacing that resolves the mode, the step, and notes.
 
-    Times that jitter about an even spacing without a gap: a cubic spline through the samples, taken evenly. With n
-    samples a period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or shrink
-    along the record by more than their scatter explains are no jitter but a stretch, which would pass for a change of
-    frequency: those times stay as they are, and are refused.
+    Times with jitter but no gap are resampled evenly by a cubic spline. With n samples per period its error is
+    (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or shrink along the record by more than
+    their scatter are not jitter but a stretch, which would look like a change of frequency: such times are refused.
     """
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only free decays need it
 
@@ -77,24 +76,24 @@ def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArr
 
 
 def describe_uneven(t: FloatArray) -> str:
-    """What is wrong with times (n,) that are not evenly spaced, and where they are so least."""
+    """Message on times (n,) that are not evenly spaced, with the most uneven place."""
     step = np.diff(t)
     k = int(np.argmax(np.abs(step - np.median(step))))
     return f"the times are not evenly spaced: {t[k]:.8g} to {t[k + 1]:.8g} s beside steps of {np.median(step):.4g} s"
 
 
 def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
-    """Means of groups of samples, so that about ``ENOUGH`` a period of ``frequency`` (Hz) are left.
+    """Means of groups of samples, so that about ``ENOUGH`` per period of ``frequency`` (Hz) remain.
 
-    A mean over k samples takes sin(k a)/(k sin a), a = pi f dt, of a sine; this is divided out at ``frequency``.
+    A mean over k samples scales a sine by sin(k a)/(k sin a), a = pi f dt; this is divided out at ``frequency``.
     """
     k = int(1.0 / (frequency * dt * ENOUGH))
     n = len(x) // max(k, 1) * k
     if k < 2 or n < 2 * k:
         return t, x
     angle = np.pi * frequency * dt
-    kept = np.sin(k * angle) / (k * np.sin(angle))
-    return t[0] + dt * (k * np.arange(n // k) + 0.5 * (k - 1)), x[:n].reshape(-1, k).mean(axis=1) / kept
+    gain = np.sin(k * angle) / (k * np.sin(angle))
+    return t[0] + dt * (k * np.arange(n // k) + 0.5 * (k - 1)), x[:n].reshape(-1, k).mean(axis=1) / gain
 
 
 def flat_window(frequency: float, periods: float, dt: float) -> Window:
@@ -111,15 +110,15 @@ def flat_window(frequency: float, periods: float, dt: float) -> Window:
 
 
 def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
-    """Amplitude of noise in z, the window's view of x, at the end of the record.
+    """Amplitude of noise in z, the windowed x, at the end of the record.
 
-    Taken beside the pass band, where there is noise alone, and at most what is in the band, motion or noise.
+    It is measured beside the pass band, where there is only noise, and limited by the signal in the band.
     """
     from scipy.signal.windows import blackmanharris  # noqa: PLC0415 - slow to import, and only free decays need it
 
     tail = np.abs(z[-(len(z) // 10 + 1) :])
     weights = np.asarray(blackmanharris(len(window.offsets)), dtype=np.float64)
-    weights *= np.sqrt(np.sum(window.weights**2) / np.sum(weights**2))  # lets as much noise pass
+    weights *= np.sqrt(np.sum(window.weights**2) / np.sum(weights**2))  # equal noise power
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
     return float(min(np.median(tail), np.median(floor)))
