@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import json
-import pickle  # what it reads here was written by the same test
+import pickle
 import re
 from contextlib import nullcontext
 
@@ -21,6 +21,11 @@ from damping_reed1970 import data_folder
 SATURN = data_folder() / "saturn-v"
 RECORD = SATURN / "records" / "config-2-mode-1.csv"
 SCALES = Scales(0.2, 2.0, 10.0, 3.0, 0.5, 0.01, 0.1, 0.001, 0.05, simulated={"viscous": {"coefficient": 0.5}})
+
+
+def send(value: object) -> object:
+    """The value as another process has it."""
+    return pickle.loads(pickle.dumps(value))  # what it reads was written in this very line
 
 
 def spoil(record: dp.Record) -> pd.DataFrame:
@@ -46,7 +51,7 @@ def test_a_table_that_is_written_to_is_another_than_the_records(record, mode):
 
 def test_records_are_equal_whose_rows_are(record):
     again = dp.read_record(RECORD)
-    assert record == again == pickle.loads(pickle.dumps(record)) == copy.deepcopy(record)
+    assert record == again == send(record) == copy.deepcopy(record)
     assert record != dp.Record(record.table.assign(force=2.0 * record.table["force"]), record.source)
     assert record != "a record"
     assert dataclasses.replace(record, table=record.table) == record
@@ -90,10 +95,10 @@ def test_a_law_and_its_sample_are_shown_in_a_few_lines(record):
 
 @pytest.mark.parametrize("effect", [*CATALOGUE.values(), *FOREIGN.values()], ids=lambda effect: effect.name)
 def test_forms_of_effects_are_sent_by_what_makes_them(effect):
-    assert pickle.loads(pickle.dumps(effect)) is effect
+    assert send(effect) is effect
     for form in list_forms(effect, SCALES):
         for own in filter(None, (form, form.twin)):
-            sent = pickle.loads(pickle.dumps(own))
+            sent = send(own)
             values = [0.3, *(shape.centre for shape in own.shapes)]
             assert sent.report(*values) == own.report(*values)
             assert dataclasses.replace(sent, change=own.change, report=own.report, twin=own.twin) == own
@@ -101,7 +106,7 @@ def test_forms_of_effects_are_sent_by_what_makes_them(effect):
 
 def test_a_diagnosis_is_sent_and_copied(record, mode):
     found = dp.diagnose(record, mode)
-    for again in (pickle.loads(pickle.dumps(found)), copy.deepcopy(found)):
+    for again in (send(found), copy.deepcopy(found)):
         assert again.to_json() == found.to_json()
         assert repr(again) == repr(found)
         assert again.diagnosis.corrected == found.diagnosis.corrected
@@ -112,7 +117,7 @@ def test_a_mode_does_not_change():
     effects = {"stiffness-hardening": {"coefficient": 4.0}}
     mode = dp.Mode(name="m", frequency=2.0, mass=3.0, damping=given, effects=effects)
     given["viscous"] = 5.0
-    for again in (mode, pickle.loads(pickle.dumps(mode)), copy.deepcopy(mode)):
+    for again in (mode, send(mode), copy.deepcopy(mode)):
         for table in (again.damping, again.damping["viscous"], again.effects, again.effects["stiffness-hardening"]):
             for change in (
                 lambda t: t.update(viscous=3.0),

@@ -221,24 +221,28 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     kept = [member for member in plan.laws if member not in missing]
     leader = next((fits[member.law] for member in kept if member.law in fits), best)
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
+    fit = plan.fit
     if on_rows.verdict == "none fits" or on_rows.rough:
-        plan = replace(plan, fit=on_rows)
-    if plan.fit.verdict == "none fits":
-        return plan
-    led_by_another = kept and kept[0] is not plan.laws[0] and not on_rows.rough
-    fit = _judge_kept(kept, plan.data) if led_by_another else plan.fit
-    plan = replace(plan, fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution))
-    if not kept:
-        return plan
-    whole = sum(own.weight for own in kept)
-    names = ", ".join(f"{own.name} ({own.weight:.2f})" for own in missing if own.weight > LEAST_SAID)
-    said = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
-    return replace(plan, laws=tuple(replace(own, weight=own.weight / whole) for own in kept), excluded=said)
+        fit = on_rows
+    elif fit.verdict != "none fits" and kept and kept[0] is not plan.laws[0]:
+        fit = _judge_laws([member.law for member in kept], plan.data)
+    if fit.verdict == "none fits" or not kept:
+        return replace(plan, fit=fit)
+    total = sum(member.weight for member in kept)
+    names = ", ".join(f"{member.name} ({member.weight:.2f})" for member in missing if member.weight > LEAST_SAID)
+    return replace(
+        plan,
+        fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution),
+        laws=tuple(replace(member, weight=member.weight / total) for member in kept),
+        excluded=f"left out, because the rows beside resonance exclude it (weight without them): {names}"
+        if names
+        else "",
+    )
 
 
-def _judge_kept(kept: Sequence[Planned], data: Observations) -> FitVerdict:
-    """The verdict on the law that leads once others are left out, as theirs is none on it."""
-    leader, *others = [fit for fit in fit_laws([own.law for own in kept], data) if isinstance(fit, BestFit)]
+def _judge_laws(laws: Sequence[Law], data: Observations) -> FitVerdict:
+    """The verdict on the first of ``laws``, with the others as alternatives."""
+    leader, *others = [fit for fit in fit_laws(laws, data) if isinstance(fit, BestFit)]
     return judge_fit(leader, others, data)
 
 

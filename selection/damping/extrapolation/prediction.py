@@ -38,8 +38,8 @@ def list_cautions(
     """Cautions on the prediction at one force, the gravest first.
 
     Args:
-        amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities that the mode
-            has no resonance there, because friction holds it, and because its damping force does not grow so far.
+        amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities of no
+            resonance at this force, because friction locks the mode and because no amplitude balances it.
     """
     refused = np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force)))
     cautions = [_describe_refusal(*without)] if refused else []

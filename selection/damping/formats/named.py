@@ -27,9 +27,9 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-#: A new sweep begins where the frequency goes back by more than this share of the range covered so far,
+#: A new sweep begins where the frequency goes back by more than this share of the range that its sweep has covered.
 _RESTART = 0.5
-#: and the sweep has at least this many rows.
+#: Fewest rows of a sweep before a new one may begin.
 _FEWEST_ROWS = 4
 
 

@@ -80,7 +80,7 @@ def importance(
 ) -> Evidence:
     """Evidence and weighted draws of a density over standard normal variables.
 
-    Draws of all rounds are kept. Their weights are taken over the mixture of all proposals so far (adaptive multiple
+    Draws of all rounds are kept. They are weighted by the mixture of the proposals of all rounds (adaptive multiple
     importance sampling: Cornuet, Marin, Mira and Robert 2012), so that no draw has a large weight where any proposal
     draws often. While few draws carry the weight, the next proposal is fitted to tempered weights w^beta, which lead
     from the proposals to the density step by step.

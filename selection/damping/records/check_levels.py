@@ -255,7 +255,8 @@ BANDWIDTHS = 1.0
 #: Distance of the lowest level from the mode file's frequency, over the further shift of the other levels, that one
 #: cause can explain: a joint fourfold beyond its limit has lost 4.7 times what it loses from there to sixteenfold.
 MOVED_BEFORE = 5.0
-#: The least shift, ln, for one level, which shows no movement: joints and springs seldom move a frequency by so much.
+#: Least shift, ln, that is doubted if there is one level, which cannot show that a joint or spring moves the frequency:
+#: these seldom move it by 5 %.
 LEAST_SHIFT_ALONE = 0.05
 
 

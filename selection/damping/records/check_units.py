@@ -144,7 +144,7 @@ def check_units(view: View) -> Finding | None:
     base = view.mode.drive == "base"
     participates = base and 1.0 / LARGEST_PARTICIPATION < ratio < 1.0 / SMALLEST_PARTICIPATION
     near = ratio > 0.0 and name_factor(ratio, UNIT_FACTORS, within=NEAR_FACTOR)
-    # so large a factor on force over amplitude comes from a unit, not from the structure
+    # a factor beyond these on force over amplitude comes from a unit, not from the structure
     wrong = not bent and not participates and ratio > 0.0 and abs(log(ratio)) > log(2.0 if near else OTHER_SYSTEM)
     impossible = zeta <= LEAST_RATIO or zeta >= LARGEST_RATIO  # NaN: no sweep shows it
     if zeta < min(SMALL_RATIO, FAR_BELOW * view.mode.viscous_ratio):  # and a unit factor would give the simulated one
