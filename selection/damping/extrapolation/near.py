@@ -226,18 +226,16 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
         fit = on_rows
     elif fit.verdict != "none fits" and kept and kept[0] is not plan.laws[0]:
         fit = _judge_laws([member.law for member in kept], plan.data)
-    if fit.verdict == "none fits" or not kept:
+    if fit.verdict == "none fits":
         return replace(plan, fit=fit)
+    plan = replace(plan, fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution))
+    if not kept:
+        return plan
     total = sum(member.weight for member in kept)
     names = ", ".join(f"{member.name} ({member.weight:.2f})" for member in missing if member.weight > LEAST_SAID)
-    return replace(
-        plan,
-        fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution),
-        laws=tuple(replace(member, weight=member.weight / total) for member in kept),
-        excluded=f"left out, because the rows beside resonance exclude it (weight without them): {names}"
-        if names
-        else "",
-    )
+    note = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
+    rescaled = tuple(replace(member, weight=member.weight / total) for member in kept)
+    return replace(plan, laws=rescaled, excluded=note)
 
 
 def _judge_laws(laws: Sequence[Law], data: Observations) -> FitVerdict:
