@@ -191,7 +191,7 @@ def _done(log: Path) -> int:
 @styled
 def figure(table: pd.DataFrame, traces: dict[str, pd.DataFrame]) -> Figure:
     """Records per second beside memory against records done, analysed and passed through."""
-    drawn = Figure(figsize=(WIDTH, 2.8))
+    drawn = Figure(figsize=(WIDTH, 2.8), layout="constrained")
     rate, *memory = drawn.subplots(1, 1 + len(traces), width_ratios=(1.0, *(1.3 for _ in traces)))
     analysed = table[table["work"] == "analysis"]
     short = analysed[analysed["records"] == analysed["records"].min()]
@@ -202,9 +202,10 @@ def figure(table: pd.DataFrame, traces: dict[str, pd.DataFrame]) -> Figure:
         axes.plot(trace["records"], trace["client_mb"], color=AVERAGE, label="client and scheduler")
         axes.plot(trace["records"], trace["worker_mb"], color=LINEAR, label="largest worker")
         axes.set_ylim(0.0, 1.25 * trace[["client_mb", "worker_mb"]].to_numpy().max())
-        axes.set_xlabel(f"records done ({work})")
+        axes.set_title(work)
+        axes.set_xlabel("records done")
     memory[0].set_ylabel("memory (MB)")
-    memory[0].legend(loc="lower right")
+    drawn.legend(*memory[0].get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return drawn
 
 
