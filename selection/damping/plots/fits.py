@@ -133,8 +133,8 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
 #: Shares of the draws inside the contours of a pair.
 CONTENTS = (0.9, 0.5)
 _BINS = 24
-#: Parameters from which on three numbers below a panel run into one another.
-_CROWDED = 5
+#: Parameters from which two long numbers below a panel run into one another.
+_CROWDED = 4
 #: Letters of a line of a name below all panels together: each name has its panel's width, and height beside it.
 _LETTERS_ALONG = 70
 #: Room for numbers and a name of two lines below the lowest panels, and for each further line there and beside, inches.
