@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.effects import CATALOGUE
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
@@ -133,7 +132,7 @@ class Lab:
     def diagnosed(self, name: str) -> Diagnosis:
         """The diagnosis of ``measured(name)`` with the whole library."""
         if name not in self._diagnoses:
-            self._diagnoses[name] = diagnose(self.measured(name), self.mode(), CATALOGUE)
+            self._diagnoses[name] = diagnose(self.measured(name), self.mode())
         return self._diagnoses[name]
 
 

@@ -15,6 +15,7 @@ from damping.gap.problem import MOST_ROWS, list_unread
 from damping.gap.rows import read_rows
 from damping.gap.states import list_repeated
 from damping.records.record import Record
+from tests.gap.limited import limited
 
 PLAN = {"levels": 3, "points": 12}
 
@@ -131,7 +132,7 @@ def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):
         f"amplitude_3 of state 2 is without phase_3 in 5 of {len(record)} rows and is not used: both make one phasor"
     )
     assert list_unread([(record, lab.mode()), (partly, lab.mode())]) == [expected]
-    assert expected.replace(" of state 2", "") in diagnose(partly, lab.mode(), {}).cautions
+    assert expected.replace(" of state 2", "") in limited({}, diagnose, partly, lab.mode()).cautions
 
 
 def test_a_state_that_repeats_another_is_told(lab, honest):
@@ -147,7 +148,7 @@ def test_a_state_that_repeats_another_is_told(lab, honest):
     assert list_repeated([(part, mode), (one, mode)]) == ["the rows " + said.format(1, 2)]
     mixed = Record(pd.concat([one.table.iloc[:20], other.table.iloc[20:]], ignore_index=True))
     assert list_repeated([(one, mode), (mixed, mode)]) == ["20 rows " + said.format(1, 2)]
-    assert "the rows " + said.format(1, 2) in diagnose(one, mode, {}, states=[(renamed, mode)]).cautions
+    assert "the rows " + said.format(1, 2) in limited({}, diagnose, one, mode, states=[(renamed, mode)]).cautions
 
 
 def test_a_record_that_is_given_twice_is_refused(lab, honest):
@@ -157,7 +158,7 @@ def test_a_record_that_is_given_twice_is_refused(lab, honest):
     for record in (one, blank, Record(one.table.iloc[3:20].reset_index(drop=True))):
         other = blank if record is blank else one
         with pytest.raises(InputError, match=r"states 1 and 2 are identical in every column; expected each .* once"):
-            diagnose(other, lab.mode(), {}, states=[(record, lab.mode())])
+            limited({}, diagnose, other, lab.mode(), states=[(record, lab.mode())])
 
 
 def test_too_many_rows(lab, honest):
@@ -247,7 +248,7 @@ def test_an_uncertainty_of_0_states_no_noise_and_is_said(lab, honest):
     none = Record(record.table.drop(columns=["amplitude_sd", "phase_sd"]))
     zero = Record(record.table.assign(amplitude_sd=0.0, phase_sd=0.0))
     partly = Record(record.table.assign(amplitude_sd=some))
-    said = [diagnose(own, lab.mode(), {}) for own in (none, zero, partly)]
+    said = [limited({}, diagnose, own, lab.mode()) for own in (none, zero, partly)]
     assert said[0].gap == said[1].gap
     estimated = "estimated from the roughness along each sweep"
     assert f"noise is not stated: it was {estimated}" in said[0].cautions

@@ -20,6 +20,7 @@ from damping.records import audit
 from damping.records.base_drive import find_participation
 from damping.records.mode import Mode
 from damping.records.record import Record
+from tests.gap.limited import limited
 
 F_N = 23.7
 W_N = 2.0 * np.pi * F_N
@@ -87,7 +88,7 @@ def heavier(mode) -> Mode:
 @pytest.fixture(scope="module")
 def quadratic(mode) -> Diagnosis:
     """Velocity-squared damping at four levels of the base, one state."""
-    return diagnose(shaken((0.05, 0.1, 0.2, 0.4), c2=100.0), mode, EFFECTS)
+    return limited(EFFECTS, diagnose, shaken((0.05, 0.1, 0.2, 0.4), c2=100.0), mode)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_nothing_is_found_where_nothing_is_wrong(mode, by_force, heavier, states
         "added, in a column": [(together(one, loaded), mode)],
         "added, in a mode file": [(one, mode), (Record(loaded.table.drop(columns="added_mass")), heavier)],
     }[states]
-    found = diagnose(*first, EFFECTS, states=further)
+    found = limited(EFFECTS, diagnose, *first, states=further)
     assert found.leading.effects == ()
     assert found.gap.before < 1.2  # four standard errors of 100 rows with two values each are 0.2
     assert any("participation of 1." in caution for caution in found.cautions)
@@ -115,7 +116,7 @@ def test_an_added_mass_is_measured_beside_the_participation(mode):
     true = 1.015
     one, loaded = shaken((0.05, 0.2)), shaken((0.1, 0.2), added=ADDED, seed=4)
     simulated = replace(mode, mass=MASS / true, damping={"viscous": VISCOUS / true})
-    fit = diagnose(together(one, loaded), simulated, {}).leading.best
+    fit = limited({}, diagnose, together(one, loaded), simulated).leading.best
     relative = dict(zip(fit.model.problem.simulation.names, fit.y, strict=False))
     # tolerance of 2 %; the frequency is known to 1e-5, its ratio to the mass is a sixth
     np.testing.assert_allclose(relative["mass"] * 0.02, np.log(true), rtol=0.0, atol=0.001)
@@ -124,7 +125,7 @@ def test_an_added_mass_is_measured_beside_the_participation(mode):
 def test_damping_of_a_base_driven_state_is_found_beside_an_added_mass(mode):
     c2 = 100.0
     record = together(shaken((0.05, 0.1, 0.2, 0.4), c2=c2), shaken((0.2,), added=ADDED, c2=c2, seed=4))
-    found = diagnose(record, mode, EFFECTS)
+    found = limited(EFFECTS, diagnose, record, mode)
     assert found.leading.effects == ("velocity-squared",)
     coefficient = effect_values(found.leading.best)["velocity-squared"]["coefficient"]
     np.testing.assert_allclose(coefficient, c2 / (P * MASS), rtol=0.03, atol=0.0)  # 1 %: 125 rows of 0.5 %, p to 0.5 %
@@ -160,7 +161,7 @@ def test_a_next_test_is_of_the_first_state(mode, by_force):
     """Proposed in the column of its record, an acceleration, and not as the force that drove the second state."""
     states = [(shaken((0.05, 0.1, 0.2, 0.4), c2=100.0), mode), (shaken((9.0,), p=0.0, c2=100.0, seed=3), by_force)]
     (record, counted), *further = states
-    found = diagnose(record, counted, EFFECTS, states=further)
+    found = limited(EFFECTS, diagnose, record, counted, states=further)
     assert found.leading.effects == ("velocity-squared",)
     command = name_command(states, None)
     runs = [design.plan(found.setting.problem) for design in DESIGNS]
@@ -173,12 +174,12 @@ def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode
     """In kg and driven by the base, as the record is: it fits as it is."""
     c2 = 100.0
     record = together(shaken((0.05, 0.1, 0.2, 0.4), c2=c2), shaken((0.2,), added=ADDED, c2=c2, seed=4))
-    corrected = diagnose(record, mode, {"velocity-squared": EFFECTS["velocity-squared"]}).corrected
+    corrected = limited({"velocity-squared": EFFECTS["velocity-squared"]}, diagnose, record, mode).corrected
     assert corrected.drive == "base"
     # the participation is known to 0.5 %, the coefficient to 1 %
     np.testing.assert_allclose(corrected.damping["velocity-squared"]["coefficient"], c2, rtol=0.03, atol=0.0)
     np.testing.assert_allclose(corrected.mass, MASS, rtol=0.01, atol=0.0)
-    again = diagnose(record, corrected, EFFECTS)
+    again = limited(EFFECTS, diagnose, record, corrected)
     assert again.leading.effects == ()
     assert again.gap.nominal < 1.2
 
@@ -224,7 +225,7 @@ def test_a_state_of_another_stiffness_has_its_own_participation(mode):
         tables.append(pd.DataFrame(columns | {"phase": -np.angle(q) + NOISE * rng.normal(size=w.size)}))
     soft = Record(pd.concat(tables, ignore_index=True), "soft.csv")
     other = replace(mode, frequency=F_N / np.sqrt(2.0))
-    found = diagnose(shaken((0.05, 0.2)), mode, EFFECTS, states=[(soft, other)])
+    found = limited(EFFECTS, diagnose, shaken((0.05, 0.2)), mode, states=[(soft, other)])
     assert found.leading.effects == ()
     said = [caution for caution in found.cautions if "participation" in caution]
     assert [caution.split(":")[0] for caution in said] == ["base drive of state 1", "base drive of state 2"]

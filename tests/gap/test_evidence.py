@@ -15,12 +15,12 @@ from scipy.stats import multivariate_normal
 
 from damping.effects import CATALOGUE
 from damping.gap.corrected import log_density, sample_effects
-from damping.gap.diagnose import explain, search_hypotheses
+from damping.gap.diagnose import explain
 from damping.gap.fit import ModelFit, decorrelate, fit_model
 from damping.gap.model import Scatter
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
-from damping.gap.search import Search
+from damping.gap.search import Search, search_hypotheses
 from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
 from damping.gap.wild import log_likelihood
 from damping.infer.importance import importance

@@ -12,6 +12,7 @@ from damping.gap.diagnose import diagnose
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.report.gap_page import gap_figures
+from tests.gap.limited import limited
 
 MASS, OMEGA, NOISE = 250.0, 2.0 * np.pi * 7.3, 0.005
 VISCOUS = 2.0 * 0.005 * MASS * OMEGA
@@ -44,7 +45,7 @@ def test_the_band_holds_the_truth_and_is_as_wide_as_the_rows_err(no_folds, squar
     """
     mode, held, wide = Mode(name="m", frequency=7.3, mass=MASS, damping={"viscous": VISCOUS}), [], []
     for seed in range(50, 50 + records):
-        found = diagnose(measure(square, seed), mode, {effect: CATALOGUE[effect]})
+        found = limited({effect: CATALOGUE[effect]}, diagnose, measure(square, seed), mode)
         (band,) = gap_figures(found)["local"].figure.axes[1].collections[:1]
         x, ratio = band.get_paths()[0].vertices.T
         A = np.unique(x)[5:-5:8]

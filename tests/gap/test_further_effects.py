@@ -32,6 +32,7 @@ from damping.records.record import Record
 from damping.report.forms import gap_form
 from damping.report.gap import describe_diagnosis
 from damping_validation.generator.laws import Partner
+from tests.gap.limited import limited
 
 pytestmark = pytest.mark.usefixtures("no_folds")
 OMEGA = 2 * np.pi * 3.0
@@ -429,7 +430,7 @@ def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wr
         return wrong(force / np.abs(Y), np.angle(Y))
 
     with pytest.raises(InputError, match=said):
-        explain(lab.measured("phase-lag"), lab.mode(), {}, simulate=simulate)
+        limited({}, explain, lab.measured("phase-lag"), lab.mode(), simulate=simulate)
 
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
@@ -442,7 +443,7 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
 
     named = {"viscous": {"coefficient": VISCOUS}, "velocity-squared": {"coefficient": 1.0}}
     effects = {name: CATALOGUE[name] for name in ("velocity-squared", "quadratic-displacement", "stiffness-hardening")}
-    found = explain(lab.measured("velocity-squared"), lab.mode(damping=named), effects, simulate=simulate)
+    found = limited(effects, explain, lab.measured("velocity-squared"), lab.mode(damping=named), simulate=simulate)
     assert found.leading.effects == ("velocity-squared",)
     assert any("velocity-squared of the mode file is not simulated" in caution for caution in found.cautions)
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.interpolate import BSpline
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import search_hypotheses
 from damping.gap.directed import basis, directed_tests, unexplained
 from damping.gap.problem import setting
+from damping.gap.search import search_hypotheses
 from damping.gap.weighing import cover_probability, weigh_hypotheses
 
 GAIN = 0.01

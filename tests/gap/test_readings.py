@@ -19,6 +19,7 @@ from damping.gap.wild import find_pattern
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
 from damping.result import DiagnosisResult
+from tests.gap.limited import limited
 
 #: What any record of these is compared with: enough to be blamed, and quick.
 FEW = {name: CATALOGUE[name] for name in ("velocity-squared", "coulomb-friction", "sensor-saturation")}
@@ -48,7 +49,7 @@ def peak(record, sweep):
 def test_a_stray_reading_is_set_aside_and_said(lab, honest):
     row = POINTS + 4  # beside the peak of sweep B
     record = spoilt(honest, [row], 1.3)
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert (found.leading.effects, found.unexplained) == ((), False)
     assert found.gap.after < 1.2  # without it; with it sqrt(1 + 30^2/120) = 2.9
     (reading,) = list_far_readings(found.leading.best)
@@ -79,7 +80,7 @@ def test_readings_that_no_chance_puts_there_are_unexplained(lab, honest, places,
     record = spoilt(Record(table), peak(honest, "C") + np.array(places), factor)
     if len(places) <= 4:
         words = words.replace("6 of 60", "6 of 80")
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert (found.leading.effects, found.unexplained) == ((), True)
     assert found.gap.after > 2.0  # they are in the numbers
     (verdict,) = describe_diagnosis(found)["verdict"]
@@ -118,7 +119,7 @@ def test_noise_that_is_stated_too_small_is_said_and_is_no_cause(lab, factor):
     rows = lab.bench(points=POINTS).rows
     table = lab.record(rows, lab.linear(rows), 4).table
     record = Record(table.assign(**{name: table[name] / factor for name in ("amplitude_sd", "phase_sd")}))
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert found.leading.effects == ()
     assert found.unexplained  # more than the stated noise is left: its root mean square is that factor
     np.testing.assert_allclose(found.gap.after, factor, rtol=0.2, atol=0.0)  # 120 values: .065, three of these
@@ -138,7 +139,7 @@ def test_noise_that_is_stated_too_small_is_said_and_is_no_cause(lab, factor):
 def test_noise_that_is_stated_too_small_hides_no_large_cause(lab):
     table = lab.measured("velocity-squared").table
     record = Record(table.assign(**{name: table[name] / 3.0 for name in ("amplitude_sd", "phase_sd")}))
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert found.leading.effects == ("velocity-squared",)
     np.testing.assert_allclose(found.understated.amplitude, 3.0, rtol=0.3, atol=0.0)
     assert found.in_library > 0.5
@@ -160,18 +161,18 @@ def correlated(record, rows, rho, seed, scale):
 def test_errors_that_go_together_are_no_white_scatter_and_are_named(lab):
     rows = lab.bench(points=POINTS).rows
     exact = lab.record(rows, lab.linear(rows))
-    one = diagnose(correlated(exact, rows, 0.9, 5, lab.noise), lab.mode(), {})
+    one = limited({}, diagnose, correlated(exact, rows, 0.9, 5, lab.noise), lab.mode())
     assert one.unexplained
     assert one.understated is None
     (verdict,) = describe_diagnosis(one)["verdict"]
     assert "; neighbouring rows deviate alike (p < 0.001)), and nothing in the library" in verdict
-    many = diagnose(correlated(exact, rows, 0.9, 5, 3.0 * lab.noise), lab.mode(), {})
+    many = limited({}, diagnose, correlated(exact, rows, 0.9, 5, 3.0 * lab.noise), lab.mode())
     assert many.setting.dispersion > 1.0
     assert many.understated is None
 
 
 def test_what_shows_a_rest_is_named(lab, honest):
-    fit = diagnose(honest, lab.mode(), {}).leading.best
+    fit = limited({}, diagnose, honest, lab.mode()).leading.best
     tests = [Test("drift", 1.0, 3, 0.5), Test("second path", 60.0, 14, 5e-4)]
     assert describe_rest(fit, tests) == "second path in free form improves the fit (p = 0.001)"
     assert describe_rest(fit, tests[:1]) == ""
@@ -186,7 +187,7 @@ def test_a_hard_clip_is_at_no_end(lab):
     end = np.arcsin(1.0 / a)
     cut = np.where(a > 1.0, level * (2.0 / np.pi) * (a * end + np.cos(end)), cells.amplitude)
     record = lab.record(rows, replace(cells, amplitude=cut), 3)
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert found.leading.effects == ("sensor-saturation",)
     assert list_ends(found.leading.best) == []
     fit = found.leading.best
@@ -204,7 +205,7 @@ def test_a_channel_across_that_reads_its_floor_is_no_cause(lab, honest):
     rng, n = np.random.default_rng(3), len(honest)
     floor = 0.002 * honest.table["amplitude"].max() * np.abs(1.0 + 0.3 * rng.normal(size=n))
     record = Record(honest.table.assign(amplitude_y=floor, phase_y=rng.uniform(0.0, 3.0, n)))
-    found = diagnose(record, lab.mode(), FEW)
+    found = limited(FEW, diagnose, record, lab.mode())
     assert (found.leading.effects, found.unexplained) == ((), False)
 
 
@@ -213,7 +214,7 @@ def test_peaks_of_one_frequency_are_diagnosed(lab):
     forces = np.array([1.0, 2.0, 4.0, 8.0])
     amplitude = forces / (lab.viscous * lab.omega)  # viscous damping at phase resonance
     table = {"sweep": list("ABCD"), "force": forces, "frequency": lab.omega / (2.0 * np.pi), "amplitude": amplitude}
-    found = diagnose(Record(pd.DataFrame(table)), lab.mode(), FEW)
+    found = limited(FEW, diagnose, Record(pd.DataFrame(table)), lab.mode())
     assert found.leading.effects == ()
     assert DiagnosisResult(found).to_json()["effects"] == []
 
@@ -226,6 +227,6 @@ def test_equal_values_have_no_trend():
 
 
 def test_chances_are_read_as_sentences(lab, honest):
-    found = diagnose(honest, lab.mode(), {})
+    found = limited({}, diagnose, honest, lab.mode())
     (verdict,) = describe_diagnosis(replace(found, unexplained=True, in_library=0.0))["verdict"]
     assert verdict.endswith("The chance that the cause is in the library at all is less than 0.001.")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
-from damping.gap.diagnose import search_hypotheses
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
+from damping.gap.search import search_hypotheses
 from damping.gap.size import (
     describe_repeatability,
     hold_levels_out,

@@ -36,6 +36,7 @@ from damping.records.mode import Mode, Rig, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
+from tests.gap.limited import limited
 
 #: One group: what was integrated is shared with other files.
 pytestmark = pytest.mark.usefixtures("no_folds")
@@ -49,7 +50,7 @@ FURTHER = ("planar-coupling", "force-dropout", "stiffness-hardening")
 @pytest.mark.parametrize("name", [*LARGE, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
 def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
     smaller = {other: effect for other, effect in CATALOGUE.items() if other not in {name} | ALIKE.get(name, set())}
-    found = diagnose(lab.measured(name, points=10), lab.mode(), smaller)
+    found = limited(smaller, diagnose, lab.measured(name, points=10), lab.mode())
     assert found.unexplained or found.hypotheses[0].probability < 0.95
     assert all(name not in one.effects for one in found.hypotheses)
     assert found.gap.nominal > 2.0  # the gap is seen
@@ -57,7 +58,7 @@ def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
 
 def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
     smaller = {name: effect for name, effect in CATALOGUE.items() if name != "stiffness-hardening"}
-    found = diagnose(lab.measured("stiffness-hardening", points=13), lab.mode(), smaller)
+    found = limited(smaller, diagnose, lab.measured("stiffness-hardening", points=13), lab.mode())
     all_rows = np.sqrt(np.mean(nominal_residuals(found.leading.best) ** 2))
     # there is no wild point in this record; some rows, 5 % of them, may look like one
     assert found.gap.nominal > 0.8 * all_rows
@@ -72,7 +73,7 @@ def test_what_several_effects_explain_with_one_noise_is_tried_with_the_next():
     example = Path(__file__).parents[2] / "examples" / "bolted-joint"
     gone = {"slip", "drift", "stiffness-softening", "sensor-saturation"}
     smaller = {name: effect for name, effect in CATALOGUE.items() if name not in gone}
-    found = explain(read_record(example / "record.csv"), read_mode(example / "panel.toml"), smaller)
+    found = limited(smaller, explain, read_record(example / "record.csv"), read_mode(example / "panel.toml"))
     with np.errstate(all="ignore"):
         afresh = Search(found.setting.problem, smaller, found.setting.unknowns).run()
     assert found.leading.log_posterior > afresh.ranked()[0].log_posterior - 1.0

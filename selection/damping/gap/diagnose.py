@@ -26,10 +26,9 @@ from damping.gap.problem import (
     refuse_rows,
     setting,
 )
-from damping.gap.search import Search
+from damping.gap.search import Search, search_hypotheses
 from damping.gap.simulation import Simulate
 from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
-from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
     FootprintCell,
@@ -44,35 +43,22 @@ from damping.gap.where import (
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
-DISPERSED = 4.0
-MOST_DISPERSIONS = 3
-#: With fewer rows, noise that is not stated is not enlarged to the residuals of the best explanation.
-FEW_ROWS = 40
-#: Most times that noise which is not stated is estimated anew from the residuals of the leading explanation.
-MOST_NOISES = 3
-#: Most probable explanations by several effects at one noise estimate that are fitted at the next one too.
-MOST_CARRIED = 8
-
 
 @dataclass(frozen=True)
-class Explained:
-    """The weighed hypotheses about a gap.
+class Weighed:
+    """The hypotheses about a gap, weighed.
 
     Attributes:
-        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. setting: noise and repeatability as
-            taken. search: the finished search.
+        setting: noise and repeatability as taken. search: the finished search.
         library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of the leading hypothesis's residuals. doubts: see `weighing.describe_doubts`.
         in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
         unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
             the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
         imitations: explanations by causes outside the library that the record does not tell from the leading one.
-        cautions: what the record cannot say. states, simulate: see `explain`.
+        cautions: what the record cannot say.
     """
 
-    record: Record
-    mode: Mode
     setting: Setting
     search: Search
     library: Mapping[str, Effect]
@@ -85,6 +71,18 @@ class Explained:
     understated: readings.RowScatter | None
     imitations: tuple[Hypothesis, ...]
     cautions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Explained(Weighed):
+    """The weighed hypotheses about the gap between a simulation and a record.
+
+    Attributes:
+        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. states, simulate: see `explain`.
+    """
+
+    record: Record
+    mode: Mode
     states: tuple[State, ...]
     simulate: Simulate | None
     unit: float
@@ -143,7 +141,6 @@ class Diagnosis(Explained):
 def explain(
     record: Record,
     mode: Mode,
-    effects: Mapping[str, Effect] | None = None,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
     *,
@@ -152,7 +149,6 @@ def explain(
     """Fit and weigh every hypothesis about the gap between a simulation and a record.
 
     Args:
-        effects: the library, by name; all of `CATALOGUE` where not given.
         states: records of further states of the structure with their modes; effects are shared.
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
         brief: skip causes outside the library where more than noise is left and the probability of a cause in the
@@ -179,11 +175,23 @@ def explain(
         raise AnalysisError(f"{mode.source}: {message}: simulate some in [damping]; damping rank tells which law fits")
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
-    library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
+    library = exclude_effects(CATALOGUE, mode, rows)
     cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
-    known, search = search_hypotheses(start, library)
+    weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)
+    return Explained(
+        **(vars(weighed) | {"cautions": (*cautions, *weighed.cautions)}),
+        record=record,
+        mode=mode,
+        states=tuple(states),
+        simulate=simulate,
+        unit=driven.unit,
+    )
+
+
+def weigh_search(known: Setting, search: Search, library: Mapping[str, Effect], *, brief: bool) -> Weighed:
+    """Weigh and doubt the hypotheses of a finished ``search``; ``brief``: see `explain`."""
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
@@ -191,24 +199,39 @@ def explain(
     in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
     by_scatter = readings.stands_above(understated, leading.best)
-    dispersion, rest = 1.0 if by_scatter else known.dispersion, of_levels or (in_rows and not by_scatter)
-    enough = brief and (in_rows or of_levels)
-    outside, imitations, doubts, beyond, in_library = weigh_library(search, hypotheses, tests, dispersion, rest, enough)
-    cautions += describe_outside(outside, leading)
+    verdict = weigh_library(
+        search,
+        hypotheses,
+        tests,
+        dispersion=1.0 if by_scatter else known.dispersion,
+        unexplained=of_levels or (in_rows and not by_scatter),
+        brief=brief and (in_rows or of_levels),
+    )
+    in_library, cautions = verdict.probability, describe_outside(verdict.outside, leading)
     if weighing.hides_state(leading.best):
         in_library = min(in_library, weighing.UNCONFIRMED)
         cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
-    blended = weighing.blend_probabilities(hypotheses, in_library, beyond)
-    weighed = weighing.order_by_probability(blended)
-    results = (known, search, library, weighed, tests, doubts, in_library, in_rows or of_levels, in_rows, understated)
-    return Explained(record, mode, *results, imitations, tuple(cautions), tuple(states), simulate, driven.unit)
+    blended = weighing.blend_probabilities(hypotheses, in_library, verdict.beyond)
+    return Weighed(
+        setting=known,
+        search=search,
+        library=library,
+        hypotheses=weighing.order_by_probability(blended),
+        tests=tests,
+        doubts=verdict.doubts,
+        in_library=in_library,
+        unexplained=in_rows or of_levels,
+        unexplained_rows=in_rows,
+        understated=understated,
+        imitations=verdict.imitations,
+        cautions=tuple(cautions),
+    )
 
 
 @np.errstate(all="ignore")  # as for `explain`
 def diagnose(
     record: Record,
     mode: Mode,
-    effects: Mapping[str, Effect] | None = None,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
 ) -> Diagnosis:
@@ -216,7 +239,7 @@ def diagnose(
 
     Adds doubts, levels held out, places and trends to what `explain` finds.
     """
-    explained = explain(record, mode, effects, states, simulate)
+    explained = explain(record, mode, states, simulate)
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
     held_out = size.hold_levels_out(known, explained.search, leading.best)
     gap = size.measure_gap(leading.best)
@@ -247,49 +270,3 @@ def diagnose(
         damping_trend=trend_of(local, "damping"),
         frequency_trend=trend_of(local, "frequency"),
     )
-
-
-def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
-
-    Where even the best explanation misses by more than noise, all are compared again with noise enlarged to its
-    residuals. If no explanation is the whole truth, the one with the smallest residuals should lead, not one that
-    happens to agree with a part of the rows.
-    """
-    known, search = _with_noise(start, effects)
-    if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
-        return known, search  # the noise prior of so few rows is wide enough
-    for _ in range(MOST_DISPERSIONS):
-        r = search.ranked()[0].best.measured
-        excess = spread(r)
-        if excess < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
-            break
-        known = replace(known, dispersion=known.dispersion * excess)
-        search = search.again(known.problem, known.unknowns, larger=excess**2)
-    return known, search
-
-
-def _with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
-    """A search with the stated noise; else with noise from its leading explanation's residuals, iterated to stability.
-
-    The first estimate is from the simulation alone, too large if that is wrong; the next from the best single effect.
-    """
-    if start.noise_known:
-        return start, Search(start.problem, effects, start.unknowns).run()
-    for _ in range(2):
-        start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search, combined = Search(start.problem, effects, start.unknowns), False
-    search.singles()
-    for _ in range(MOST_NOISES):
-        better = start.with_noise_of(search.ranked()[0].best)
-        if not better.has_noise_of(start):
-            several = [hypothesis for hypothesis in search.ranked() if len(hypothesis.effects) > 1][:MOST_CARRIED]
-            start, search = better, Search(better.problem, effects, better.unknowns)
-            search.singles()
-            for hypothesis in several:
-                search.adopt(hypothesis)
-        elif combined:
-            break
-        search.combine()
-        combined = True
-    return start, search

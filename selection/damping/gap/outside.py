@@ -4,7 +4,7 @@ These are the forces and parts of `damping.effects.foreign`, and amplitudes of a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,30 +92,50 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
     return [hypothesis for hypothesis in foreign.ranked() if hypothesis.key & FOREIGN.keys()]
 
 
+@dataclass(frozen=True)
+class LibraryVerdict:
+    """Whether the library holds the cause of a gap.
+
+    Attributes:
+        outside: log odds, against the leading explanation, of causes outside the library, by description.
+        imitations: explanations by causes outside the library that the record does not tell from the leading one.
+        doubts: see `damping.gap.weighing.describe_doubts`.
+        beyond: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left or an imitation remains.
+        probability: that the library holds the cause.
+    """
+
+    outside: Mapping[str, float]
+    imitations: tuple[Hypothesis, ...]
+    doubts: FloatArray
+    beyond: int
+    probability: float
+
+
 def weigh_library(
     search: Search,
     hypotheses: Sequence[Explanation],
     tests: Sequence[Test],
     dispersion: float,
-    left: bool,
-    enough: bool,
-) -> tuple[dict[str, float], tuple[Hypothesis, ...], FloatArray, int, float]:
-    """Log odds of causes outside the library, imitations, doubts, `count_beyond`, probability of a cause inside it.
+    *,
+    unexplained: bool,
+    brief: bool,
+) -> LibraryVerdict:
+    """Weigh whether the library holds the cause of a gap.
 
-    ``left``: whether more than noise is left. ``enough``: skip causes outside the library, which only lower that
-    probability, where it is already below ``KNOWN``.
+    ``dispersion``: residuals of the best explanation over noise. ``unexplained``: whether more than noise is left.
+    ``brief``: skip causes outside the library, which only lower the probability, where it is already below ``KNOWN``.
     """
 
-    def estimate(outside: Mapping[str, float], beyond: int) -> tuple[FloatArray, float]:
-        doubts = describe_doubts(tests, hypotheses, outside.values())
-        return doubts, estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=left)
+    def estimate(doubts: FloatArray, beyond: int) -> float:
+        return estimate_in_library(doubts, hypotheses[0], dispersion, beyond, unexplained=unexplained)
 
-    beyond = 0 if left else count_beyond(hypotheses)
-    enough = enough and estimate({}, beyond)[1] < KNOWN
-    outside, imitations = ({}, ()) if enough else weigh_outside(search, hypotheses[0].hypothesis)
-    beyond = 0 if imitations else beyond
-    doubts, chance = estimate(outside, beyond)
-    return outside, imitations, doubts, beyond, chance
+    beyond = 0 if unexplained else count_beyond(hypotheses)
+    doubts = describe_doubts(tests, hypotheses, ())
+    if brief and estimate(doubts, beyond) < KNOWN:
+        return LibraryVerdict({}, (), doubts, beyond, estimate(doubts, beyond))
+    outside, imitations = weigh_outside(search, hypotheses[0].hypothesis)
+    doubts, beyond = describe_doubts(tests, hypotheses, outside.values()), 0 if imitations else beyond
+    return LibraryVerdict(outside, imitations, doubts, beyond, estimate(doubts, beyond))
 
 
 def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from itertools import chain, combinations, product
 
 import numpy as np
 
+from damping.effects.contract import Effect
 from damping.effects.rig import AMPLITUDE_SCALE
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import fit_model
@@ -24,6 +26,8 @@ from damping.gap.hypotheses import (
     order_ways,
 )
 from damping.gap.model import Model
+from damping.gap.problem import Setting
+from damping.gap.unknowns import spread
 
 #: A further effect is fitted where its linear gain in ln p exceeds the first and, times the second (fits gain more than
 #: linear estimates), brings the hypothesis within ``NEAR`` of the most probable.
@@ -37,6 +41,15 @@ ROWS_PER_EFFECT = 15
 #: Most combinations tried for each number of effects beyond one, and most explanations that effects are added to.
 _MOST_FITS = 10
 _MOST_EXTENDED = 6
+#: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
+DISPERSED = 4.0
+MOST_DISPERSIONS = 3
+#: With fewer rows, noise that is not stated is not enlarged to the residuals of the best explanation.
+FEW_ROWS = 40
+#: Most times that noise which is not stated is estimated anew from the residuals of the leading explanation.
+MOST_NOISES = 3
+#: Most probable explanations by several effects at one noise estimate that are fitted at the next one too.
+MOST_CARRIED = 8
 _PROMISES = 0.25  #: Another law is tried if its linear gain exceeds this share of the gain of the effect it replaces.
 _HOPELESS = 0.01  #: An effect is worth a fit if its linear gain exceeds this share of the largest less ``SURE``.
 
@@ -182,3 +195,49 @@ class Search(Fits):
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name])[:most]:
             self.extend(base, name, tried[name])
+
+
+def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
+
+    Where even the best explanation misses by more than noise, all are compared again with noise enlarged to its
+    residuals. If no explanation is the whole truth, the one with the smallest residuals should lead, not one that
+    happens to agree with a part of the rows.
+    """
+    known, search = _search_with_noise(start, effects)
+    if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
+        return known, search  # the noise prior of so few rows is wide enough
+    for _ in range(MOST_DISPERSIONS):
+        r = search.ranked()[0].best.measured
+        excess = spread(r)
+        if excess < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
+            break
+        known = replace(known, dispersion=known.dispersion * excess)
+        search = search.again(known.problem, known.unknowns, larger=excess**2)
+    return known, search
+
+
+def _search_with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+    """A search with the stated noise; else with noise from its leading explanation's residuals, iterated to stability.
+
+    The first estimate is from the simulation alone, too large if that is wrong; the next from the best single effect.
+    """
+    if start.noise_known:
+        return start, Search(start.problem, effects, start.unknowns).run()
+    for _ in range(2):
+        start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
+    search, combined = Search(start.problem, effects, start.unknowns), False
+    search.singles()
+    for _ in range(MOST_NOISES):
+        better = start.with_noise_of(search.ranked()[0].best)
+        if not better.has_noise_of(start):
+            several = [hypothesis for hypothesis in search.ranked() if len(hypothesis.effects) > 1][:MOST_CARRIED]
+            start, search = better, Search(better.problem, effects, better.unknowns)
+            search.singles()
+            for hypothesis in several:
+                search.adopt(hypothesis)
+        elif combined:
+            break
+        search.combine()
+        combined = True
+    return start, search
