@@ -34,6 +34,7 @@ from damping.ranking import Candidate, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws, load_candidates
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
+from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import study_files as files
@@ -227,7 +228,9 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     rows, tested = prepared.all_rows, prepared.all_rows.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan, all_rows=rows)
-    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted) if len(asked) else ()
+    against = AGREED
+    if len(asked):
+        against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
     amplitudes = list_default_amplitudes(predicted)
     curve, drawn = (
         trace_loads(predict_forces(predicted, at, each=False), prepared.backbone, plan.data)
@@ -270,7 +273,7 @@ def _record_result(
     )
 
 
-def _warn(against: tuple[str, ...], cautions: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+def _warn(against: Disagreement, cautions: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
     """Cautions of each prediction with what speaks against all of them first."""
     return tuple((*against, *own) for own in cautions)
 

@@ -27,7 +27,7 @@ from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.text import OF_LOADS
+from damping.records.text import AGREED, Disagreement
 
 #: Probability from which an explanation counts as alive, where the library is believed to know the cause.
 ALIVE = 0.1
@@ -41,17 +41,17 @@ BEYOND = 2.0
 LEVEL = 0.9
 
 
-def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> tuple[str, ...]:
+def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> Disagreement:
     """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere.
 
     ``record``, ``mode``: under a modal force, as swept.
     """
     # where a law fits poorly, `describe_fall` may quote probabilities, which unnamed causes change
     explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor")
-    return compare(predicted, explained) if explained else ()
+    return compare(predicted, explained) if explained else AGREED
 
 
-def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> tuple[str, ...]:
+def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> Disagreement:
     """Describe where the ranked laws contradict a diagnosis at ``BEYOND`` times the tested force; empty if they agree.
 
     ``findings``: of the audit of the record.
@@ -60,14 +60,14 @@ def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, 
         prepared = prepare_record(record, diagnosis.mode, findings)
         predicted = predict_record(prepared, np.empty(0), (BEYOND,), LEVEL, seed, fresh=False)
     except AnalysisError:  # a record without rows that laws can be ranked on
-        return ()
+        return AGREED
     return compare(predicted, diagnosis)
 
 
-def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> tuple[str, ...]:
+def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> Disagreement:
     """Describe where the diagnosis contradicts a ranking in which no law fits; empty if they agree."""
     explained = _explain(record, mode, brief=True)
-    return describe_misfit(fit, explained) if explained else ()
+    return Disagreement(on_rows=describe_misfit(fit, explained) if explained else ())
 
 
 def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
@@ -78,7 +78,7 @@ def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
         return None
 
 
-def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
+def compare(predicted: Extrapolation, explained: Explained) -> Disagreement:
     """Describe where amplitudes disagree, else where verdicts do; empty if they agree.
 
     Where ``predicted`` holds forces for given amplitudes, amplitudes are compared at those forces.
@@ -91,7 +91,9 @@ def compare(predicted: Extrapolation, explained: Explained) -> tuple[str, ...]:
     data, fit, joint = predicted.plan.data, predicted.plan.fit, predicted.plan.joint
     one_each = len(data.A) == len(data.sweeps) < len(explained.setting.problem.rows)
     resonances = len(data.A) if one_each else None
-    return amplitudes or describe_misfit(fit, explained, resonances) or describe_fall(joint, explained)
+    if amplitudes:
+        return Disagreement(on_loads=amplitudes)
+    return Disagreement(on_rows=describe_misfit(fit, explained, resonances) or describe_fall(joint, explained))
 
 
 def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | None = None) -> tuple[str, ...]:
@@ -158,7 +160,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
-                f"{OF_LOADS} {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
+                f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
                 + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
                 f" corrected by {cause}, which the diagnosis keeps (probability {explanation.probability:.2f}),"
                 f" {amplitude[at]:.4g} {units.length}".rstrip()

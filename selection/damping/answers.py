@@ -18,7 +18,7 @@ from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
 from damping.ranking import Ranking
 from damping.records.mode import Mode
-from damping.records.text import MOST_SHOWN, list_of_loads
+from damping.records.text import AGREED, MOST_SHOWN, Disagreement
 from damping.report import forms
 from damping.result import Result, complete_form
 
@@ -39,7 +39,7 @@ class RankingResult(Result):
 
     ranking: Ranking
     prepared: PreparedRecord
-    against: tuple[str, ...] = ()
+    against: Disagreement = AGREED
 
     @property
     def mode(self) -> Mode | None:
@@ -114,7 +114,7 @@ class PredictedResult(Result):
 
     extrapolation: Extrapolation
     prepared: PreparedRecord
-    against: tuple[str, ...] = ()
+    against: Disagreement = AGREED
 
     @property
     def mode(self) -> Mode:
@@ -124,7 +124,7 @@ class PredictedResult(Result):
     @property
     def headlines(self) -> tuple[str, ...]:
         """Sentences to show before the predictions: loads that the diagnosis disputes, and the verdict on the fit."""
-        return (*list_of_loads(self.against), *filter(None, [self.extrapolation.plan.fit.sentence]))
+        return (*self.against.on_loads, *filter(None, [self.extrapolation.plan.fit.sentence]))
 
     @property
     def measured_in(self) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.reading import require_numbers
 from damping.records.record import Record
+from damping.records.text import AGREED
 from damping.result import AuditResult, ConditionResult, DiagnosisResult, RegressionResult, SweepResult
 
 if TYPE_CHECKING:
@@ -192,7 +193,8 @@ def diagnose(
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
-    against = () if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
+    comparable = compare and not states and not simulate
+    against = compare_with_ranking(gap.record, gap, findings, seed) if comparable else AGREED
     audit_cautions = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
     gap = replace(gap, cautions=(*audit_cautions, *gap.cautions))
     sampled = None

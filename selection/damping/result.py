@@ -15,7 +15,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import MOST_SHOWN, count, describe_as_html, describe_as_text
+from damping.records.text import AGREED, MOST_SHOWN, Disagreement, count, describe_as_html, describe_as_text
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class DiagnosisResult(Result):
     diagnosis: Diagnosis
     posterior: EffectPosterior | None = None
     audit: Audit | None = None
-    against: tuple[str, ...] = ()
+    against: Disagreement = AGREED
 
     @property
     def table(self) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from damping.infer.doubt import JointEvidence
 from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
-from damping.records.text import OF_LOADS
+from damping.records.text import AGREED, Disagreement
 from damping.report.gap_page import render_gap_page
 from damping.report.page import Footer
 from damping_reed1970 import data_folder
@@ -68,8 +68,8 @@ def test_what_is_alive_on_the_flagship_stays_within_the_band(flagship):
     """Force over a power of amplitude in the place of the simulated viscous one: the ranked laws and effects agree."""
     record, mode = flagship
     loads = dp.extrapolate(record, mode, [90.0])
-    assert loads.against == ()
-    assert dp.diagnose(record, mode).against == ()
+    assert loads.against == AGREED
+    assert dp.diagnose(record, mode).against == AGREED
     explained, band = agreement.explain(record, mode), loads.loads.average
     alive = [own.hypothesis.best for own in explained.hypotheses if own.probability > agreement.ALIVE]
     assert len(alive) > 1
@@ -96,16 +96,17 @@ def test_both_say_where_they_disagree(flagship):
 @pytest.mark.parametrize(
     ("said", "first"),
     [
-        (f"{OF_LOADS} force 1: the ranked laws say 2, the simulation 3", True),
+        ("ranking and diagnosis disagree at the force 1: the ranked laws say 2, the simulation 3", True),
         ("ranking and diagnosis disagree on whether the rows are explained", False),
         ("neither ranking nor diagnosis explains the rows", False),
     ],
 )
 def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first):
     """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
-    monkeypatch.setattr("damping.agreement.compare_with_ranking", lambda *_: (said,))
+    against = Disagreement(on_loads=(said,)) if first else Disagreement(on_rows=(said,))
+    monkeypatch.setattr("damping.agreement.compare_with_ranking", lambda *_: against)
     diagnosis = dp.diagnose(*flagship)
-    assert diagnosis.to_json()["cautions"][0] == diagnosis.against[0]
+    assert diagnosis.to_json()["cautions"][0] == said
     capital = f"{said[0].upper()}{said[1:]}."
     assert (diagnosis.sentences[0] == capital) == first
     assert first or diagnosis.sentences[0].startswith("The ")
@@ -119,11 +120,11 @@ def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first)
 
 def test_what_is_said_of_the_rows_alone_follows_the_loads(flagship, few_laws):
     """On the terminal it stands among the cautions, in the form it is the first of them."""
-    loads = replace(dp.extrapolate(*flagship, [90.0]), against=())
-    poor = replace(loads, against=("ranking and diagnosis disagree on whether the rows are explained",))
+    loads = replace(dp.extrapolate(*flagship, [90.0]), against=AGREED)
+    poor = replace(loads, against=Disagreement(on_rows=("ranking and diagnosis disagree on the rows",)))
     assert poor.headlines == loads.headlines
     assert poor.cautions == (*poor.against, *loads.cautions)
-    of_load = replace(loads, against=(f"{OF_LOADS} force 90",))
+    of_load = replace(loads, against=Disagreement(on_loads=("ranking and diagnosis disagree at the force 90",)))
     assert of_load.headlines == (*of_load.against, *loads.headlines)
     assert of_load.cautions == (*of_load.against, *loads.cautions)
 
@@ -188,7 +189,7 @@ def test_a_second_plane_is_part_of_the_corrected_model(two_planes, few_laws):
 def test_no_conflict_over_two_planes_but_no_law_fits(two_planes):
     """Forces of one plane miss the rows of the sweeps, not the resonances: the answer begins with that."""
     loads = dp.extrapolate(*two_planes, [8.0])
-    assert loads.against == ()
+    assert loads.against == AGREED
     assert loads.to_json()["cautions"][0].startswith("no law fits")
     assert loads.to_json()["predictions"][0]["cautions"][0].startswith("no law fits")
     assert f"p = {dp.rank(two_planes[0]).ranking.fit.p_value:.2g}" in loads.headlines[0]
@@ -207,7 +208,7 @@ def test_a_curve_says_where_the_diagnosis_disagrees(flagship):
 def test_loads_for_amplitudes_are_compared_as_amplitudes(flagship):
     """The forces that reach an amplitude are no amplitudes: compared with those of the model they say nothing."""
     record, mode = flagship
-    assert dp.extrapolate(record, mode, amplitudes=[2.0]).against == ()
+    assert dp.extrapolate(record, mode, amplitudes=[2.0]).against == AGREED
 
 
 def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_laws):

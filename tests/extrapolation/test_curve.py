@@ -30,7 +30,7 @@ def known(force, amplitude) -> Loads:
     nothing = np.zeros(len(force))
     band = Band("law", 1.0, *([amplitude] * 5))
     parts = dict.fromkeys(PARTS, nothing)
-    return Loads(force, 0.9, band, (band,), parts, amplitude, nothing, nothing, nothing, force, ((),) * len(force))
+    return Loads(force, 0.9, band, (band,), parts, amplitude, force, ((),) * len(force))
 
 
 def backbone_of(amplitude, omega, mass_sd=0.0) -> Backbone:

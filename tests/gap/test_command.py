@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from damping.records.mode import describe_mode_to_toml, read_mode
+from damping.records.text import AGREED
 from damping_pipelines.cli import main
 
 KEYS = {
@@ -255,7 +256,7 @@ def test_a_state_without_its_record(damping, case):
 
 def test_files_of_one_name_are_told_apart_on_the_page(lab, tmp_path, monkeypatch, damping):
     """States of one structure in folders of their own: each record stands there with its own digest."""
-    answer = SimpleNamespace(diagnosis=None, posterior=None, against=(), sentences=())
+    answer = SimpleNamespace(diagnosis=None, posterior=None, against=AGREED, sentences=())
     monkeypatch.setattr("damping.diagnose", lambda *_, **__: answer)
     monkeypatch.setattr("damping.report.gap_page.render_gap_page", lambda *given: json.dumps(given[-1].inputs))
     words = []

@@ -13,6 +13,7 @@ from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.text import AGREED
 
 F_N = 20.0
 RATIO = 0.01
@@ -161,5 +162,5 @@ def test_diagnoses_read_rows_as_swept_and_predictions_steady_states(frequency, s
     (first, explained), (predicted, _) = compared
     assert loads.extrapolation.plan is first.plan
     assert explained.record is made
-    assert diagnosis.against == ()
+    assert diagnosis.against == AGREED
     np.testing.assert_allclose(predicted.plan.data.tested_amplitude, first.plan.data.tested_amplitude, rtol=1e-12)

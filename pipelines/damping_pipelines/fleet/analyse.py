@@ -22,6 +22,7 @@ from damping.ranking import Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
 from damping.records.mode import Units
+from damping.records.text import Disagreement
 from damping.report import forms, page
 from damping.report.figures import draw_design_loads
 from damping.report.gap import describe_diagnosis, tabulate_hypotheses
@@ -148,7 +149,8 @@ def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
     """The record with its diagnosis, and what that and the laws say against each other."""
     ranking, loads = read.ranking, read.loads
     if ranking and ranking.ranking.fit.verdict == "none fits":
-        ranking = replace(ranking, against=describe_misfit(ranking.ranking.fit, diagnosis.diagnosis))
+        misfit = describe_misfit(ranking.ranking.fit, diagnosis.diagnosis)
+        ranking = replace(ranking, against=Disagreement(on_rows=misfit))
     if loads:
         against = compare(loads.extrapolation, diagnosis.diagnosis)
         loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)

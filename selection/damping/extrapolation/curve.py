@@ -148,9 +148,6 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
             name: np.interp(np.log(average.median), log_F, part[moves] * steep) for name, part in loads.parts.items()
         },
         linear=linear,
-        overprediction=100.0 * (linear / average.median - 1.0),
-        overprediction_low=100.0 * (linear / average.high - 1.0),
-        overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
             (list_cautions(f, A, data, weights, plan) if p else (refusal,))

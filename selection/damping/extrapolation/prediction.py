@@ -131,8 +131,7 @@ class Loads:
         level: content of the intervals. average: over models by weight. by_model: band of each law.
         parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to the total variance.
         linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
-        overprediction, overprediction_low, overprediction_high: 100 (linear/A - 1) at the median and at the ends of
-            the predictive interval. ratio: force over the largest tested force. cautions: a tuple for each force.
+        ratio: force over the largest tested force. cautions: a tuple for each force.
         limit: force beyond which predictions are refused because levels are too few; infinite if there is none.
         amplitude: the given amplitudes, if any; ``force`` then holds medians, and the bands are of force.
     """
@@ -143,13 +142,29 @@ class Loads:
     by_model: tuple[Band, ...]
     parts: dict[str, FloatArray]
     linear: FloatArray
-    overprediction: FloatArray
-    overprediction_low: FloatArray
-    overprediction_high: FloatArray
     ratio: FloatArray
     cautions: tuple[tuple[str, ...], ...]
     limit: float = np.inf
     amplitude: FloatArray | None = None
+
+    @property
+    def overprediction(self) -> FloatArray:
+        """Excess of ``linear`` over the median, 100 (linear/median - 1), per cent."""
+        return self._exceed(self.average.median)
+
+    @property
+    def overprediction_low(self) -> FloatArray:
+        """The same over the high end of the predictive interval."""
+        return self._exceed(self.average.high)
+
+    @property
+    def overprediction_high(self) -> FloatArray:
+        """The same over the low end of the predictive interval."""
+        return self._exceed(self.average.low)
+
+    @np.errstate(divide="ignore")  # the linear amplitude is divided by 0 where friction holds the mode
+    def _exceed(self, predicted: FloatArray) -> FloatArray:
+        return np.asarray(100.0 * (self.linear / predicted - 1.0))
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
@@ -157,7 +172,6 @@ def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
 
 
-@np.errstate(divide="ignore")  # the linear amplitude is divided by 0 where friction holds the mode
 def predict(
     members: Sequence[Member],
     force: FloatArray,
@@ -202,9 +216,6 @@ def predict(
         by_model=tuple(bands),
         parts={name: np.where(predicted, part, np.nan) for name, part in _parts(spreads, weights).items()},
         linear=linear,
-        overprediction=100.0 * (linear / average.median - 1.0),
-        overprediction_low=100.0 * (linear / average.high - 1.0),
-        overprediction_high=100.0 * (linear / average.low - 1.0),
         ratio=ratio,
         cautions=tuple(
             list_cautions(f, A, data, [m.weight for m in members], plan, without)

@@ -4,6 +4,7 @@ import codecs
 import csv
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from html import escape
 from math import isfinite
 from pathlib import Path
@@ -236,11 +237,21 @@ def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] =
     return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"
 
 
-#: Beginning of a sentence on different loads by ranking and diagnosis. Such sentences come before a result; those on
-#: the rows alone come after it.
-OF_LOADS = "ranking and diagnosis disagree at the"
+@dataclass(frozen=True)
+class Disagreement:
+    """Sentences on contradictions between ranking and diagnosis, those on loads first; none where they agree.
+
+    Attributes:
+        on_loads: on the amplitude at a force; shown before a result.
+        on_rows: on what explains the rows; shown after a result.
+    """
+
+    on_loads: tuple[str, ...] = ()
+    on_rows: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.on_loads, *self.on_rows))
 
 
-def list_of_loads(against: Iterable[str]) -> tuple[str, ...]:
-    """The sentences in which ranking and diagnosis contradict each other's loads."""
-    return tuple(sentence for sentence in against if sentence.startswith(OF_LOADS))
+#: Ranking and diagnosis agree, or are not compared.
+AGREED = Disagreement()

@@ -17,7 +17,7 @@ from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
 from damping.gap.size import describe_repeatability
 from damping.gap.weighing import KNOWN
-from damping.records.text import list_of_loads
+from damping.records.text import Disagreement
 from damping.report.page import Block, List, Text, write_sections
 
 #: Least share of what a constant leaves (chi-square) that a power of amplitude takes where one is told: half.
@@ -65,11 +65,10 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     return {section.id: [text for block in section.blocks for text in list_sentences(block)] for section in sections}
 
 
-def order_cautions(against: Sequence[str], cautions: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Sentences before the answer, of loads that the ranked laws give otherwise, and the cautions behind it."""
-    first = list_of_loads(against)
-    behind = [caution for caution in (*against, *cautions) if caution not in first]
-    return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in first], behind
+def order_cautions(against: Disagreement, cautions: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Sentences to show before the answer, on loads that the ranked laws dispute, and cautions to show after it."""
+    first = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in against.on_loads]
+    return first, [*against.on_rows, *cautions]
 
 
 def _say_effect(name: str, values: Mapping[str, float]) -> str:

@@ -23,6 +23,7 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
+from damping.records.text import Disagreement
 from damping.report.gap import MOST_BARS, describe_diagnosis, list_sentences, order_cautions, tabulate_hypotheses
 from damping.report.page import FigureBlock, Footer, Table, render_page, write_sections
 
@@ -36,7 +37,7 @@ _POINTS = 160
 
 
 def render_gap_page(
-    diagnosis: Diagnosis, posterior: EffectPosterior | None, against: Sequence[str], footer: Footer
+    diagnosis: Diagnosis, posterior: EffectPosterior | None, against: Disagreement, footer: Footer
 ) -> str:
     """The page as HTML; ``against``: where the ranked laws disagree. Equal arguments give equal text."""
     model = diagnosis.leading.best.model

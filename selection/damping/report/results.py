@@ -21,6 +21,7 @@ from damping.infer.observations import Observations
 from damping.ranking import Ranking
 from damping.records.mode import Mode
 from damping.records.record import Record
+from damping.records.text import AGREED, Disagreement
 from damping.records.view import Finding
 from damping.regression.fit import PowerLaw
 from damping.report import count
@@ -55,7 +56,7 @@ class RecordResult:
     design: Loads | None = None  #: at the design forces; None, as the bands, where the study asks for none
     power_laws: tuple[PowerLaw, ...] = ()  #: of both forms; empty with fewer than two levels
     findings: tuple[Finding, ...] = ()  #: of the audit of the record
-    against: tuple[str, ...] = ()  #: where the diagnosis disagrees with the predictions
+    against: Disagreement = AGREED  #: where the diagnosis disagrees with the predictions
     curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
     drawn_curve: Curve | None = None  #: the same at as many amplitudes as a drawing needs
     design_curve: Curve | None = None  #: the same at the design forces
