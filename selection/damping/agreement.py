@@ -29,7 +29,7 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import AGREED, Disagreement
 
-#: Probability from which an explanation counts as alive, where the library is believed to know the cause.
+#: Probability from which an explanation counts as alive, if the library probably holds the cause.
 ALIVE = 0.1
 #: Effects whose damping force is hysteretic, such as a joint that softens as it slips.
 WITH_MEMORY = {

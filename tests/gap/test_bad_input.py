@@ -104,7 +104,7 @@ def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
             ["phase_3 is without amplitude_3 and", "amplitude_y is without phase_y and"],
         ),
         ({"amplitude_3": 1e-4, "phase_3": 0.1, "amplitude_y": np.nan}, []),
-        ({"amplitude_3": 0.0, "phase_3": 0.1}, ["amplitude_3 is 0 and is not used: an analyser reads noise at least"]),
+        ({"amplitude_3": 0.0, "phase_3": 0.1}, ["amplitude_3 is 0 and is not used: an analyser never reads exactly 0"]),
     ],
 )
 def test_half_a_phasor_is_told_and_not_used(honest, columns, said):
@@ -129,7 +129,7 @@ def test_half_a_phasor_of_some_rows_is_told_with_its_state(lab, honest):
     phase = np.where(np.arange(len(record)) < 5, np.nan, 0.1)
     partly = Record(record.table.assign(amplitude_3=1e-4, phase_3=phase))
     expected = (
-        f"amplitude_3 of state 2 is without phase_3 in 5 of {len(record)} rows and is not used: both make one phasor"
+        f"amplitude_3 of state 2 is without phase_3 in 5 of {len(record)} rows and is not used: a phasor needs both"
     )
     assert list_unread([(record, lab.mode()), (partly, lab.mode())]) == [expected]
     assert expected.replace(" of state 2", "") in limited({}, diagnose, partly, lab.mode()).cautions
@@ -143,7 +143,7 @@ def test_a_state_that_repeats_another_is_told(lab, honest):
     rows = lab.bench(**PLAN).rows
     other = lab.record(rows, lab.linear(rows), 5)
     assert list_repeated([(one, mode), (other, mode)]) == []
-    said = "of states {} and {} are identical, as those of two measurements never are: they count twice"
+    said = "of states {} and {} are identical, unlike those of any two measurements: they count twice"
     assert list_repeated([(other, mode), (one, mode), (renamed, mode)]) == ["the rows " + said.format(2, 3)]
     assert list_repeated([(part, mode), (one, mode)]) == ["the rows " + said.format(1, 2)]
     mixed = Record(pd.concat([one.table.iloc[:20], other.table.iloc[20:]], ignore_index=True))
@@ -180,7 +180,7 @@ def test_constant_amplitude(lab):
 
 def test_sweeps_that_never_reach_resonance(lab, honest):
     found, said = answer(honest({"levels": 3, "points": 24}, keep=lambda t: t["frequency"] < 2.97), lab.mode())
-    assert "sweep A, B, C never reaches resonance" in said
+    assert "sweep A, B, C does not reach resonance" in said
     assert found.leading.effects == ()
 
 
@@ -190,7 +190,7 @@ def test_damping_that_is_hardly_seen_is_not_named_with_confidence(lab):
     record = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)
     kept = record.table[record.table["frequency"] < 2.85].reset_index(drop=True)
     found, said = answer(Record(kept, "beside"), lab.mode())
-    assert "never reaches resonance" in said
+    assert "does not reach resonance" in said
     assert confident(found) in ((), ("viscous-coefficient",))
 
 
@@ -228,7 +228,7 @@ def test_viscous_damping_that_is_not_simulated_is_found(lab, honest, share):
 
 def test_resonances_alone_say_nothing_of_a_simulation_without_damping(lab):
     peaks = pd.DataFrame({"sweep": ["A", "B"], "force": [1.0, 2.0], "frequency": 3.0, "amplitude": [0.02, 0.04]})
-    with pytest.raises(AnalysisError, match=r"no damping.*simulate some in \[damping\]"):
+    with pytest.raises(AnalysisError, match=r"no damping.*add a force to \[damping\]"):
         diagnose(Record(peaks), lab.mode(damping={}))
 
 
@@ -253,7 +253,7 @@ def test_an_uncertainty_of_0_states_no_noise_and_is_said(lab, honest):
     estimated = "estimated from the roughness along each sweep"
     assert f"noise is not stated: it was {estimated}" in said[0].cautions
     assert f"noise is not stated (amplitude_sd is 0): it was {estimated}" in said[1].cautions
-    assert f"phase_sd is 0, which states none: it was {estimated}" in said[1].cautions
+    assert f"phase_sd is 0, which states no noise: it was {estimated}" in said[1].cautions
     (told,) = [caution for caution in said[2].cautions if "amplitude_sd" in caution]
     assert told.startswith(f"amplitude_sd is 0 in 5 of {len(record)} rows")
-    assert told.endswith("the median of the others")
+    assert told.endswith("the median of the other rows is used there")

@@ -324,5 +324,5 @@ def test_noise_that_is_stated_too_large_is_said(lab, factor):
     record = Record(table.assign(**{name: factor * table[name] for name in ("amplitude_sd", "phase_sd")}))
     known, search = search_hypotheses(setting(record, lab.mode()), {})
     assert [said.split(":")[0] for said in describe_noise(known, search.ranked()[0].best)] == (
-        ["the noise is stated too large"] if factor > 1.0 else []
+        ["the stated noise is too large"] if factor > 1.0 else []
     )

@@ -257,7 +257,7 @@ def test_an_effect_is_found_and_sized(lab, name, table):
         assert place in describe_diagnosis(found)["verdict"][0]
     (sizes,) = describe_diagnosis(found)["sizes"]
     assert not re.search(r"[0-9] ?1?/", sizes)  # no unit of a mode that names none
-    assert name != "sweep-rate" or "ringing (what is read of it: 0 the motion, 1 its envelope)" in sizes
+    assert name != "sweep-rate" or "ringing (reading: 0 of the motion, 1 of its envelope)" in sizes
     again = with_effects(TERMS, {name: values})
     assert isinstance(again, Terms)  # a corrected model holds it
 
@@ -280,7 +280,7 @@ def test_values_taken_from_the_record_do_not_hold_it(lab):
     found = diagnose(record, lab.mode(tolerance=Tolerance(from_record=True)))
     assert found.leading.effects == ()
     assert "within their tolerance" not in describe_diagnosis(found)["verdict"][0]
-    assert any("can never be found" in caution for caution in found.cautions)
+    assert any("errors in them cannot be detected" in caution for caution in found.cautions)
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 64.0])

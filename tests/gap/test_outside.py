@@ -113,7 +113,10 @@ def test_added_mass_that_is_not_as_stated_is_told(lab):
     states = [("a", rows, 0.0), ("b", rows, 0.25 * lab.mass)]
     found = explain(make_record(lab, states, lambda A, omega: 0.0 * A, stated=1.1), lab.mode())
     assert found.in_library < 0.5
-    assert any("added mass that is not as stated explains the record better" in caution for caution in found.cautions)
+    assert any(
+        "an added mass that differs from the stated one explains the record better" in caution
+        for caution in found.cautions
+    )
 
 
 def test_a_damper_beyond_a_clearance_is_no_damping_with_the_square_of_displacement(lab):
@@ -185,7 +188,7 @@ def test_frequencies_of_levels_that_alternate_are_told(lab):
     omega = lab.omega * (1.0 + 0.0012 * np.where(rows.sweep % 2, -1.0, 1.0))
     found = diagnose(lab.record(rows, lab.linear(rows, omega=omega), 3), lab.mode(None, None))
     assert found.leading.effects == ()
-    assert any("the frequencies of its levels scatter by 0.12%" in caution for caution in found.cautions)
+    assert any("the frequencies of the levels scatter by 0.12%" in caution for caution in found.cautions)
 
 
 @pytest.mark.parametrize("shaken", [0.0, 12.0])

@@ -58,7 +58,7 @@ def test_a_stray_reading_is_set_aside_and_said(lab, honest):
     # ln 1.3 over a noise of .01/1.3 of what was read, 34, within three of its own noise
     np.testing.assert_allclose(reading.sigma, 1.3 * np.log(1.3) / lab.noise, rtol=0.0, atol=3.0)
     (said,) = [caution for caution in found.cautions if "reading" in caution and "set aside" in caution]
-    assert said.startswith(f"1 reading set aside as stray, and in no number of the gap: {reading}")
+    assert said.startswith(f"1 reading excluded as stray from the numbers of the gap: {reading}")
     (listed,) = DiagnosisResult(found).to_json()["far_off"]
     assert listed == {**vars(reading), "set_aside": True}
 
@@ -165,7 +165,7 @@ def test_errors_that_go_together_are_no_white_scatter_and_are_named(lab):
     assert one.unexplained
     assert one.understated is None
     (verdict,) = describe_diagnosis(one)["verdict"]
-    assert "; neighbouring rows deviate alike (p < 0.001)), and nothing in the library" in verdict
+    assert "; residuals of neighbouring rows are correlated (p < 0.001)), and nothing in the library" in verdict
     many = limited({}, diagnose, correlated(exact, rows, 0.9, 5, 3.0 * lab.noise), lab.mode())
     assert many.setting.dispersion > 1.0
     assert many.understated is None

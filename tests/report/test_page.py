@@ -222,8 +222,7 @@ def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: S
     """Design forces were asked for and none has a prediction: that is said, with the reason, and no table of dashes."""
     peaks, nothing = study.records[0], np.full(2, np.nan)
     ends = dict.fromkeys(("median", "low", "high", "credible_low", "credible_high"), nothing)
-    refused = {name: nothing for name in ("linear", "overprediction", "overprediction_low", "overprediction_high")}
-    design = replace(peaks.design, average=replace(peaks.design.average, **ends), **refused)
+    design = replace(peaks.design, average=replace(peaks.design.average, **ends), linear=nothing)
     design = replace(design, cautions=(("no prediction: friction holds it",),) * 2)
     result = replace(peaks, posteriors=(), design=design, design_curve=None)
     both = replace(study, records=(result, replace(result, name="another")), exhibits=())

@@ -112,11 +112,11 @@ DRIFT = Effect(
     shapes=(
         Shape("frequency", default=0.0),
         Shape("damping", default=0.0),
-        Shape("settling", least=0.0, default=0.0, label="settling (its time over that of the record)"),
+        Shape("settling", least=0.0, default=0.0, label="settling (its time over the duration of the record)"),
         Shape("cycles", least=0.0, default=0.0, label="cycles (during the record)"),
         Shape("phase", default=0.0, label="phase (of the cycles at the middle of the record)"),
         # before the record where the fit has it change at once
-        Shape("moment", default=0.0, label="moment (of the change, over the time of the record)"),
+        Shape("moment", default=0.0, label="moment (of the change, as a share of the record)"),
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),
@@ -214,9 +214,9 @@ SWEEP_RATE = Effect(
     ),
     shapes=(
         Shape("rate", TIME**-2.0),
-        Shape("law", default=0.0, label="law (power of frequency that the rate goes with: 0 even, 1 octaves)"),
-        Shape("ringing", default=0.0, label="ringing (what is read of it: 0 the motion, 1 its envelope)"),
-        Shape("begun", default=0.0, label="begun (each sweep: 0 long before its first row, 1 held there)"),
+        Shape("law", default=0.0, label="law (power of frequency in the rate: 0 constant, 1 octaves)"),
+        Shape("ringing", default=0.0, label="ringing (reading: 0 of the motion, 1 of its envelope)"),
+        Shape("begun", default=0.0, label="begun (start of each sweep: 0 long before its first row, 1 at it)"),
     ),
     need="sweep",
 )

@@ -24,7 +24,7 @@ def _list_ratios(effect: Effect) -> tuple[Form, ...]:
 OTHER_MASS: Effect = Effect(
     name="other-mass",
     kind="parameter",
-    sentence="a generalized mass that is off by more than its tolerance",
+    sentence="a generalized mass that differs by more than its tolerance",
     forms=lambda _: _list_ratios(OTHER_MASS),
     simulate=lambda terms, table: terms._replace(M=terms.M * (1.0 + table["relative"])),
     need="masses",  # at one mass it is a gain
@@ -46,7 +46,7 @@ def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 OTHER_ADDED_MASS: Effect = Effect(
     name="other-added-mass",
     kind="instrument",
-    sentence="added mass that is not as stated",
+    sentence="an added mass that differs from the stated one",
     forms=lambda _: _list_ratios(OTHER_ADDED_MASS),
     simulate=simulate_added,
     need="masses",

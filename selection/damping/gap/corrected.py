@@ -96,9 +96,7 @@ def list_ends(fit: ModelFit) -> list[str]:
         strength, shapes = float(part.values(x)[0][0, 0]), x[0, 1:]
         distance = np.maximum(-shapes, 0.0 if part.form.effect in _CLIPS else shapes)
         if strength > _FULL * part.form.largest or np.any(distance > _FAR):
-            ends.append(
-                f"{part.form.effect} fits best at the end of what it may be: its values are limits, no estimates"
-            )
+            ends.append(f"{part.form.effect} fits best at the end of its range: its values are limits, not estimates")
     return ends
 
 
@@ -116,8 +114,8 @@ def describe_gain(fit: ModelFit) -> list[str]:
     times = f", {abs(np.log(ratio)) / tolerance:.2g} times its stated tolerance of {100.0 * tolerance:g} %"
     return [
         f"a generalized mass of {stated * ratio:.4g}{unit} in place of {stated:.4g} ({100.0 * (ratio - 1.0):+.2g} %"
-        f"{times if tolerance else ''}), with stiffness and damping in the same ratio, reads like this gain in every "
-        "steady sweep. A mass added on purpose, or a calibrated shaker and sensor, tell them apart"
+        f"{times if tolerance else ''}), with stiffness and damping in the same ratio, has the same effect as this "
+        "gain on every steady sweep. A known added mass, or a calibrated shaker and sensor, separates the two"
     ]
 
 
@@ -126,8 +124,8 @@ def describe_shortfall(fit: ModelFit) -> list[str]:
     if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
         return []
     return [
-        "a force that falls short of the recorded one where the motion is large (a shaker at its limit) reads like "
-        "this saturation where the structure is linear; a measured force tells them apart"
+        "in a linear structure, a force that falls below the recorded one at large motion (a shaker at its limit) has "
+        "the same effect as this saturation; a measured force separates the two"
     ]
 
 

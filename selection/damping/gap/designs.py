@@ -93,7 +93,7 @@ def _with_third(design: ProposedTest) -> ProposedTest:
     return replace(
         design,
         what=f"{design.what}, with the third harmonic of the displacement",
-        why=f"{design.why}; forces that are not linear in the motion distort it, paths and gains do not",
+        why=f"{design.why}; nonlinear forces distort the motion, other modes and gains do not",
         columns=(*design.columns, *THIRD),
         channel="third",
     )
@@ -103,7 +103,7 @@ def _add_mass(share: float) -> ProposedTest:
     """A second state, at a force tested in the first: at another force, errors of force and mass read alike."""
     return ProposedTest(
         f"a second state with a known mass of {share:.0%} of the modal mass added",
-        "it moves the frequency and fixes the modal mass, and with it every factor on force and amplitude",
+        "it shifts the frequency and determines the modal mass, and with it every factor on force and amplitude",
         ("added_mass",),
         heavier=share,
     )
@@ -111,30 +111,34 @@ def _add_mass(share: float) -> ProposedTest:
 
 #: Tests of the displacement along the drive, the mildest first.
 _ALONG = (
-    ProposedTest("a sweep at the highest force", "what else it holds is measured beside it"),
-    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping decides there", width=0.0),
-    ProposedTest("a sweep at half the lowest force", "effects part with amplitude", factor=0.5, lowest=True),
+    ProposedTest("a sweep at the highest force", "it can be compared directly with a tested level"),
+    ProposedTest(f"{_POINTS} more points near resonance at the highest force", "damping dominates there", width=0.0),
+    ProposedTest(
+        "a sweep at half the lowest force", "effects differ in their dependence on amplitude", factor=0.5, lowest=True
+    ),
     ProposedTest(
         "a sweep of twice the band at the highest force",
-        "other paths and other powers of frequency show far from resonance",
+        "other modes and other powers of frequency are visible far from resonance",
         width=2.0,
     ),
     *map(_add_mass, ADDED_MASSES),
     ProposedTest(
-        "a sweep at twice the highest force, if rig and structure bear it", "effects part with amplitude", factor=2.0
+        "a sweep at twice the highest force, if rig and structure allow it",
+        "effects differ in their dependence on amplitude",
+        factor=2.0,
     ),
 )
 #: All tests that a record can hold, the mildest first.
 DESIGNS = (
     ProposedTest(
         "the highest sweep again, each frequency held until the motion is steady",
-        "what a moving frequency does is gone",
+        "it removes the effect of a moving frequency",
         ("sweep_rate",),
         change=lambda terms: terms._replace(moving=()),
     ),
     ProposedTest(
         "the motion across the measured axis at the highest force",
-        "a second principal plane moves across the drive, nothing else does",
+        "only a second principal plane causes motion across the drive",
         ("amplitude_y", "phase_y"),
         channel="cross",
     ),

@@ -171,14 +171,14 @@ def explain(
     start = setting(record, mode, states, simulate, driven.shaken, driven.groups)
     rows = start.problem.rows
     if rows.at_resonance and not mode.damping and simulate is None:
-        message = "no damping is simulated, and so no resonance that these rows, all of them at resonance, part from"
-        raise AnalysisError(f"{mode.source}: {message}: simulate some in [damping]; damping rank tells which law fits")
+        message = "the simulation has no damping, and so no resonance to compare with these rows, all at resonance"
+        raise AnalysisError(f"{mode.source}: {message}: add a force to [damping]; damping rank finds the law")
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE, mode, rows)
     cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
-        cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
+        cautions.append(f"{unused} of the mode file is ignored: the simulator has its own damping")
     weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)
     return Explained(
         **(vars(weighed) | {"cautions": (*cautions, *weighed.cautions)}),
@@ -210,7 +210,7 @@ def weigh_search(known: Setting, search: Search, library: Mapping[str, Effect], 
     in_library, cautions = verdict.probability, describe_outside(verdict.outside, leading)
     if weighing.hides_state(leading.best):
         in_library = min(in_library, weighing.UNCONFIRMED)
-        cautions.append("what is off in one sweep is off in the only one of its state: a second one there would tell")
+        cautions.append("the effect acts on the only sweep of its state: a second sweep of that state would decide")
     blended = weighing.blend_probabilities(hypotheses, in_library, verdict.beyond)
     return Weighed(
         setting=known,

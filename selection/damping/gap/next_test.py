@@ -1,4 +1,4 @@
-"""What to test next: of the tests that a record can hold, those that discriminate best between live explanations.
+"""What to test next: of the tests that a record can hold, those that discriminate best between the listed explanations.
 
 Each candidate is simulated with the leading explanation and fitted by each rival to first order. Half the squared
 distance of the two predictions, in units of all that the rival leaves open, is the expected log odds D (Chaloner and
@@ -30,7 +30,7 @@ from damping.gap.problem import State
 from damping.gap.rows import Rows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
-from damping.gap.weighing import COVER, INDISTINCT, TOLD, Explanation, count_beyond, distance, foresee_probability
+from damping.gap.weighing import COVER, EXCLUDED, INDISTINCT, Explanation, count_beyond, distance, foresee_probability
 
 #: Least expected log odds D of a test worth its time: the outcome scatters by sqrt(2 D), so for D = 6 it exceeds 3,
 #: 20 to 1, in four of five.
@@ -74,8 +74,8 @@ class NextTest:
         return not {"added_mass", *THIRD}.isdisjoint(self.columns)
 
     @property
-    def told(self) -> float:
-        """Expected log odds as reported, ``CERTAIN`` at most."""
+    def reported_log_odds(self) -> float:
+        """Expected log odds, ``CERTAIN`` at most."""
         return min(self.expected_log_odds, CERTAIN)
 
 
@@ -118,7 +118,7 @@ class _Missed:
 
 
 def rank_tests(
-    alive: Sequence[Explanation],
+    listed: Sequence[Explanation],
     fitted: Sequence[Explanation],
     in_library: float,
     command: str,
@@ -133,20 +133,20 @@ def rank_tests(
     to be seen do not count, and first harmonics of one state say no more.
 
     Args:
-        alive: the listed explanations in order of probability; without a rival no test is worth it. fitted: all that
-            were fitted.
+        listed: the explanations that are listed, in order of probability; without a rival no test is worth it.
+        fitted: all that were fitted.
         in_library: probability that the library holds the cause. unit: of mass, for the rows; ``rows`` of a test are
             reported as a record holds them.
         columns: of the record; further rows fill some of them too. imitations: explanations by causes outside the
             library that the record does not tell from the first; further measurements count once a test tells them.
     """
-    leading, rivals = alive[0].hypothesis.best, alive[1 : 1 + MOST_RIVALS]
-    if not (blames := bool(alive[0].effects)):
+    leading, rivals = listed[0].hypothesis.best, listed[1 : 1 + MOST_RIVALS]
+    if not (blames := bool(listed[0].effects)):
         rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
-    named = {explanation.effects for explanation in (alive[0], *rivals)}
-    every = [alive[0], *rivals, *(explanation for explanation in fitted if explanation.effects not in named)]
+    named = {explanation.effects for explanation in (listed[0], *rivals)}
+    every = [listed[0], *rivals, *(explanation for explanation in fitted if explanation.effects not in named)]
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
     def foresee(*runs: _Run) -> NextTest:
@@ -163,12 +163,12 @@ def rank_tests(
     runs = _predict_runs(leading, [rival.best for rival in (*compared, *imitations)])
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
-    if not worth:  # no test tells some rivals, but the others may be told
-        told = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
-        if 0 < len(told) < len(rivals):
-            return rank_tests([alive[0], *told], fitted, in_library, command, unit, columns, imitations)
+    if not worth:  # no test excludes some rivals; tests may exclude the others
+        excludable = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
+        if 0 < len(excludable) < len(rivals):
+            return rank_tests([listed[0], *excludable], fitted, in_library, command, unit, columns, imitations)
         first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
-        worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if told else []
+        worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if excludable else []
     elif max(test.probability for test in worth) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
         worth += [pair for pair in foresee_pairs(first) if pair.probability >= COVER]
@@ -214,11 +214,11 @@ def _foresee(
     gained = np.zeros(len(every))  # nothing is predicted for those not compared
     gained[1 : 1 + among] = surely[:among]
     p = np.array([rival.probability for rival in every[1 : 1 + rivals]])
-    alive, first = every[: 1 + rivals], every[0].hypothesis
+    listed, first = every[: 1 + rivals], every[0].hypothesis
     behind = [first.log_posterior - imitation.log_posterior for imitation in imitations]
-    excluded = bool(np.all(behind + surely[among:] > TOLD))
-    now = 0 if imitations else count_beyond(alive)
-    beyond = count_beyond(alive, *(run.seen for run in runs)) if excluded else 0
+    excluded = bool(np.all(behind + surely[among:] > EXCLUDED))
+    now = 0 if imitations else count_beyond(listed)
+    beyond = count_beyond(listed, *(run.seen for run in runs)) if excluded else 0
     expected = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
     return expected, foresee_probability(every, gained, in_library, now, beyond)
 

@@ -16,10 +16,10 @@ from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
 from damping.gap.weighing import (
+    EXCLUDED,
     KNOWN,
     LEAST_ODDS,
     MOST_RIVAL,
-    TOLD,
     Explanation,
     count_beyond,
     describe_doubts,
@@ -35,7 +35,7 @@ _EVEN = 0.05
 #: Wrongly entered quantity, by the power of frequency by which its amplitudes exceed those of displacement.
 QUANTITIES = {
     1: "velocity entered as displacement",
-    2: "acceleration entered as displacement, or the force of a rotating mass as constant",
+    2: "acceleration entered as displacement, or the force of a rotating mass entered as constant",
 }
 
 
@@ -51,7 +51,7 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
         beside = " and ".join(name for name in first.effects if name not in FOREIGN)
         odds[f"{cause} beside {beside}" if beside else cause] = first.log_posterior - leading.log_posterior
     imitations = (other for other in foreign if other.key & IMITATIONS)
-    return odds, tuple(other for other in imitations if other.log_posterior > leading.log_posterior - TOLD)
+    return odds, tuple(other for other in imitations if other.log_posterior > leading.log_posterior - EXCLUDED)
 
 
 def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
@@ -140,8 +140,8 @@ def weigh_library(
 
 def describe_outside(outside: Mapping[str, float], leading: Hypothesis) -> list[str]:
     """Cautions for causes ``outside`` the library (log odds by cause) that the leading explanation does not exclude."""
-    alive = {cause: odds for cause, odds in outside.items() if odds >= np.log(LEAST_ODDS)}
-    return [f"{cause} {_compare_odds(odds, leading)}, and has no name in the library" for cause, odds in alive.items()]
+    possible = {cause: odds for cause, odds in outside.items() if odds >= np.log(LEAST_ODDS)}
+    return [f"{cause} {_compare_odds(odds, leading)}, but is not in the library" for cause, odds in possible.items()]
 
 
 def _compare_odds(odds: float, leading: Hypothesis) -> str:

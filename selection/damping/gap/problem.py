@@ -169,7 +169,7 @@ def refuse_rows(states: Sequence[State]) -> None:
     count = sum(len(record) for record, _ in states)
     if count > MOST_ROWS:
         raise AnalysisError(
-            f"{states[0][0].source}: {count} rows; {MOST_ROWS} are diagnosed at most: keep every second one, say"
+            f"{states[0][0].source}: {count} rows; at most {MOST_ROWS} can be diagnosed: keep every second row"
         )
     for record, mode in states:
         refuse_other_mode(read_rows(record, mode), mode)
@@ -209,29 +209,29 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     if rows.at_resonance:
         cautions.append(
             "each sweep is one row without a phase: it is taken to be at phase resonance, where the force balances the "
-            "damping; effects that only move the resonance cannot be asked for"
+            "damping; effects that only shift the resonance cannot be identified"
         )
     elif not rows.has_phase:
         cautions.append(
-            "no phase: phase lag, and conservative against dissipative, are told from the shape of amplitudes only"
+            "no phase: only the shape of the amplitudes separates phase lag, conservative and dissipative forces"
         )
     if rows.levels < 2:
         cautions.append(
-            "one force level: dependence on amplitude is seen only along the sweep; nothing can be held out"
+            "one force level: dependence on amplitude is visible only along the sweep, and no level can be held out"
         )
     few = [sweep for sweep, run in zip(rows.sweeps, rows.runs, strict=True) if len(run) < _FEW_ROWS]
     if few and not rows.at_resonance:
-        cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: no resonance can be seen in it")
+        cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: too few to show a resonance")
     cautions += _list_resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
-        cautions.append("repeatability is not stated and cannot be seen in so few sweeps")
+        cautions.append("repeatability is not stated and cannot be estimated from so few sweeps")
     cautions += _list_noise_cautions(rows, record)
     if not mode.damping:
         cautions.append("the simulation has no damping")
     if mode.tolerance.from_record:
         cautions.append(
-            "frequency, mass and damping of the simulation were taken from this very record (from_record): they are "
-            "free, and that they are wrong can never be found"
+            "frequency, mass and damping of the simulation were taken from this record (from_record): they are "
+            "free, and errors in them cannot be detected"
         )
     return cautions
 
@@ -241,16 +241,18 @@ def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
     cautions, zero = [], {name: record.column(name, 1.0) == 0.0 for name in ("amplitude_sd", "phase_sd")}
     if not is_stated(record)[0]:
         of_rows = "estimated from the roughness along each sweep"
-        taken = f"taken to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
+        taken = f"assumed to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
         cautions.append(
             f"noise is not stated{' (amplitude_sd is 0)' if zero['amplitude_sd'].all() else ''}: it was {taken}"
         )
     for name, is_zero in zero.items():
         if is_zero.any() and not is_zero.all():
-            of_others = "there it is taken to be the median of the others"
-            cautions.append(f"{name} is 0 in {is_zero.sum()} of {len(record)} rows, which states none: {of_others}")
+            of_others = "the median of the other rows is used there"
+            cautions.append(f"{name} is 0 in {is_zero.sum()} of {len(record)} rows, which states no noise: {of_others}")
         elif is_zero.all() and name == "phase_sd":
-            cautions.append("phase_sd is 0, which states none: it was estimated from the roughness along each sweep")
+            cautions.append(
+                "phase_sd is 0, which states no noise: it was estimated from the roughness along each sweep"
+            )
     return cautions
 
 
@@ -262,9 +264,9 @@ def list_unread(states: Sequence[State]) -> list[str]:
             amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
             read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
             for name, fault, unread, why in (
-                (amplitude, f"without {phase}", read & ~timed, "both make one phasor"),
-                (phase, f"without {amplitude}", timed & ~read, "both make one phasor"),
-                (amplitude, "0", read & (record.column(amplitude, np.nan) == 0.0), "an analyser reads noise at least"),
+                (amplitude, f"without {phase}", read & ~timed, "a phasor needs both"),
+                (phase, f"without {amplitude}", timed & ~read, "a phasor needs both"),
+                (amplitude, "0", read & (record.column(amplitude, np.nan) == 0.0), "an analyser never reads exactly 0"),
             ):
                 if unread.any():
                     rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
@@ -295,5 +297,5 @@ def _list_resonance_cautions(rows: Rows) -> list[str]:
         why = "its peak is in the force, not the amplitude"
         cautions.append(f"constant amplitude in sweep {', '.join(constant)}: {why}")
     if off_resonance:
-        cautions.append(f"sweep {', '.join(off_resonance)} never reaches resonance: damping there is hardly seen")
+        cautions.append(f"sweep {', '.join(off_resonance)} does not reach resonance: it hardly shows damping")
     return cautions

@@ -26,8 +26,8 @@ _SEEN = 0.5
 _MOST_NAMED = 3
 #: Findings of directed tests whose names do not say them.
 _FOUND = {
-    "neighbours alike": "neighbouring rows deviate alike",
-    "local disturbance": "rows side by side deviate more than others",
+    "neighbours alike": "residuals of neighbouring rows are correlated",
+    "local disturbance": "residuals are larger in one band of frequency",
 }
 
 
@@ -71,8 +71,8 @@ def describe_far_readings(fit: ModelFit) -> list[str]:
     which = f"{'the largest: ' if len(readings) > _MOST_NAMED else ''}{', '.join(map(str, readings[:_MOST_NAMED]))}"
     count = "1 reading" if len(readings) == 1 else f"{len(readings)} readings"
     if fit.many_wild:
-        return [f"{count} far off {fit.wild_pattern}: {which}; no fit follows that, the numbers of the gap hold it"]
-    return [f"{count} set aside as stray, and in no number of the gap: {which}"]
+        return [f"{count} far off {fit.wild_pattern}: {which}; no fit explains this, the numbers of the gap include it"]
+    return [f"{count} excluded as stray from the numbers of the gap: {which}"]
 
 
 def describe_rest(fit: ModelFit, tests: Sequence[Test]) -> str:
@@ -144,4 +144,4 @@ def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None =
     if setting.problem.rows.at_resonance or rms * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
         return []
     how = "stated" if setting.noise_known else "estimated"
-    return [f"the noise is {how} too large: rows scatter {rms:.2g} of it, and effects as small as the rest are hidden"]
+    return [f"the {how} noise is too large: rows scatter by {rms:.2g} of it, and effects below it are hidden"]

@@ -196,7 +196,7 @@ class Simulator:
         if len(signature(function).parameters) > len(parameters) + 2:
             raise InputError(
                 "the simulator takes more than force and frequency by position",
-                expected="its parameters behind a star: def simulate(force, frequency, *, mass=(2.0, 0.05))",
+                expected="keyword-only parameters: def simulate(force, frequency, *, mass=(2.0, 0.05))",
             )
         values, tolerances = {}, {}
         for parameter in parameters:
@@ -266,11 +266,11 @@ class Simulator:
         self, force: FloatArray, frequency: FloatArray, changed: Mapping[str, float]
     ) -> tuple[FloatArray, FloatArray]:
         """Amplitude and phase of the simulation with some parameters changed; errors as of `_stiffness`."""
-        expected = "(amplitude, phase), a number each for every row"
+        expected = "(amplitude, phase), one number each per row"
         try:
             function = self.function(force, frequency, **{**self.values, **changed})
         except (Exception, SystemExit) as error:
-            raise InputError(f"the simulator ends with {error!r}", expected=expected) from error
+            raise InputError(f"the simulator fails with {error!r}", expected=expected) from error
         pair = [np.asarray(part, dtype=float) for part in function] if isinstance(function, tuple) else []
         if len(pair) != 2 or any(part.shape != force.shape or not np.isfinite(part).all() for part in pair):
             raise InputError("the simulator's answer", expected=expected)

@@ -155,15 +155,15 @@ def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
         ):
             if abs(sigma) > OUTLYING:
                 repeatability.append(
-                    f"sweep {level.sweep} lies apart: its {what} {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
+                    f"sweep {level.sweep} deviates: its {what} by {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
                 )
-    hidden = "the edge of what is usual, {}: a fault of one level, or another cause, may hide there"
+    hidden = "the upper limit of usual repeatability, {}: it may hide a fault of one level, or another cause"
     return repeatability + _describe_scatters(setting, fit, 1, hidden)
 
 
 def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
     """Cautions about repeatability of gain or frequency one step below the edge, which one rig in ten reaches."""
-    taken = "{}, which was taken as repeatability; where that is known to be better, another cause hides there"
+    taken = "{}, which was taken as repeatability; if the rig is known to repeat better, another cause is hidden there"
     return _describe_scatters(setting, fit, 2, taken)
 
 
@@ -178,7 +178,7 @@ def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) 
             span = f"from {first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}"
             side = "above" if first[0] > 0.0 else "below"
             lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
-            scatters.append(f"the {what} of its levels {lie} {scatter:.2%}, {ending.format(span)}")
+            scatters.append(f"the {what} of the levels {lie} {scatter:.2%}, {ending.format(span)}")
     return scatters
 
 
@@ -213,12 +213,12 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
         return []
     if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
         return []
-    closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "nothing"
+    closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "none"
     others = {" + ".join(fold.effects) or "no effect" for fold in held_out.folds if set(fold.effects) != leading.key}
     if others:
-        chosen = f"where one is held out {' or '.join(sorted(others))} is chosen"
-        return [f"the explanation hangs on single levels: {chosen}, and {closed} of the gaps held out is closed"]
-    return [f"the explanation fails on levels that did not choose it: it closes {closed} of their gap"]
+        chosen = f"without one of them {' or '.join(sorted(others))} is chosen"
+        return [f"the explanation depends on single levels: {chosen}, which closes {closed} of the held-out gap"]
+    return [f"the explanation fails on held-out levels: it closes {closed} of their gap"]
 
 
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:

@@ -65,7 +65,7 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
         unit = known.value * mode.mass
         return Driven(((record, counted),), (np.ones(len(record)),), unit, notes=(f"base drive: {known}",))
     if simulated:
-        what = "a simulator is a function of force and frequency, and knows nothing of masses that a base shakes too"
+        what = "a simulator is a function of force and frequency, without the added masses that a base shakes too"
         raise AnalysisError(f'{record.source}: {what}: give it one state without added mass, or drive = "force"')
     same = [is_same_structure(other, mode) for _, other in states]
     groups = [tuple(k for k in shaken if same[k]), *((k,) for k in shaken if not same[k])]
@@ -144,7 +144,7 @@ def list_repeated(states: Sequence[State]) -> list[str]:
         if shared >= _COPIED * fewer:
             which = "the rows" if shared == fewer else f"{shared} rows"
             cautions.append(
-                f"{which} of states {j} and {k} are identical, as those of two measurements never are: they count twice"
+                f"{which} of states {j} and {k} are identical, unlike those of any two measurements: they count twice"
             )
     return cautions
 

@@ -79,7 +79,7 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
     if len(set(forces)) < len(forces):
         raise InputError("the same force twice", expected="different force levels")
     if not (frequencies.ndim == 1 and frequencies.size >= 2 and np.isfinite(frequencies).all()):
-        raise InputError("frequencies are no list of several numbers", expected="two frequencies in Hz or more")
+        raise InputError("frequencies are not a list of several numbers", expected="two frequencies in Hz or more")
     if not (frequencies[0] > 0.0 and np.all(np.diff(frequencies) > 0.0)):
         raise InputError("frequencies out of range", expected="0 < LO < HI in Hz, rising")
     for name, value, known in (("direction", direction, ("up", "down")), ("method", method, ("ritz", "time"))):
@@ -99,8 +99,8 @@ def simulated_force(mode: Mode) -> Force:
         if effect.force is None:
             known = ", ".join(other.name for other in CATALOGUE.values() if other.force)
             raise AnalysisError(
-                f"{mode.source}: method time cannot simulate [effects.{name}]; of effects it knows those that add a "
-                f"force ({known}); method ritz knows all"
+                f"{mode.source}: method time cannot simulate [effects.{name}]: it supports only effects that add a "
+                f"force ({known}); method ritz supports all"
             )
         added.append(effect.force(effect.complete(table)))
     return Sum((*from_damping(mode.damping).forces, *added))
@@ -120,7 +120,7 @@ def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tupl
     for f, (amplitude, _) in zip(hertz, rows, strict=True):
         if not (math.isfinite(amplitude) and amplitude > 0.0):
             raise AnalysisError(
-                f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass or nothing limits it"
+                f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass, or nothing limits it"
             )
     columns = [[label] * len(rows), [level] * len(rows), hertz, *zip(*rows, strict=True)]
     return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))

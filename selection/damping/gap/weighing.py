@@ -58,8 +58,8 @@ UNCONFIRMED = 0.4
 KNOWN = 0.5
 #: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
-#: The same in log odds, from which a rival is told apart.
-TOLD = 0.5 * INDISTINCT**2
+#: Log odds from which a rival is excluded: those of that distance.
+EXCLUDED = 0.5 * INDISTINCT**2
 #: Least odds of an effect that may replace another, however near its prediction.
 LEAST_ODDS = 0.02
 #: Most effects that together may replace one.
@@ -271,8 +271,8 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
         ways, farthest = list[tuple[str, ...]]([(effect,)]), 0.0
         for other in hypotheses[1:]:
             swapped = other.key - rest
-            alive = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if alive and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
+            possible = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
+            if possible and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
                 difference = distance(leading.best, other.best)
                 if difference < INDISTINCT and not any(swapped >= set(way) for way in ways):
                     ways.append(tuple(name for name in other.effects if name in swapped))

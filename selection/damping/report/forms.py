@@ -247,7 +247,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
 
 
 def _tell_test(test: NextTest) -> Form:
-    return asdict(test) | {"expected_log_odds": test.told}
+    return asdict(test) | {"expected_log_odds": test.reported_log_odds}
 
 
 def _posterior(sampled: EffectPosterior) -> Form:
