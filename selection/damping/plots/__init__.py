@@ -1,9 +1,9 @@
-"""Plotting functions: tables and arrays in, a matplotlib Figure out. Here the look of every figure and the way to SVG.
+"""Plotting functions: tables and arrays in, a matplotlib Figure out. This module: the common style, and SVG output.
 
-A law has one colour and one line everywhere. A force alone is solid; viscous with another force has that force's
-colour, dashed; any other sum (a selected polynomial) is dash-dotted or dotted in a colour found from its name. The
-colours are of the Okabe-Ito and Tol sets, which people with the common colour deficiencies can tell apart; line
-styles, labels and position say the same thing once more.
+A law has the same colour and line in every figure. A single force is solid; viscous with another force has the colour
+of that force, dashed; any other sum (a selected polynomial) is dash-dotted or dotted in a colour derived from its name.
+The colours are from the Okabe-Ito and Tol sets, which people with the common colour deficiencies can distinguish; line
+styles, labels and positions repeat the information.
 """
 
 import io
@@ -30,7 +30,7 @@ from damping.records.text import describe_shortened
 
 
 def describe_scales(figure: Figure) -> str:
-    """The axes of a figure that has been drawn, as JSON; empty where no value can be read off it.
+    """The axes of a figure that has been drawn, as JSON; empty if no values can be read from it.
 
     A list of ``{"box": [left, top, width, height], "x": scale, "y": scale}``, the box in points from the upper left
     corner as in SVG; a scale is ``{"name", "low", "high", "log"}`` from left to right or from bottom to top, or null
@@ -51,7 +51,7 @@ def _describe_axes(axes: Axes, figure: Figure) -> dict[str, Any]:
 
 
 def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | None:
-    """What an axis measures; None without a name of its own, of a panel that shares it, or of the whole figure."""
+    """The scale of an axis; None without a name: its own, that of a panel that shares it, or that of the figure."""
     panels = (axes, *getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes))
     axis, limits, kind = (getattr(axes, f"get_{which}{what}")() for what in ("axis", "lim", "scale"))
     labels = [getattr(panel, f"{which}axis").get_label_text() for panel in panels]
@@ -137,7 +137,7 @@ class Drawn(NamedTuple):
 
 
 class Drawing(Figure):
-    """A figure that a notebook shows as it is, without pyplot."""
+    """A figure that a notebook shows directly, without pyplot."""
 
     def _repr_png_(self) -> bytes:
         return to_png(self, dpi=110)
@@ -157,7 +157,7 @@ def build_panels(height: float, rows: int, columns: int = 1, width: float = WIDT
 
 
 def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """A plotting function that draws in the common style, on axes of the caller's own in the colours of his."""
+    """A plotting function in the common style; on the caller's axes, in their colours."""
 
     @wraps(draw)
     def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -184,7 +184,7 @@ def describe_with_unit(what: str, unit: str) -> str:
 
 
 def plain_log(axis: Axis) -> None:
-    """Plain numbers at the decades of a logarithmic axis and nothing between them, or at 1, 2 and 5 on a short one."""
+    """Label only the decades of a logarithmic axis with plain numbers, or 1, 2 and 5 on a short axis."""
     low, high = sorted(axis.get_view_interval())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 15.0 * low else (1.0,), numticks=7))
     axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
@@ -200,7 +200,7 @@ def draw_plain_rows(axes: Axes, labels: list[str]) -> None:
 
 
 def describe_short(label: object, most: int = 14) -> str:
-    """A label for beside a point: one line of at most ``most`` characters."""
+    """A label beside a point: one line of at most ``most`` characters."""
     return describe_shortened(" ".join(str(label).split()), most, "…")
 
 
@@ -232,7 +232,7 @@ def to_svg(figure: Figure, name: str, title: str, description: str) -> str:
     """The figure as an SVG element that stands alone or inside a page; equal arguments give equal text.
 
     Text stays text. ``title`` and ``description`` are its text alternative. Every id starts with ``identifier(name)``,
-    so that figures may share a page. ``data-axes`` says how to read values off it (``describe_scales``).
+    so that figures may share a page. ``data-axes`` tells how to read values from it (``describe_scales``).
     """
     prefix = identifier(name)
     buffer = io.BytesIO()
@@ -254,7 +254,7 @@ _XLINK = "http://www.w3.org/1999/xlink"
 
 
 def _describe_standing_alone(svg: str, prefix: str, title: str, description: str, axes: str) -> str:
-    """Matplotlib's SVG with a text alternative and its axes, ids only where they are used, and two decimals."""
+    """Matplotlib's SVG with a text alternative and its scales, only the ids in use, and two decimals."""
     ElementTree.register_namespace("", _SVG)
     ElementTree.register_namespace("xlink", _XLINK)
     root = ElementTree.fromstring(svg)
@@ -280,7 +280,7 @@ _NUMBERS = ("d", "x", "y", "width", "height", "transform")
 
 
 def _shorten(root: ElementTree.Element, prefix: str) -> None:
-    """Prefix the ids that are referred to, drop the others, round coordinates to 0.01 point."""
+    """Prefix the ids in use, drop the others, and round coordinates to 0.01 point."""
     href = f"{{{_XLINK}}}href"
     elements = list(root.iter())
     used = {e.get(href, "").removeprefix("#") for e in elements}

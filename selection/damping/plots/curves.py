@@ -1,6 +1,6 @@
-"""Damping ratio and Q over amplitude, measured sweeps beside a law's, resonant amplitude from the test to the loads.
+"""Damping ratio and Q over amplitude, measured and fitted sweeps, and resonant amplitude from the test to the loads.
 
-A line is solid within the test and dashed beyond it, where the ground is hatched too.
+A line is solid within the test and dashed beyond it, where the background is also hatched.
 """
 
 from typing import Any
@@ -76,7 +76,7 @@ def _draw_damping_ratio(axes: Axes, table: pd.DataFrame, tested: pd.DataFrame | 
 
 
 class _QTicks(MaxNLocator):
-    """Round values of Q where the axis of damping ratios, which runs the other way from infinity, has room."""
+    """Ticks at round values of Q, where the axis of damping ratios (inversely proportional) has room."""
 
     def tick_values(self, vmin: float, vmax: float) -> list[float]:
         """Round values whose damping ratios lie at least a tenth of the axis apart."""
@@ -96,13 +96,13 @@ def _to_q(percent: Any) -> Any:
 
 
 def shade_beyond(axes: Axes, edge: float, end: float) -> None:
-    """Hatch the ground from ``edge`` to ``end``, where nothing was tested."""
+    """Hatch the background from ``edge`` to ``end``, beyond the test."""
     if end > edge:
         axes.axvspan(edge, end, facecolor=look.BEYOND_TEST, edgecolor=look.GRIDLINE, hatch="///", linewidth=0, zorder=0)
 
 
 def _explain(figure: Figure, axes: Axes | None, marks: list[Artist]) -> None:
-    """The legend, below the panel of a figure of its own, or within ``axes``."""
+    """Draw the legend: below the panel of its own figure, or within ``axes``."""
     if axes is None:
         figure.legend(handles=marks, loc="outside lower left", ncols=2, columnspacing=1.2)
     else:

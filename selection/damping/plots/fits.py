@@ -52,7 +52,7 @@ MOST_TICKS = 5
 
 @styled
 def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | None = None) -> Figure:
-    """Draw amplitude against frequency, each sweep of a record apart; those ``doubted`` with crosses."""
+    """Draw amplitude against frequency for each sweep of a record; sweeps in ``doubted`` with crosses."""
     figure, panel = look.build_panel(4.0, "frequency (Hz)", "amplitude", axes=axes)
     for sweep, rows in table.groupby("sweep", sort=False):
         ordered = rows.sort_values("frequency", kind="stable")
@@ -102,7 +102,7 @@ def _wrap_name(law: str) -> list[str]:
 
 
 def _draw_weights(axes: Axes, table: pd.DataFrame, at: FloatArray, height: float) -> None:
-    """Bars of a height at rows ``at``, which have their names."""
+    """Draw bars of a height at rows ``at``, which are already named."""
     laws = table["law"].astype(str).tolist()
     colours = [law_style(law).colour for law in laws]
     hatches = ["///" if "viscous + " in law else "" for law in laws]
@@ -187,7 +187,7 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
 
 
 def _draw_alone(axes: Axes, values: FloatArray, prior: FloatArray, limits: FloatArray) -> None:
-    """Histogram with the prior density over it; both integrate to 1 over all values, also those out of sight."""
+    """Histogram with the prior density over it; both integrate to 1 over all values, also those outside."""
     edges = np.linspace(limits[0], limits[1], _BINS + 1)
     heights = _density(values, edges)
     axes.stairs(heights, edges, fill=True, color=look.CREDIBLE, label="posterior")
@@ -204,7 +204,7 @@ def _density(values: FloatArray, edges: FloatArray) -> FloatArray:
 
 
 def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[FloatArray, FloatArray]) -> None:
-    """Filled contours that hold the shares ``CONTENTS`` of the draws, from a smoothed histogram."""
+    """Filled contours that contain the shares ``CONTENTS`` of the draws, from a smoothed histogram."""
     counts, x_edges, y_edges = np.histogram2d(x, y, bins=_BINS, range=limits)
     smooth = gaussian_filter(counts, 1.3, mode="nearest")
     ordered = np.sort(smooth.ravel())[::-1]
@@ -242,7 +242,7 @@ _COLUMNS = 3
 
 @styled
 def predictive_check(table: pd.DataFrame, level: float) -> Figure:
-    """Draw predictive intervals of resonant amplitude (per cent of the measured): a panel each sweep, a row each law.
+    """Draw predictive intervals of resonant amplitude (per cent of the measured): one panel per sweep, one row per law.
 
     Args:
         table: ``law, sweep, median, low, high``; 100 is the measured amplitude. level: content of the intervals.

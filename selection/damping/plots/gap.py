@@ -1,4 +1,4 @@
-"""A gap between simulation and test: where it lies, measured beside simulated, local estimates, probabilities."""
+"""A gap between simulation and test: its location, measured and simulated curves, local estimates, probabilities."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ _MOST_STEPS = 5
 
 @styled
 def gap_map(rows: pd.DataFrame, label: str) -> Figure:
-    """Draw one coloured mark for each row of the record, sweeps one below the other; ``label``: what the colour is.
+    """Draw one coloured mark for each row of the record, sweeps one below the other; ``label``: of the colour.
 
     Args:
         rows: ``sweep, frequency (Hz), quantity, value`` with the value in units of noise.

@@ -1,4 +1,4 @@
-"""Drawings on axes of the caller's own: names and bars that fit into them, and colours that show on their ground."""
+"""Drawing on the caller's axes: names and bars that fit into them, and colours that show on their background."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _COLOURS = ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecol
 
 
 def count_rows(axes: Axes, rows: int) -> int:
-    """How many of ``rows`` the axes have room for."""
+    """Number of ``rows`` for which the axes have room."""
     return int(np.clip(_measure(axes)[1] // _ROW, 1, min(rows, _MOST)))
 
 
@@ -64,13 +64,13 @@ def _measure(axes: Axes) -> tuple[float, float]:
 
 @contextmanager
 def drawn_on(axes: object, style: Mapping[Any, Any], palette: Collection[str]) -> Iterator[None]:
-    """While it is drawn on ``axes``: our ``style``, but texts and frames in the colours of the caller's.
+    """Context for drawing on ``axes``: the common ``style``, with texts and frames in the colours of the axes.
 
-    Then on a dark ground the lightness L of what has a colour of the ``palette``, made for a light one, becomes 1 - L:
-    ink is light there and the ground beyond the test dark, and hues stay.
+    On a dark background the lightness L of each colour of the ``palette``, which is made for a light one, becomes
+    1 - L: lines are light, the area beyond the test is dark, and hues stay.
 
     Raises:
-        InputError: the axes are none.
+        InputError: ``axes`` are no matplotlib axes.
     """
     check_kind(axes, Axes, "ax")
     assert isinstance(axes, Axes)

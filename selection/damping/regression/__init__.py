@@ -1,9 +1,9 @@
-"""The regression program. Here the terms of an energy polynomial, their powers in twice the working precision.
+"""The regression program. This module: terms of an energy polynomial, with powers in twice the working precision.
 
-A term (report, Eqs. 5.1.2 and 5.2.5) is a product of powers of columns, never evaluated as code. A number is a pair
-(head, tail), its value head + tail, |tail| at most half a unit in the last place of head (Dekker 1971; Ogita, Rump,
-Oishi 2005). Powers of a column and the products that would cancel in an ill-conditioned fit are formed so; everything
-else is plain doubles.
+A term (report, Eqs. 5.1.2 and 5.2.5) is a product of powers of columns, never evaluated as code. A number in twice the
+working precision is a pair (head, tail) of value head + tail, |tail| at most half a unit in the last place of head
+(Dekker 1971; Ogita, Rump, Oishi 2005). Powers of a column, and products that would cancel in an ill-conditioned fit,
+use such pairs; everything else uses plain doubles.
 """
 
 import math
@@ -25,14 +25,14 @@ _SPLITTER = 134217729.0  # 2**27 + 1 cuts a double's 53 bits into two halves who
 
 
 def exact_sum(a: FloatArray, b: FloatArray) -> Pair:
-    """a + b without error (any shapes that broadcast): the rounded sum and what rounding lost."""
+    """a + b without error (any shapes that broadcast): the rounded sum and its rounding error."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def exact_product(a: FloatArray, b: FloatArray) -> Pair:
-    """a b without error (any shapes that broadcast, |a| and |b| below 1e292): the rounded product and its loss."""
+    """a b without error (any shapes that broadcast, |a| and |b| below 1e292): the rounded product and its error."""
     product = a * b
     a_high, a_low = _halves(a)
     b_high, b_low = _halves(b)
@@ -77,7 +77,7 @@ def times_matrix(columns: Pair, matrix: FloatArray) -> FloatArray:
 
 
 def deviations(columns: Pair, coefficients: FloatArray, observed: FloatArray) -> FloatArray:
-    """observed - (head + tail) @ coefficients (n,), rounded once: right to the last digit although the parts cancel."""
+    """observed - (head + tail) @ coefficients (n,), rounded once: exact to the last digit although the parts cancel."""
     head, tail = columns
     with_observed = np.column_stack([observed, head]), np.column_stack([np.zeros_like(observed), tail])
     return times_matrix(with_observed, np.concatenate([[1.0], -coefficients])[:, None])[:, 0]
@@ -101,7 +101,7 @@ class Term:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """The columns it needs."""
+        """The columns of the term."""
         return tuple(column for column, _ in self.powers)
 
     def values(self, column: Callable[[str], FloatArray], n: int) -> Pair:

@@ -1,4 +1,4 @@
-"""Criteria of selection, and what a search for the best subsets is judged by.
+"""Selection criteria, and the problem and shortlist of a search for the best subsets.
 
 With e the deviations, SSE = sum e^2, n observations and k coefficients, and K = k + 1 parameters (the coefficients and
 the variance of the deviations), for independent normal deviations of one variance
@@ -13,8 +13,8 @@ the variance of the deviations), for independent normal deviations of one varian
 Programs that leave the variance out of K give an AIC smaller by 2 and a BIC smaller by ln n. A criterion that does not
 exist is NaN. SSE below the rounding of the response counts as that rounding: exact fits differ in k alone.
 
-A criterion depends on a model's size and its sum of squares, of deviations or of leave-one-out errors. The score that a
-subset has to beat so is a limit for each size, and bounds on sums of squares need nothing else.
+A criterion depends only on the size of a model and on its sum of squares, of deviations or of leave-one-out errors. A
+score to beat is therefore a limit on the sum of squares for each size.
 """
 
 from dataclasses import dataclass, field
@@ -92,7 +92,7 @@ LARGEST_LEVERAGE = 0.99
 
 @dataclass(frozen=True)
 class SubsetProblem:
-    """What is searched, for a response of length 1.
+    """The problem of a subset search, for a response of length 1.
 
     ``factor`` R and ``duals`` R^-1 (k, k); ``along`` (k,) the response along the basis and ``beyond`` (n,) across it;
     ``orthonormal`` (n, k); ``rounding`` of the root of a sum of squares.
@@ -120,15 +120,15 @@ class SubsetProblem:
 
     @property
     def cost(self) -> int:
-        """Multiplications of a node, about."""
+        """Approximate number of multiplications for a node."""
         return self.k**2 + (len(self.observed) * self.k if self.leaves_out else 0)
 
     def sse(self, rest: FloatArray) -> FloatArray:
-        """Sums of squared deviations (m,) of fits that leave a ``rest`` (m, k) along the basis."""
+        """Sums of squared deviations (m,) of fits with residuals ``rest`` (m, k) along the basis."""
         return np.asarray(np.einsum("mk,mk->m", rest, rest) + self.beyond @ self.beyond)
 
     def deviations(self, rest: FloatArray) -> FloatArray:
-        """The deviations of such fits (m, n)."""
+        """Deviations (m, n) of these fits."""
         return np.asarray(self.beyond + rest @ self.orthonormal.T)
 
     def scores(self, values: FloatArray, sizes: IntArray) -> FloatArray:
@@ -150,8 +150,8 @@ class SubsetProblem:
 class Shortlist:
     """The best of the subsets that were tried: ``members`` (m, k), with sums of squares ``values`` (m,).
 
-    ``limits`` (k + 1,): the largest sum of squares by which a subset of each size can still enter the list; ``ceiling``
-    (k + 1,) is that at the start, and ``reach`` (k + 1,) that of any subset of that size or a larger one.
+    ``limits`` (k + 1,): the largest sum of squares with which a subset of each size can still enter the list.
+    ``ceiling`` (k + 1,): the limits at the start. ``reach`` (k + 1,): that of any subset of that size or larger.
     """
 
     problem: SubsetProblem
@@ -167,7 +167,7 @@ class Shortlist:
         self._limit()
 
     def enter(self, members: BoolArray, values: FloatArray) -> None:
-        """Take in subsets that no subset listed equals, and let go of what they push out."""
+        """Add subsets that are not listed yet, and drop those that no longer qualify."""
         sizes = members.sum(axis=1)
         good = (sizes > 0) & (values <= self.limits[sizes])
         good[good] = np.isfinite(self.problem.scores(values[good], sizes[good]))
@@ -194,7 +194,7 @@ class Shortlist:
 
 
 def rounding_of(basis: Basis, criterion: str) -> float:
-    """What the root of a sum of squares may be wrong by, over the length of the response."""
+    """Rounding error of the root of a sum of squares, over the length of the response."""
     return _ROUNDING * basis.condition_number / (1.0 - LARGEST_LEVERAGE if criterion == "loo" else 1.0)
 
 

@@ -1,12 +1,12 @@
-"""The design of a regression: columns that terms and response stand for, and their orthogonal decomposition.
+"""The design of a regression: columns of terms and response, and their orthogonal decomposition.
 
 Where a table has ``amplitude`` or ``frequency`` but no column ``A`` or ``omega``, those stand for ``amplitude`` and
 2 pi ``frequency``. A missing ``energy`` is the energy input per cycle, pi * force * amplitude * sin(phase).
 
 Columns of an energy polynomial are nearly dependent (the nine terms of Eq. 5.3.6 have a scaled condition number of
-1e7). One decomposition in doubles loses as many digits as the condition number has. So the inverse of its triangular
-factor is applied to the columns as they are, in twice the working precision; what comes out is orthonormal but for
-rounding, and decomposing that once more loses nothing.
+1e7). One decomposition in doubles loses as many digits as the condition number has. Therefore the inverse of its
+triangular factor is applied to the original columns in twice the working precision. The result is orthonormal except
+for rounding, and a second decomposition of it loses nothing.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
 
 @dataclass(frozen=True)
 class Columns:
-    """The numbers that a regression needs: each name asked for with its column (n,), the ``rows`` (n,) of the table
-    used, from 0, and ``notes`` of what was derived or left out."""
+    """The data of a regression: the column (n,) of each requested name, the ``rows`` (n,) of the table used, from 0,
+    and ``notes`` on derived and omitted values."""
 
     numbers: dict[str, FloatArray]
     rows: IntArray
@@ -41,7 +41,7 @@ class Columns:
 
 
 def list_sources(name: str, available: Collection[str]) -> tuple[str, ...]:
-    """The table's columns that ``name`` is made of; ``name`` itself, missing, where nothing can make it.
+    """The columns of the table from which ``name`` is derived; ``name`` itself if it cannot be derived.
 
     A column whose name has blanks is found with or without them.
     """
@@ -58,7 +58,7 @@ def list_sources(name: str, available: Collection[str]) -> tuple[str, ...]:
 
 
 def list_required_columns(names: Collection[str], available: Collection[str]) -> tuple[str, ...]:
-    """The table's columns that all of ``names`` are made of, each once. InputError for a number that is no column."""
+    """The columns of the table from which ``names`` are derived, each once. InputError for a number that is none."""
     number = next((name for name in names if NUMBER.fullmatch(name) and name not in available), None)
     if number is not None:
         raise InputError(f"missing column {number}", expected="columns alone: the fit gives each term its factor")
@@ -66,11 +66,11 @@ def list_required_columns(names: Collection[str], available: Collection[str]) ->
 
 
 def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table") -> Columns:
-    """The columns that ``names``, of response and factors, each once, stand for; ``source`` is for messages.
+    """The columns of ``names``, of response and factors, each once; ``source`` names the table in messages.
 
     ``table`` holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted). Without ``phase``, an
-    energy that has to be derived is known at phase resonance only, where it is pi * force * amplitude: each sweep's row
-    of largest amplitude is used and the others are left out. AnalysisError: no row is left.
+    energy to be derived is known at phase resonance only, where it is pi * force * amplitude: the row of largest
+    amplitude of each sweep is used and the others are omitted. AnalysisError: no row remains.
     """
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
@@ -94,7 +94,7 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
 class Design:
     """Transformed variables phi_k(Q_j) and response E(Q_j).
 
-    ``columns`` (n, k) one column a term; ``tails`` (n, k) what rounding to doubles took off them (0 where unknown);
+    ``columns`` (n, k): one per term; ``tails`` (n, k): their rounding errors as doubles (0 if unknown);
     ``observed`` (n,); ``names`` of the terms (k) and of the ``response``.
     """
 
@@ -122,7 +122,7 @@ class Design:
 
 
 def design_of(columns: Columns, response: str, terms: Sequence[Term]) -> Design:
-    """The design that terms make of a table's columns. AnalysisError if a term has no finite value somewhere."""
+    """The design of terms on the columns of a table. AnalysisError if a term has no finite value somewhere."""
     pairs = [term.values(columns.numbers.__getitem__, len(columns)) for term in terms]
     heads, tails = (np.column_stack(parts) for parts in zip(*pairs, strict=True))
     return Design(tuple(term.name for term in terms), heads, tails, response, columns.numbers[response])
@@ -198,7 +198,7 @@ def decompose(design: Design) -> Basis:
     """The orthonormal basis of a design.
 
     AnalysisError: a column of zeros, fewer observations than terms, or a scaled condition number above
-        ``LARGEST_CONDITION`` (nothing is left of the design but rounding); the columns are named.
+        ``LARGEST_CONDITION`` (the design is then only rounding error); the columns are named.
     """
     largest = np.abs(design.columns).max(axis=0)
     zero = [name for name, size in zip(design.names, largest, strict=True) if size == 0.0]
@@ -220,7 +220,7 @@ def decompose(design: Design) -> Basis:
 def solve_nonnegative(factor: FloatArray, along: FloatArray) -> FloatArray:
     """Coefficients >= 0 (k,) that bring ``factor`` (m, k) nearest to ``along`` (m,): Lawson and Hanson's active set.
 
-    AnalysisError: none is found.
+    AnalysisError: no solution is found.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and few regressions need it
 

@@ -1,8 +1,8 @@
 """One regression with its statistics (report, section 5.2), and the power law of section 4.3: arrays in, a result out.
 
 The fit minimises sum_j (sum_k a_k phi_k(Q_j) - E(Q_j))^2 (Eq. 5.2.4). The columns are replaced by an orthonormal basis,
-statsmodels fits what a first solution left over, and the coefficients and their statistics are linear combinations of
-that fit's: the condition of the columns costs no digits.
+statsmodels fits the residuals of a first solution, and the coefficients and their statistics are linear combinations of
+those of that fit: ill-conditioned columns cost no digits.
 """
 
 from collections.abc import Callable
@@ -50,7 +50,7 @@ class Fit:
 
     @property
     def k(self) -> int:
-        """Number of coefficients that were free."""
+        """Number of free coefficients."""
         return int(self.active.sum())
 
     @property
@@ -102,12 +102,12 @@ class Fit:
 
     @property
     def r_squared(self) -> float:
-        """1 - SSE/sum y^2, about zero: the one for a model without a constant. NaN if the response is zero."""
+        """1 - SSE/sum y^2, about zero, for a model without a constant. NaN if the response is zero."""
         return _explained(self.deviations, self.observed)
 
     @property
     def r_squared_centred(self) -> float:
-        """1 - SSE/sum (y - mean)^2, about the mean: the one for a model with a constant (below 0 where the model is
+        """1 - SSE/sum (y - mean)^2, about the mean, for a model with a constant (negative if the model is
         worse than the mean). NaN if the response does not vary."""
         if np.ptp(self.observed) == 0.0:
             return np.nan
@@ -158,7 +158,7 @@ def fit(design: Design) -> Fit:
 
 
 def _statistics(left: FloatArray, basis: Basis) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients (k,) of what is left over, their covariance (k, k) and the deviations (n,), on scaled columns."""
+    """Coefficients (k,) of the residuals, their covariance (k, k) and the deviations (n,), on scaled columns."""
     from statsmodels.regression.linear_model import OLS  # noqa: PLC0415 - takes a second, only a fit needs it
 
     n, k = basis.orthonormal.shape
@@ -182,7 +182,7 @@ def _explained(deviations: FloatArray, about: FloatArray) -> float:
 def one_term_fits(design: Design) -> list[Fit]:
     """The fit of each term alone, most significant first.
 
-    The order is that of |T| and of R^2 about zero, which are one: T^2 = (n - 1) R^2/(1 - R^2). AnalysisError if a
+    The order by |T| is that by R^2 about zero: T^2 = (n - 1) R^2/(1 - R^2). AnalysisError if a
     column is zero at every observation.
     """
     return sorted([fit(design.take([i])) for i in range(design.k)], key=lambda single: single.sse)

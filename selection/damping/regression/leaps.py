@@ -1,9 +1,9 @@
-"""The best subsets of many terms by leaps and bounds, proved without a look at every subset (Furnival and Wilson 1974).
+"""The best subsets of many terms by leaps and bounds, proved without fitting every subset (Furnival and Wilson 1974).
 
-The search drops terms. A node holds the terms that stay in, the terms still open, and the fit of both together: no
-subset of them deviates less. Its child drops one open term and keeps those that matter more: each subset is met once.
-A node ends where no subset within it can enter the list. That is seen early by a bound on what several drops cost at
-once. With G the columns' products, b the coefficients of all terms of the node and H = G^-1,
+The search drops terms. A node holds the terms that stay, the open terms, and the fit of both together: no subset of
+them has a smaller SSE. Its child drops one open term and keeps the more significant ones, so each subset occurs once.
+A node is pruned if no subset within it can enter the list. A bound on the joint cost of several drops shows this early.
+With G the products of the columns, b the coefficients of all terms of the node and H = G^-1,
 
     SSE(without the terms D) - SSE = b_D' (H_DD)^-1 b_D >= sum_D w_j b_j^2/H_jj,   1/w_j = sum_l |H_jl|/sqrt(H_jj H_ll)
 
@@ -11,11 +11,11 @@ since a matrix with a unit diagonal lies below the diagonal of its absolute row 
 bound for q drops. The rows of R^-1 (columns = Q R) are the dual basis: H are their products, and dropping a term
 projects the others across its own, which loses digits like the condition number, not like its square.
 
-Coefficients >= 0: the fit of a node is that of non-negative least squares on its terms, and the same bound holds about
-it. Only terms that it does not hold at 0 are worth dropping: a subset with every coefficient > 0 that contains all of
-them has no other term, for the solution is unique.
+Coefficients >= 0: a node is fitted by non-negative least squares on its terms, and the same bound holds about that fit.
+Only terms that it does not hold at 0 need to be dropped: a subset with every coefficient > 0 that contains all of them
+has no other term, since the solution is unique.
 
-Leave-one-out error: with leverages h of the terms that stay in, each subset of the node has larger ones, so its sum of
+Leave-one-out error: each subset of a node has leverages of at least h, those of the terms that stay, so its sum of
 squared errors is at least sum_i w_i e_i^2, w = 1/(1 - h)^2. That is a quadratic form above G, bounded about its own
 least value: with a = Q'(W - 1) e, by sum_i w_i e_i^2 - |a|^2 and the costs of drops with b + R^-1 a in place of b.
 """
@@ -39,10 +39,10 @@ _FIRST_BATCH = 8
 
 @dataclass(frozen=True)
 class Proof:
-    """That a search has missed nothing.
+    """Proof that a search is complete.
 
-    ``subsets`` = 2^k - 1 were decided by ``nodes`` fits; no subset that qualifies has a score below ``bound``, the
-    best one's less what rounding may take off it.
+    ``nodes`` fits decided ``subsets`` = 2^k - 1; no subset that qualifies has a score below ``bound``, the best score
+    less its possible rounding error.
     """
 
     subsets: int
@@ -71,7 +71,7 @@ class _Nodes:
 
     @property
     def is_open(self) -> BoolArray:
-        """(b, m)"""
+        """Whether each term is open, (b, m)."""
         return np.asarray(np.arange(self.terms.shape[1]) < self.counts[:, None])
 
     @property
@@ -85,8 +85,8 @@ class _Nodes:
 
 @dataclass
 class _Opened:
-    """Nodes with the children worth a visit: ``parents`` and ``drops`` (c,), the node and the position of the term it
-    drops, most promising last."""
+    """Nodes with the children to visit: ``parents`` and ``drops`` (c,), the node and the position of the dropped term,
+    most promising last."""
 
     nodes: _Nodes
     parents: IntArray
@@ -99,9 +99,9 @@ class _Opened:
 
 
 def search(design: Design, basis: Basis, criterion: str, *, nonnegative: bool, number: int) -> tuple[BoolArray, int]:
-    """The subsets (m, k) among the ``number`` best, and how many nodes it took.
+    """The subsets (m, k) among the ``number`` best, and the number of nodes.
 
-    Where rounding leaves open which of several are better all of them are returned, in no order.
+    If rounding does not decide between several, all of them are returned, in no order.
 
     AnalysisError: the search would take more than ``MOST_WORK``.
     """
@@ -131,7 +131,7 @@ def search(design: Design, basis: Basis, criterion: str, *, nonnegative: bool, n
 
 
 def _eliminate(problem: SubsetProblem, best: Shortlist) -> None:
-    """Enter what backward elimination sees: from all terms on, the model without each one, then the best of these."""
+    """Enter the models of backward elimination: from all terms on, each model with one term less than the best."""
     root = _root(problem)
     inside, duals, rest, leverages = root.inside[0], root.duals[0], root.rest[0], root.leverages[0]
     for _ in range(problem.k - 1):
@@ -179,7 +179,7 @@ def _children(nodes: _Nodes, parents: IntArray, drops: IntArray, problem: Subset
 
 
 def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
-    """Fit nodes, enter the subsets that they stand for, and open what is worth it."""
+    """Fit nodes, enter their subsets, and open the children that may qualify."""
     stay = nodes.stay
     if problem.nonnegative:
         coefficients, rest = _nonnegative(nodes, problem)
@@ -206,7 +206,7 @@ def _visit(nodes: _Nodes, problem: SubsetProblem, best: Shortlist) -> _Opened:
 
 
 def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (b, k) of non-negative least squares on the terms inside, and the response's rest (b, k)."""
+    """Coefficients (b, k) of non-negative least squares on the terms inside, and residuals of the response (b, k)."""
     coefficients = np.zeros(nodes.inside.shape)
     for row, inside in zip(coefficients, nodes.inside, strict=True):
         if inside.any():
@@ -215,8 +215,8 @@ def _nonnegative(nodes: _Nodes, problem: SubsetProblem) -> tuple[FloatArray, Flo
 
 
 def _weighted(nodes: _Nodes, deviations: FloatArray, problem: SubsetProblem) -> tuple[FloatArray, FloatArray]:
-    """The least sum of squared leave-one-out errors within nodes (b,), and by how much the coefficients of open terms
-    (b, m) differ there."""
+    """The least sum of squared leave-one-out errors within nodes (b,), and the change of the coefficients of open terms
+    (b, m) there."""
     open_directions = np.linalg.qr(nodes.duals.transpose(0, 2, 1))[0][:, :, : nodes.duals.shape[1]]
     open_directions = open_directions * nodes.is_open[:, None, : open_directions.shape[2]]
     within = np.matmul(problem.orthonormal, open_directions)

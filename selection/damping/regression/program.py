@@ -53,12 +53,12 @@ def sum_up(fit: Fit) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Regression:
-    """Everything the program says of one curve on one table.
+    """The output of the program for one curve on one table.
 
     ``design`` holds all terms and the response; ``full`` the fit of all terms without constraint; ``plane`` that of a
     constant and the independent variables as they are, None where they determine none; ``selected`` what selection
-    left; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the independent variables by name;
-    ``notes`` say what is unusual.
+    chose; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the independent variables by name;
+    ``notes``: unusual facts.
     """
 
     data: str
@@ -103,7 +103,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
 
 
 def _collect_cautions(fit: Fit) -> tuple[str, ...]:
-    """What a reader of the coefficients must know."""
+    """Cautions on the coefficients."""
     cautions = []
     if fit.n == fit.k:
         cautions.append("as many terms as observations: the fit is exact and gives no errors")
@@ -123,7 +123,7 @@ _OF_A_STEP = ("action", "term", "reason", "t_ratio", "score")
 
 
 def regress_form(result: Regression) -> Form:
-    """The JSON form ``regress/1``; what does not exist is None."""
+    """The JSON form ``regress/1``; missing values are None."""
     fit, design, models = result.selected.fit, result.design, result.selected.models
     form: Form = {
         "format": "regress/1",
@@ -242,7 +242,7 @@ def printout(result: Regression) -> str:
 
 
 def describe_comparison(results: Sequence[Regression]) -> str:
-    """One line for each fit, where several curves or several data sets were asked for."""
+    """One line for each fit of several curves or data sets."""
     rows = []
     for result in results:
         fit = result.selected.fit
@@ -270,7 +270,7 @@ def _list_models(result: Regression) -> list[tuple[Any, ...]]:
 
 
 def _align_columns(header: Sequence[str] | None, rows: Iterable[Sequence[Any]], left: int = 1) -> str:
-    """Lines of aligned columns, the first ``left`` to the left; those that do not fit beside them follow below."""
+    """Lines of aligned columns, the first ``left`` to the left; columns beyond the width follow below."""
     written = [header] if header else []
     written += [
         [str(cell) if isinstance(cell, str | int | np.integer) else _number(cell) for cell in row] for row in rows

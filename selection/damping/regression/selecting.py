@@ -1,9 +1,9 @@
-"""Which terms stay: none taken out, step by step, or the best of all subsets; free or with every coefficient >= 0.
+"""Selection of terms: all, step by step, or the best of all subsets; free or with every coefficient >= 0.
 
-Damping takes energy out, so a negative coefficient is no damping. Steps are those of the report: "By repeating the
+Damping dissipates energy, so a negative coefficient is no damping. Steps are those of the report: "By repeating the
 procedure with the few terms of most significance a new set of improved results occur" (section 5.3). T-ratios propose
 a step, to drop the term of least |T| or to add the one that would enter with the largest; the T-ratio to stop at, or
-else a criterion, decides whether it is taken. Nested searches see few of the models; ``subsets`` sees all.
+else a criterion, decides whether it is taken. Nested searches fit few of the models; ``subsets`` covers all.
 """
 
 from collections.abc import Callable
@@ -98,7 +98,7 @@ def stepwise(
 
 @dataclass(frozen=True)
 class _Search:
-    """What steps are proposed from and judged by."""
+    """The data from which steps are proposed and judged."""
 
     design: Design
     criterion: str

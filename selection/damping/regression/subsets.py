@@ -1,9 +1,9 @@
 """Subsets of the terms as models with their statistics: the best of all 2^k - 1, or every one.
 
-The best are found by leaps and bounds (``leaps``). Where every subset is asked for, all are fitted at once. The design
-is decomposed once: columns = Q R. A subset's columns then are columns of the small R, and subset S + {j} is subset S
-with one more direction: the part of R's column j across S's directions (Gram-Schmidt, twice). Going through the terms
-j = 0, 1, ... the first 2^j subsets so give the next 2^j in a few array operations, with coefficients, standard errors,
+The search for the best is by leaps and bounds (``leaps``). If every subset is requested, all are fitted at once. The
+design is decomposed once: columns = Q R. The columns of a subset are then columns of the small R, and subset S + {j} is
+subset S with one more direction: the part of column j of R across the directions of S (Gram-Schmidt, twice). For terms
+j = 0, 1, ... the first 2^j subsets give the next 2^j in a few array operations, with coefficients, standard errors,
 deviations and leverages. Index bits say which terms are in: subset 5 has terms 0 and 2.
 """
 
@@ -113,7 +113,7 @@ def all_subsets(design: Design) -> Subsets:
 def best_subsets(design: Design, criterion: str = "bic", *, nonnegative: bool = False, number: int = 10) -> Subsets:
     """The best subsets of all, best first, with the ``proof`` that none is better.
 
-    ``number`` of them at most, but for models without a value of the criterion (a name of ``criteria.NAMES``).
+    At most ``number`` of them, without models that have no value of the criterion (a name of ``criteria.NAMES``).
     ``nonnegative``: only those with every coefficient > 0. Least squares under a_k >= 0 ends at such a model: the terms
     that it does not hold at 0, fitted freely. InputError: an unknown criterion. AnalysisError: a rank-deficient design,
     a search that takes too long (the limit is named), or no model that qualifies.
@@ -130,7 +130,7 @@ def best_subsets(design: Design, criterion: str = "bic", *, nonnegative: bool = 
 
 
 def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool) -> Subsets:
-    """The models that have the criterion (and every coefficient > 0), best first; of equal ones the first first.
+    """The models that have the criterion (and every coefficient > 0), best first; equal ones keep their order.
 
     AnalysisError: no model qualifies.
     """
@@ -219,7 +219,7 @@ def _add(state: _State, m: int, j: int, basis: Basis) -> None:
 def _project(directions: FloatArray, column: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A column (k,) along orthonormal directions (m, slot, k), and the rest of it across them (m, k).
 
-    Twice, since what is left of a nearly dependent column still has rounding along the directions.
+    Twice, since the remainder of a nearly dependent column still has rounding errors along the directions.
     """
     along = directions @ column
     across = column - np.matmul(along[:, None, :], directions)[:, 0]
