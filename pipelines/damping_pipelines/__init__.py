@@ -1,4 +1,4 @@
-"""Settings, files, progress and the command line; everything that computes is in ``damping``."""
+"""Settings, files, progress and the command line; all computation is in ``damping``."""
 
 from contextvars import ContextVar
 from pathlib import Path

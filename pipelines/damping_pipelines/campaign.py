@@ -49,8 +49,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    InputError: bad usage, files that are not understood, or a mode that the audit refuses. AnalysisError: no mode that
-    can be followed over the levels.
+    InputError: bad usage, unreadable files, or a mode that the audit refuses. AnalysisError: no mode can be followed
+    over the levels.
     """
     tables = [Path(word) for word in design if math.isnan(parse_number(word))]
     read = [*sources, *(path for path in (correct, previous) if path), *tables]
@@ -92,13 +92,13 @@ def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]
 
 
 def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
-    """The levels that the design forces of a mode stand for, as they were asked; none where they are forces."""
+    """The requested levels behind the design forces of a mode; none if forces were requested."""
     levels = [f"{at.level:.4g} {answer.unit}".rstrip() for at in mode.places if not at.tested]
     return levels if answer.level_name != "force" and len(levels) == len(mode.design_forces) else []
 
 
 def _read_design(word: str) -> DesignLevel:
-    """A level, or the curve in a table with columns frequency (Hz) and level. InputError for what is neither."""
+    """A level, or the curve in a table with columns frequency (Hz) and level. InputError for anything else."""
     level, path = parse_number(word), Path(word)
     if not math.isnan(level):
         return DesignLevel.flat(level)
@@ -114,7 +114,7 @@ def _read_design(word: str) -> DesignLevel:
 
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:
-    """Every peak of a form ``campaign/1``. InputError for what is none."""
+    """Every peak of a form ``campaign/1``. InputError for another file."""
     form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
         SensorPrediction(
@@ -127,7 +127,7 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
 
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:
-    """SENSOR=VALUE words, of which a sensor's name may hold ``=``. InputError for what is no limit."""
+    """SENSOR=VALUE words; names of sensors may contain ``=``. InputError for an invalid limit."""
     meaning = "SENSOR=VALUE, in the sensor's unit"
     texts = parse_pairs("--limit", words, meaning, last=True)
     limits = {name: parse_number(text) for name, text in texts.items()}
@@ -138,7 +138,7 @@ def _read_limits(words: Sequence[str]) -> dict[str, float]:
 
 
 def _frequencies(text: str | None) -> list[float]:
-    """F1,F2,… in Hz. InputError for what is not understood."""
+    """F1,F2,… in Hz. InputError for invalid text."""
     if text is None:
         return []
     frequencies = sorted(map(parse_number, text.split(",")))
@@ -148,7 +148,7 @@ def _frequencies(text: str | None) -> list[float]:
 
 
 def _write_page(answer: Campaign) -> list[Section]:
-    """The page: modes, their damping against level, and the response of every sensor at the design levels."""
+    """Write the page: modes, their damping against level, and the response of every sensor at the design levels."""
     parts: dict[str, Block] = {
         "modes": Table(_tabulate_modes(answer), ""),
         "limits": Table(_tabulate_notches(answer), ""),
@@ -163,7 +163,7 @@ def _write_page(answer: Campaign) -> list[Section]:
 
 
 def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
-    """The peak of every sensor at every tested and design level; levels of another input at the mode say so."""
+    """The peak of every sensor at every tested and design level, with the input at the mode if it differs."""
     return pd.DataFrame(
         {
             "level": _describe_level(at, unit),
@@ -178,7 +178,7 @@ def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
 
 
 def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
-    """Each caution of a mode once, with the levels it is said of where it is not said of all."""
+    """Each caution of a mode once, with its levels unless it applies to all."""
     levels: dict[str, list[str]] = {}
     for at in mode.places:
         for caution in dict.fromkeys(at.cautions):
@@ -188,7 +188,7 @@ def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
 
 
 def _tabulate_notches(answer: Campaign) -> pd.DataFrame:
-    """What the limits of sensors ask at each mode."""
+    """Notches that the limits of sensors require at each mode."""
     unit = answer.unit
     return pd.DataFrame(
         {
@@ -223,7 +223,7 @@ def _tabulate_modes(answer: Campaign) -> pd.DataFrame:
 
 
 def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
-    """What was predicted before the last runs, beside what they gave."""
+    """Predictions made before the last runs, beside the measurements."""
     return pd.DataFrame(
         {
             "mode": outcome.mode,
@@ -240,7 +240,7 @@ def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
 
 
 def _describe_ratio(at: At, unit: str) -> str:
-    """A damping ratio in per cent with its level, those of two modes may differ, and with what a notch left of it."""
+    """A damping ratio in per cent with its level, which may differ between modes, and with the notched input."""
     band = "{:.3g} ({:.3g} to {:.3g})".format(*(100.0 * part for part in at.ratio)) if at.ratio else "no answer"
     return f"{band} at {_describe_level(at, unit)}"
 
@@ -251,7 +251,7 @@ def _describe_level(at: At, unit: str) -> str:
 
 
 def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
-    """The figure of a mode by its name; none where one level has an answer."""
+    """The figure of a mode by its name; none if only one level has a result."""
     levels = pd.DataFrame(
         {"level": at.input, "tested": at.tested, "frequency": at.frequency}
         | dict(zip(("median", "low", "high"), at.ratio, strict=True))

@@ -41,7 +41,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 
 
 def _add_common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The command with the options that stand before it and after it alike, beside ``-h``."""
+    """The command with the options that are accepted before and after its name, and ``-h``."""
 
     @wraps(command)
     def run(*, version: bool, quiet: bool, **own: Any) -> None:
@@ -70,7 +70,7 @@ app = typer.Typer(
 @app.callback()
 @_add_common
 def begin() -> None:
-    """What holds for whichever command follows."""
+    """Options that apply to every command."""
 
 
 @app.command()
@@ -217,7 +217,7 @@ OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT
 
 
 def _discard_output() -> None:
-    """Let what is left for a standard output that cannot be written go nowhere, not into a second error at the end."""
+    """Discard the remaining output if standard output cannot be written, to avoid a second error at the end."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -28,7 +28,7 @@ _EXPECTED = "a file that a study wrote"
 def compare(folders: Sequence[Path], out: Path) -> None:
     """Write the page that sets the studies in ``folders``, or the records of one, side by side.
 
-    InputError: fewer than two records, a folder that is no finished study, or whose files are of two runs; an ``out``
+    InputError: fewer than two records, a folder that is no finished study or mixes files of two runs, or an ``out``
     that is a file of one of the studies.
     """
     if len(folders) > MOST_STUDIES:
@@ -53,7 +53,7 @@ def check(folders: Sequence[Path]) -> None:
 
 
 def _list_names(folders: Sequence[Path]) -> list[str]:
-    """What each folder is called on the page: its own name, after those above it where two have one name."""
+    """The name of each folder on the page: its own, preceded by its parents if two have the same name."""
     resolved = [Path(os.path.realpath(folder)) for folder in folders]  # Path.resolve fails on a link to itself
     if len(set(resolved)) < len(resolved):
         raise InputError("a folder is given twice", expected="different folders")
@@ -97,7 +97,7 @@ def _tabulate_posteriors(folder: Folder, name: str) -> pd.DataFrame:
 
 
 def _read_observations(folder: Folder, name: str) -> Observations | None:
-    """The rows that laws were weighed on; None where the study has no such file or one without them."""
+    """The rows on which laws were weighed; None if the study has no such file, or one without rows."""
     if name not in folder.manifest.outputs:
         return None
     path = folder.path / name

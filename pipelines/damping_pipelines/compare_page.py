@@ -1,4 +1,4 @@
-"""The page that sets studies, modes and configurations side by side: one table with units; the same law or not."""
+"""The page that compares studies, modes and configurations: one table with units, and whether they share a law."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ MOST_POOLED = 8
 
 @dataclass(frozen=True)
 class RecordSummary:
-    """What a study found for a record."""
+    """The results of a study for a record."""
 
     form: StudyRecordForm
     posteriors: pd.DataFrame  #: ``law, parameter, unit, low, median, high``; may be empty
@@ -34,7 +34,7 @@ class RecordSummary:
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Title of the record on the page."""
         return self.form.title or self.form.name
 
     @property
@@ -60,7 +60,7 @@ class RecordSummary:
 
 @dataclass(frozen=True)
 class StudySummary:
-    """A study under the name it goes by on the page; ``digest``: of its summary."""
+    """A study with its name on the page; ``digest``: of its summary."""
 
     name: str
     form: StudyForm
@@ -127,7 +127,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
 
 
 def _describe_top(record: StudyRecordForm) -> dict[str, str]:
-    """Frequency and damping ratio at the largest tested amplitude that has them."""
+    """Frequency and damping ratio at the largest tested amplitude for which they are known."""
     tested = [row for row in (record.curve.rows if record.curve else []) if row.tested and row.damping_ratio]
     rows = [(row.amplitude, row.frequency, *vars(row.damping_ratio).values()) for row in tested]
     known = pd.DataFrame(rows, columns=["amplitude", "frequency", "ratio", "low", "high"]).astype(float).dropna()
@@ -143,9 +143,9 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
 
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:
-    """Records that rest on data of their own: of two with the same observations the first.
+    """Records with different data: the first of those with the same observations.
 
-    Where a study keeps none, of two studies of the same files.
+    If a study stores no observations, the first of those with the same files.
     """
     different: dict[object, tuple[str, RecordSummary]] = {}
     for study in studies:
@@ -158,7 +158,7 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
 
 
 def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[str, Any], dict[str, Block]]:
-    """What the text says of one law in all records, and its tables."""
+    """Values and tables of the text on one law in all records."""
     values: dict[str, Any] = {"among": "", "decides": DECIDES}
     if len(records) < 2:
         return values, {}
@@ -195,7 +195,7 @@ def _describe_best(ranking: pd.DataFrame) -> str:
 
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
-    """What else than the data differs, by name."""
+    """Differences other than the data, by name."""
     differences = []
     for what in ("input", "version"):
         tables: list[Mapping[str, str]] = [getattr(study.manifest, f"{what}s") for study in studies]
@@ -208,7 +208,7 @@ def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
 
 
 def _describe_record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> dict[str, Any]:
-    """What the text says of a record: the studies without it, and units where they are not the same."""
+    """Values of the text on a record: the studies without it, and its units if they differ."""
     units = {study.name: study.records[name].form.units for study in having}
     named = {study: " and ".join(filter(None, (own.force, own.length))) for study, own in units.items()}
     lines = [f"{study}: {text or 'not stated'}" for study, text in named.items()]
@@ -236,7 +236,7 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
 
 
 def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) -> bool:
-    """Whether all rows are now in the units of the first study; ``units``, by study, stand in a column of that name."""
+    """Convert to the units of the first study and return whether all rows could be; ``units``: of each study."""
     to = next(iter(units.values()))
     factors = [_find_factors(units[study], to) for study in table["study"]]
     table["units"] = [_name_units(units[study] if None in factors else to) for study in table["study"]]
@@ -249,7 +249,7 @@ def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) ->
 
 
 def _find_factors(own: UnitsForm, to: UnitsForm) -> tuple[float, float] | None:
-    """Factors of force and length from one system of units to another; None where that is not known."""
+    """Factors of force and length from one system of units to another; None if unknown."""
     if own == to:
         return 1.0, 1.0
     pairs = ((own.force, to.force), (own.length, to.length))

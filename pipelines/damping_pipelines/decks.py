@@ -1,17 +1,17 @@
-"""``damping export --to CODE``: damping for a structural code, one table a load level, median and lower bound.
+"""``damping export --to CODE``: damping for a structural code, one table per load level, median and lower bound.
 
-Modes are numbered by frequency, the same at every level: one that has no damping at a level keeps its number there.
+Modes are numbered by frequency, the same at every level: a mode without damping at a level keeps its number there.
 
-A code that knows one damping ratio a mode gets that of the predicted resonant amplitude at each load level, where
-force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median stands the low end of the band (5 % of
-90 %): the one a load is sized with, and so the block that is live, at the largest level of the test or the largest
-that was asked for, whichever has less damping; the others are comments. Codes that take coefficients get those of
+A code with one damping ratio per mode gets the ratio at the predicted resonant amplitude of each load level, where
+force, amplitude and ratio agree: zeta = F/(2 M omega^2 A). Beside the median is the low end of the band (5 % for a
+90 % band), with which a load is sized. It is the live block, at the largest tested or the largest requested level,
+whichever has less damping; the others are comments. Codes that take coefficients get those of
 c1 q' + c2 q' |q'| of equal dissipation,
 
     F = c1 omega A + (8/(3 pi)) c2 (omega A)^2     (Table 2.II, cases I and III),
 
-by non-negative least squares over the load levels. It follows no damping that falls as the amplitude grows. OpenFAST
-takes them in N, m and s: where the form names its units they are converted, else a comment says that none is named.
+by non-negative least squares over the load levels. They cannot represent damping that falls with amplitude. OpenFAST
+takes them in N, m and s: they are converted if the form names its units; otherwise a comment says that it names none.
 """
 
 from collections import defaultdict
@@ -47,9 +47,9 @@ FLANK = 2.0
 #: Coefficients that miss the damping of a level by a larger share are said to be of a form that cannot follow it: bands
 #: of damping at tested levels are as wide.
 MOST_MISFIT = 0.05
-#: Characters of a comment from which on it goes on in another line: Abaqus takes lines of 256.
+#: Longest line of a comment, characters; Abaqus takes lines of 256.
 COMMENT_WIDTH = 120
-#: Why a block is live where two could be.
+#: Reason for the live block if there are two candidates.
 SAFER = "of the largest tested and the largest requested level, the one with less damping"
 #: Ratios on one line of an ANSYS ``MDAMP`` command.
 RATIOS_PER_LINE = 6
@@ -57,7 +57,7 @@ RATIOS_PER_LINE = 6
 
 @dataclass(frozen=True)
 class Point:
-    """One mode at one load level: frequency in Hz, damping ratio (median and low), and the words that describe it."""
+    """One mode at one load level: frequency in Hz, damping ratio (median and low), and a remark."""
 
     mode: str
     frequency: float
@@ -124,15 +124,15 @@ def export_deck(source: Path, out: Path, code: str) -> None:
 
 
 def to_ascii(text: str) -> str:
-    """The text in the characters that every code reads: accents are left out, what has no such character is "?"."""
+    """The text in ASCII, which every code reads: accents are removed, other characters become "?"."""
     plain = normalize("NFKD", text.translate({ord("²"): "^2", ord("³"): "^3", ord("·"): "*"}))
     return "".join(c for c in plain if not combining(c)).encode("ascii", "replace").decode()
 
 
 def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:
-    """The points of each level by frequency, one a mode, and what is said of rows that have none.
+    """The points of each level by frequency, one per mode, and notes on rows without a point.
 
-    Of several rows of a mode at one level it is one that was tested, where one was.
+    Of several rows of a mode at one level a tested one is preferred.
     """
     of_modes = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     levels, missing = defaultdict[float, dict[str, Point]](dict), list[str]()
@@ -149,7 +149,7 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
 
 
 class Live(NamedTuple):
-    """The level and bound of the block that stands as no comment, and why it is this one."""
+    """Level and bound of the live block, the one that is no comment, and the reason for its choice."""
 
     level: float
     bound: str
@@ -157,11 +157,10 @@ class Live(NamedTuple):
 
 
 def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, int], *, whole: bool) -> Live | None:
-    """The block that stands as no comment: a low end.
+    """The live block: the low end at one level; None if there is no level.
 
-    Of the largest level within the test and the largest that was asked for it is the one with less damping, in the
-    geometric mean of the modes that both have. ``whole``: only levels at which no mode lacks its damping can be
-    written; None where there is none.
+    Of the largest tested and the largest requested level it is the one with less damping, in the geometric mean over
+    the modes of both. ``whole``: only levels at which every mode has a damping ratio can be live.
     """
     written = [level for level, points in levels.items() if not whole or len(points) == number[points[-1].mode]]
     tested = [level for level in written if all(point.tested for point in levels[level])]
@@ -179,7 +178,7 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
 
 
 def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
-    """N and m in the units of force and length of a form; None where it names none of these."""
+    """N and m in the units of force and length of a form; None if it does not name them."""
     force, length = (units.get(what, "") for what in ("force", "length"))
     if (find_powers(force), find_powers(length)) != ((1, 0, 0), (0, 1, 0)):
         return None
@@ -187,7 +186,7 @@ def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:
-    """The points whose modes follow each other by ``number``, ``RATIOS_PER_LINE`` together at most."""
+    """Runs of points with consecutive mode numbers, at most ``RATIOS_PER_LINE`` each."""
     runs = list[list[Point]]()
     for point in points:
         if not runs or len(runs[-1]) == RATIOS_PER_LINE or number[point.mode] != number[runs[-1][-1].mode] + 1:
@@ -197,12 +196,12 @@ def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[
 
 
 def _find_force(row: DampedRow) -> float | None:
-    """The force of a row; a prediction of ``loads/1`` that was asked by amplitude holds it as its median."""
+    """The force of a row; in ``loads/1`` for given amplitudes it is the median."""
     return row.median if row.force is None and row.amplitude is not None else row.force
 
 
 def _as_point(mode: str, row: DampedRow) -> Point | None:
-    """A row as a point; None where it predicts no damping."""
+    """A row as a point; None if it has no damping ratio."""
     ratio = row.damping_ratio
     if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
         return None
@@ -221,13 +220,15 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """c1 (``linear``) and c2 (``quadratic``) of one mode at one bound, and where they miss its damping most.
+    """c1 (``linear``) and c2 (``quadratic``) of one mode at one bound, and their largest error.
 
-    Coefficients, and ``equivalent``, are in N, m and s where the form names its units.
+    Coefficients, and ``equivalent``, are in N, m and s if the form names its units.
 
-    ``miss``: their damping there over that of the form, less 1; ``force`` of that level; ``equivalent``: F/(omega A) of
-    the form there, the c1 that alone would do; ``falls``: that it is less at the largest amplitude than at the least.
-    ``unit``: of forces. ``alone``: of one level, where any share of the two carries its force.
+    Attributes:
+        miss: their damping over that of the form, less 1, at the level of the largest error; ``force`` there.
+        equivalent: F/(omega A) of the form there, the c1 that alone would fit that level. falls: whether F/(omega A)
+            is smaller at the largest amplitude than at the smallest.
+        unit: of forces. alone: whether there is only one level, at which any ratio of the two fits.
     """
 
     linear: float
@@ -255,11 +256,11 @@ class Coefficients:
 def fit_coefficients(
     points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float] | None = None
 ) -> Coefficients:
-    """c1 and c2 >= 0 of c1 q' + c2 q' |q'| that carry the forces of the points at their amplitudes (see the module).
+    """c1 and c2 >= 0 of c1 q' + c2 q' |q'| fitted to the forces of the points at their amplitudes (see the module).
 
-    ``si``: N and m in the units of force and amplitude, in which coefficients then are.
+    ``si``: N and m in the units of force and amplitude; coefficients are then in SI.
 
-    The low bound of damping is the force that the low ratio means: F low/median. AnalysisError: the form holds no
+    The force at the low bound of damping is F low/median. AnalysisError: the form holds no
     forces and amplitudes.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it

@@ -47,10 +47,10 @@ def export(
 ) -> None:
     """Write a record, or a form ``rank/1``, ``loads/1`` or ``curve/1``, in the format that ``out`` ends with.
 
-    Options as ``damping export --help`` says them; ``given`` is ``--from``. A form is known by its first character.
-    InputError: bad options, a file that cannot be read, a record that the audit refuses, or units that are not known,
-    are said to be two things, or of a ranking, which is not converted. AnalysisError: a record that a universal file
-    cannot hold, or a mode that cannot be converted.
+    Options are those of ``damping export --help``; ``given`` is ``--from``. The first character identifies a form.
+    InputError: bad options, an unreadable file, a record that the audit refuses, unknown or contradictory units, or
+    units for a ranking, which is not converted. AnalysisError: a record that a universal file cannot hold, or a mode
+    that cannot be converted.
     """
     if to is not None:
         if units or given or mode or mode_out or text:
@@ -85,7 +85,7 @@ def export(
 
 
 def _check_out(out: Path, *, text: bool) -> None:
-    """InputError: a name of no known format, or ``text`` of what has no other form."""
+    """InputError: a name of no known format, or ``text`` for a format without a text form."""
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
         expected = "a name ending in .uff, .unv, .csv or .parquet"
@@ -97,7 +97,7 @@ def _check_out(out: Path, *, text: bool) -> None:
 def _convert(
     record: Record, mode: Mode | None, names: Units, units: str, source: str
 ) -> tuple[Record, Mode | None, list[str]]:
-    """A record and its mode in other units, with what is to be said of it."""
+    """A record and its mode in other units, with notes."""
     by = factors(names, units, source=source)
     if mode is None:
         record, notes = convert_record(record, by, "force")
@@ -129,7 +129,7 @@ def _names(own: Units, given: str | None, source: str) -> Units:
 def _export_form(
     source: Path, out: Path, units: str | None, given: str | None, mode: Path | None, max_size: int
 ) -> None:
-    """A form as a table; loads and curves in other units where they are asked for."""
+    """Write a form as a table; loads and curves in other units if requested."""
     form = read_answer(source, max_size)
     table = tabulate_form(form)
     if units is None:
@@ -180,13 +180,13 @@ def tabulate_form(form: RankForm | LoadsForm | CurveForm) -> pd.DataFrame:
 
 
 def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> RankForm | LoadsForm | CurveForm:
-    """A form ``rank/1``, ``loads/1`` or ``curve/1``. InputError with the first thing that is wrong."""
+    """A form ``rank/1``, ``loads/1`` or ``curve/1``. InputError for the first fault."""
     content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
     return read_form(AnswerForm, content, path, "a form rank/1, loads/1 or curve/1, as --json writes it").root
 
 
 def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
-    """A row for each parameter of each force of each candidate."""
+    """One row for each parameter of each force of each candidate."""
     rows: list[dict[str, Any]] = []
     for model in form.models:
         whole = {"model": model.name, **model.model_dump(exclude={"forces", "cautions", "name", "equivalents"})}
@@ -200,7 +200,7 @@ def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
 
 
 def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
-    """A row for each design force or amplitude and law, the average over laws first (``model`` empty)."""
+    """One row for each design force or amplitude and law, the average over laws first (``model`` empty)."""
     rows: list[dict[str, Any]] = []
     other = "force" if form.asked == "amplitude" else "amplitude"
     for prediction in form.predictions:
@@ -215,7 +215,7 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
 
 
 def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
-    """A row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
+    """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
     rows: list[dict[str, Any]] = []
     for row in form.rows:
         bands = {"damping_ratio": row.damping_ratio, "q": row.q}
@@ -232,7 +232,7 @@ def _flatten(name: str, of: IntervalForm) -> dict[str, float | None]:
 
 
 def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:
-    """Columns of one type each: ``text``, whole and logical numbers that may be missing, and numbers."""
+    """The table with one type per column: ``text``, integer and Boolean with missing values, and float."""
     types = {"rank": "Int64", "physical": "boolean", "tested": "boolean", **dict.fromkeys(text, "str")}
     filled = table.fillna(dict.fromkeys(text, ""))
     return filled.astype({str(name): types.get(str(name), "float64") for name in table.columns})

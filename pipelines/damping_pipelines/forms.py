@@ -1,4 +1,4 @@
-"""Forms that commands wrote, read back and checked: of a ranking, loads, a curve, a campaign and a study."""
+"""JSON forms written by commands, read and checked: ranking, loads, curve, campaign and study."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -15,7 +15,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class FormPart(BaseModel):
-    """A part of a form: keys that are not named are passed over, and no number is NaN or infinite."""
+    """A part of a form: unknown keys are ignored, and no number is NaN or infinite."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
@@ -24,7 +24,7 @@ AnyForm = TypeVar("AnyForm", bound=BaseModel)
 
 
 def read_form(form: type[AnyForm], content: bytes, file: Path, expected: str) -> AnyForm:
-    """A form from its JSON text. InputError with the first thing that is wrong."""
+    """A form from its JSON text. InputError for the first fault."""
     try:
         return form.model_validate_json(content)
     except ValidationError as error:
@@ -32,7 +32,7 @@ def read_form(form: type[AnyForm], content: bytes, file: Path, expected: str) ->
 
 
 def describe_invalid(error: ValidationError, file: Path, expected: str) -> InputError:
-    """The first thing that pydantic finds wrong, by its place in the form."""
+    """The first fault that pydantic reports, by its place in the form."""
     first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"] if "/" not in str(part))  # the name of a form is no place
     return InputError(f"{place}: {first['msg']}".lstrip(": "), file=file, expected=expected)
@@ -95,14 +95,14 @@ class RankForm(FormPart):
 
 
 class MemberForm(IntervalForm):
-    """A law that takes part in a prediction."""
+    """A law that contributes to a prediction."""
 
     name: str
     weight: float | None = None
 
 
 class PredictionForm(FormPart):
-    """A prediction at a design force, whose median and band are amplitudes; of an amplitude they are forces."""
+    """A prediction: median and band are amplitudes at a design force, or forces for a design amplitude."""
 
     force: float | None = None
     amplitude: float | None = None
@@ -134,7 +134,7 @@ class LoadsForm(FormPart):
 
     @property
     def asked(self) -> str:
-        """What was asked: ``force`` or ``amplitude``."""
+        """The given quantity: ``force`` or ``amplitude``."""
         return "force" if self.predictions[0].amplitude is None else "amplitude"
 
     @model_validator(mode="after")
@@ -145,7 +145,7 @@ class LoadsForm(FormPart):
 
 
 class CurveRowForm(FormPart):
-    """A resonance; the one of amplitude and force that was asked has no band."""
+    """A resonance; the given quantity, amplitude or force, has no band."""
 
     amplitude: float | None = None
     amplitude_low: float | None = None
@@ -163,7 +163,7 @@ class CurveRowForm(FormPart):
 
 
 class CurveForm(FormPart):
-    """Resonances over the test and beyond it."""
+    """Resonances within the test and beyond it."""
 
     format: Literal["curve/1"]
     level: float
@@ -222,7 +222,7 @@ class PeakForm(FormPart):
 
 
 class PeaksForm(FormPart):
-    """A level of a mode with its peaks; ``input``: where it is not the level."""
+    """A level of a mode with its peaks; ``input``: if it differs from the level."""
 
     level: float
     input: Positive | None = None
@@ -238,7 +238,7 @@ class PeaksOfMode(FormPart):
 
 
 class CampaignForm(FormPart):
-    """A campaign as far as its peaks go."""
+    """The peaks of a campaign."""
 
     format: Literal["campaign/1"]
     modes: list[PeaksOfMode]
@@ -252,7 +252,7 @@ class UnitsForm(FormPart):
 
 
 class PowerLawForm(FormPart):
-    """Of the velocity: the first that a study lists."""
+    """The power law of velocity, the first that a study lists."""
 
     p: float
     std_error: float | None = None

@@ -89,7 +89,7 @@ def gap(
 
 
 def _describe_model(result: DiagnosisResult) -> str:
-    """The corrected model; its head says by what it is corrected, how sure that is, and where it is not to be used."""
+    """The corrected model; its head states the correction, its probability, and where not to use the model."""
     from damping.effects import list_lasting  # noqa: PLC0415 - as the next
     from damping.gap.weighing import KNOWN  # noqa: PLC0415 - a folder of cases is diagnosed by other processes
     from damping.report.gap import describe_diagnosis  # noqa: PLC0415 - as the line above
@@ -129,9 +129,9 @@ def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str,
 
 
 def import_simulator(name: str) -> Simulate:
-    """The function of ``MODULE:FUNCTION``, looked for in the working folder first.
+    """The function of ``MODULE:FUNCTION``, with the working folder searched first.
 
-    InputError: no such module or function, or one that cannot be loaded.
+    InputError: a module or function that does not exist or cannot be loaded.
     """
     module, _, function = name.partition(":")
     if not module or not function:

@@ -1,4 +1,4 @@
-"""``damping import``: a laboratory's file to a record, with a table of what was understood."""
+"""``damping import``: a laboratory's file to a record, with a table of the facts read from it."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -32,9 +32,9 @@ def import_(
     mode: Path | None,
     **options: Any,
 ) -> None:
-    """:func:`import_file` with what the command line says of the file; ``options`` are the fields of ``Stated``.
+    """:func:`import_file` with the statements of the command line; ``options`` are the fields of ``Stated``.
 
-    InputError: options that are not understood or need each other, beside what :func:`import_file` raises.
+    InputError: invalid or incomplete options, and all that :func:`import_file` raises.
     """
     parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
     window = {name: value for name, value in parts.items() if value is not None}
@@ -64,12 +64,12 @@ def import_file(
     despite: Collection[str] = (),
     **window: Any,
 ) -> None:
-    """Read a file, write its record and print what was understood (form ``import/1`` where asked).
+    """Read a file, write its record and print the facts read (form ``import/1`` if requested).
 
-    ``mode_file`` is for time histories, which are free decays of that mode, taken as ``window`` tells
-    :func:`ring_down`; without it the file holds steady states. InputError: a file that cannot be read, or something
-    that neither the file nor the user says. Refused: the record cannot be what it seems, and the check is not among
-    ``despite``. AnalysisError: no decay that can be used.
+    ``mode_file`` is for time histories, which are free decays of that mode, evaluated in the ``window`` of
+    :func:`ring_down`; without it the file holds steady states. InputError: a file that cannot be read, or a fact that
+    neither the file nor the user states. Refused: a check refuses the record and is not among ``despite``.
+    AnalysisError: no usable decay.
     """
     check_outputs({"--out": out, "--json": json_out}, *filter(None, (file, mode_file)))
     series, summary = read_file(file, stated, max_size=max_size)
@@ -103,7 +103,7 @@ def import_file(
 
 
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
-    """Scaling of the response and of the force of ``--scaling``. InputError for one that is given twice."""
+    """Scaling of the response and of the force of ``--scaling``. InputError for a scaling given twice."""
     plain = [word for word in words if "=" not in word]
     named = parse_pairs("--scaling", [word for word in words if "=" in word])
     wrong = next((key for key in named if key not in ("response", "force")), None)
@@ -113,7 +113,7 @@ def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
 
 
 def scales(words: Sequence[str]) -> dict[str, float]:
-    """``KEY=NUMBER`` words of ``--scale``. InputError for what is no number other than 0."""
+    """``KEY=NUMBER`` words of ``--scale``. InputError for 0 or text that is no number."""
     factors: dict[str, float] = {}
     for key, text in parse_pairs("--scale", words).items():
         factors[key] = parse_number(text)
@@ -123,7 +123,7 @@ def scales(words: Sequence[str]) -> dict[str, float]:
 
 
 def read_band(text: str | None) -> tuple[float, float] | None:
-    """LO:HI in Hz. InputError for what is not understood."""
+    """LO:HI in Hz. InputError for invalid text."""
     if text is None:
         return None
     low, _, high = text.partition(":")
@@ -136,7 +136,7 @@ def read_band(text: str | None) -> tuple[float, float] | None:
 def _decays(
     series: list[Series], stated: Stated, mode: Mode, window: Mapping[str, Any], file: Path, summary: Summary
 ) -> Record:
-    """The record of free decays: each level a sweep of its own."""
+    """The record of free decays: one sweep per level."""
     _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
@@ -166,7 +166,7 @@ def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary
 
 
 def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
-    """InputError where the mode names other units than the record will have: its mass would be of another size."""
+    """InputError if the units of the mode differ from those of the record, in which its mass would be wrong."""
     if stated.consistent:
         return
     names = SYSTEMS[stated.system]

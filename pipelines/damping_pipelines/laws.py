@@ -44,7 +44,7 @@ SMALL = 0.01
 
 @dataclass(frozen=True)
 class Asked:
-    """What every command on a record and its mode is asked with."""
+    """The arguments of every command on a record and its mode."""
 
     record: Path
     mode: Path
@@ -56,11 +56,11 @@ class Asked:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What every function of the library on a record is given beside it."""
+        """Common arguments of the functions of the library on a record."""
         return {"seed": self.seed, "despite": self.despite, "progress": progress}
 
     def read(self) -> tuple[Record, Mode]:
-        """Both files, read, checked and audited before any work; findings go to standard error."""
+        """Read, check and audit both files before any work; findings go to standard error."""
         check_outputs({"--json": self.json_out, "--plot": self.plot}, self.record, self.mode)
         read = read_record(self.record, max_size=self.max_size)
         described = read_mode(self.mode, max_size=self.max_size)
@@ -68,7 +68,7 @@ class Asked:
         return read, described
 
     def write(self, result: Result) -> bool:
-        """Write form and drawing; whether the table is to be printed."""
+        """Write form and figure, and return whether to print the table."""
         if self.json_out is not None:
             write_plain(self.json_out, result.to_json())
         if self.plot is not None:
@@ -91,7 +91,7 @@ def rank(**files: Any) -> None:
 
 
 def print_ranking(result: RankingResult, mode: Mode) -> None:
-    """The tables for people: laws, and the coefficients of the best."""
+    """Print the tables of the laws and of the coefficients of the best."""
     out, notes = console(), Notes()
     numbers = ("weight", "fitted error %", "held-out error %", "score", "equal laws", "notes")
     table = PlainTable(f"{mode.name}: damping laws, best first", numbers, ("", "law"))
@@ -114,18 +114,18 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
 
 
 def _print_headlines(sentences: Iterable[str]) -> None:
-    """What stands before an answer."""
+    """Print the sentences before a result."""
     for sentence in sentences:
         console().print(f"{sentence[0].upper()}{sentence[1:]}.", style="bold red")
 
 
 def _print_notes(notes: Notes, result: RankingResult | PredictedResult) -> None:
-    """The notes, and the cautions that do not stand before the answer."""
+    """Print the notes, and the cautions that were not printed before the result."""
     notes.show(console(), (caution for caution in result.cautions if caution not in result.headlines))
 
 
 def _tabulate_coefficients(laws: Sequence[Candidate], units: Units) -> object:
-    """Coefficients of laws, by their number, with their units: medians and 90 % intervals."""
+    """Coefficients of numbered laws with their units: medians and 90 % intervals."""
     numbers, names = ("median", "low", "high", "T-ratio"), ("law", "coefficient", "unit")
     table = PlainTable("Coefficients of laws by number, median and 90 % interval", numbers, names)
     for c in laws:
@@ -156,7 +156,7 @@ def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float
 
 
 def print_loads(result: LoadsResult) -> None:
-    """The tables for people, with the parts of the spread and what the weights rest on."""
+    """Print the tables of the predictions, with the parts of the spread and the basis of the weights."""
     out, notes, mode = console(), Notes(), result.mode
     loads, plan, units = result.loads, result.extrapolation.plan, mode.units
     _print_headlines(result.headlines)
@@ -192,7 +192,7 @@ def print_loads(result: LoadsResult) -> None:
     _print_notes(notes, result)
 
 
-#: What the terminal has room for of a band that is wider to one side where the resonance falls or rises.
+#: Note on the frequency: the terminal has room for one side of a band that is wider where the resonance moves.
 FARTHER = "±: to the farther end of the frequency band."
 
 
@@ -200,7 +200,7 @@ _MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
 
 
 def _state_frequency(row: Mapping[Hashable, Any]) -> str:
-    """A frequency, and how far its band goes, where it has one."""
+    """A frequency with the width of its band, if any."""
     f, low, high = (float(row[f"frequency{end}"]) for end in ("", "_low", "_high"))
     farther = max(f - low, high - f)
     if not farther > 0.0:
@@ -210,7 +210,7 @@ def _state_frequency(row: Mapping[Hashable, Any]) -> str:
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:
-    """The laws of largest weight in a line."""
+    """The laws of largest weight in one line."""
     ordered = sorted(laws, key=lambda law: -law.weight)
     rest = len(ordered) - MOST_NAMED
     more = f", and {rest} more" if rest > 0 else ""
@@ -226,7 +226,7 @@ def _name_drive(units: Units) -> str:
 
 
 def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
-    """Bands with other priors, ``factor`` times in the unit ``length``, and what to test next."""
+    """Print bands with other priors, times ``factor`` in the unit ``length``, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors().dropna(subset="median")
     headings = (_name_drive(units), "prior times", "median", "low", "high")
@@ -263,7 +263,7 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
 
 
 def print_curve(result: CurveResult) -> None:
-    """The table for people."""
+    """Print the table of the curve."""
     out, notes, units = console(), Notes(), result.mode.units
     _print_headlines(result.headlines)
     factor, length = choose_length(units.length, result.table["amplitude"].max())

@@ -1,9 +1,9 @@
-"""Folders of results that one run wrote: staged, moved into place, and sealed by a manifest of hashes written last.
+"""Folders of results of one run: staged, moved into place, and sealed by a manifest of hashes written last.
 
-A file is moved into place whole. Between the first move and the last the manifest in the folder, if any, fits no more,
-so a reader that checks it never takes files of two runs for one: it says which file is of another run.
+Each file is moved atomically. Between the first move and the last the manifest in the folder, if any, no longer
+matches, so a reader that checks it never mixes files of two runs: it names the file of the other run.
 
-What a result depends on beside its inputs: versions of packages, and the source of this project.
+Results depend on their inputs, on the versions of packages and on the source of this project.
 """
 
 import hashlib
@@ -58,13 +58,13 @@ class Manifest(BaseModel, extra="ignore", frozen=True):
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder whose manifest was read; ``read`` gives contents that are those of the run."""
+    """A folder whose manifest was read; ``read`` returns contents that match the manifest."""
 
     path: Path
     manifest: Manifest
 
     def read(self, name: str) -> bytes:
-        """Contents of an output. InputError where it is missing or of another run."""
+        """Contents of an output. InputError if it is missing or of another run."""
         if name not in self.manifest.outputs:
             raise InputError(f"no {name} in the manifest", file=self.path / MANIFEST, expected="a folder of this kind")
         path = self.path / name
@@ -84,13 +84,13 @@ def digest(content: bytes) -> str:
 
 
 def digest_file(path: Path) -> str:
-    """The same of a file of any size, read in blocks."""
+    """SHA-256 of a file of any size, read in blocks."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def digest_inputs(paths: Iterable[Path]) -> dict[str, str]:
-    """The same of every file by its name; of files of one name in different folders the later ones are numbered."""
+    """SHA-256 of every file by its name; later files of the same name are numbered."""
     files = list(dict.fromkeys(paths))
     return {name: digest_file(file) for name, file in zip(name_apart(f.name for f in files), files, strict=True)}
 
@@ -106,10 +106,10 @@ def publish(
 ) -> None:
     """Replace the results in a folder by ``files`` (contents by relative name): all of them, or none.
 
-    Files are written beside the results first, so that a full disk changes nothing. Then they are moved over the old
-    ones, outputs of the earlier run that this one has not are removed, and the manifest is moved last. ``kept``: names
-    of files that the run has written into the folder already, to be sealed with the others. InputError: a file cannot
-    be written, or one stands there that no run has written; the earlier results are as they were.
+    Files are written beside the results first, so that a full disk changes nothing. Then they replace the old ones,
+    outputs that only the earlier run had are removed, and the manifest is moved last. ``kept``: names of files that the
+    run has already written into the folder, to be sealed with the others. InputError: a file cannot be written, or a
+    file that no run has written is in the way; the earlier results are unchanged.
     """
     refuse_foreign(folder, files)
     outputs = {name: digest(content) for name, content in files.items()}
@@ -128,7 +128,7 @@ def publish(
 
 
 def _move_staged(folder: Path, manifest: Manifest) -> None:
-    """Move every staged file into its place, remove what only an earlier run had, move the manifest last."""
+    """Move every staged file into place, remove files that only an earlier run had, and move the manifest last."""
     staged, old = folder / _STAGED, _outputs_of_before(folder)
     for name in manifest.outputs:
         if (staged / name).exists():
@@ -142,7 +142,7 @@ def _move_staged(folder: Path, manifest: Manifest) -> None:
 def refuse_foreign(folder: Path, names: Collection[str], inputs: Iterable[Path] = ()) -> None:
     """InputError where results of another command, or an input, would be lost, or a user's own file is in the way.
 
-    What the manifest in the folder names is removed by a run that has it not; what no manifest names is a user's own.
+    A run may remove files that the manifest names; files that no manifest names belong to the user.
     """
     ours = _outputs_of_before(folder)
     lost = {os.path.realpath(folder / name) for name in (*ours, MANIFEST)} if ours else set()
@@ -169,7 +169,7 @@ def _find_command(names: Collection[str]) -> str | None:
 
 
 def _outputs_of_before(folder: Path) -> set[str]:
-    """Files that the manifest in the folder names; none where there is no readable one."""
+    """Files that the manifest in the folder names; none without a readable manifest."""
     with suppress(InputError):
         return set(open_folder(folder).manifest.outputs)
     return set()
@@ -178,7 +178,7 @@ def _outputs_of_before(folder: Path) -> set[str]:
 def open_folder(folder: Path) -> Folder:
     """A folder of results by its manifest, whose files are checked when they are read.
 
-    InputError: no manifest, not one of ours, or one that names files outside the folder.
+    InputError: no manifest, an invalid one, or one that names files outside the folder.
     """
     path = folder / MANIFEST
     if not folder.is_dir():
@@ -207,10 +207,10 @@ def verify(folder: Path) -> Folder:
 def sole_writer(folder: Path, names: Collection[str] = (), inputs: Iterable[Path] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.
 
-    The lock ends with the process, however that ends. What a killed run had staged is removed; where it had begun to
-    move finished results into place, that is done first. ``names``: outputs that are known beforehand, and ``inputs``,
-    so that what must not be lost is told before the work (:func:`refuse_foreign`). A folder that is made here and left
-    empty goes again. InputError: that, or the folder cannot be written, or another run holds it.
+    The lock ends with the process, however that ends. Staged files of a killed run are removed; if it had begun to move
+    finished results into place, the moves are completed first. ``names``, ``inputs``: outputs known beforehand and
+    inputs, so that loss of files is refused before the work (:func:`refuse_foreign`). A folder that is made here and
+    stays empty is removed. InputError: such a loss, a folder that cannot be written, or another run holds it.
     """
     made = not folder.exists()
     make_folder(folder)
@@ -254,14 +254,14 @@ SHIPPED = ("damping", "damping_pipelines", "damping_reed1970", "damping_validati
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions a result depends on, as shown beside it."""
+    """Versions that a result depends on."""
     packages = {name: importlib.metadata.version(name) for name in PACKAGES}
     return {"damping-selection": __version__, "Python": platform.python_version(), **packages}
 
 
 @cache
 def digest_source() -> str:
-    """SHA-256 of every module of the project, as this process found them when it asked first."""
+    """SHA-256 of every module of the project, at the first call in this process."""
     hashed = hashlib.sha256()
     for package in SHIPPED:
         spec = find_spec(package)

@@ -1,6 +1,6 @@
 """Options of commands: those that several share, and every command on files and folders.
 
-A command is written as its options, whose meaning ``--help`` says; what it does stands in the module that it names.
+A command is declared by its options, explained by ``--help``; the module that it names does the work.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ Command = Callable[..., None]
 
 
 def delegate(module: str, function: str = "") -> Callable[[Command], Command]:
-    """What a command does: a function (of its own name) of a module, which is loaded when the command runs."""
+    """The work of a command: a function (of the same name) of a module that is loaded when the command runs."""
 
     def decorate(options: Command) -> Command:
         @wraps(options)

@@ -11,27 +11,27 @@ from contextlib import contextmanager, suppress
 
 
 def leave_pyarrow_out() -> None:
-    """Keep pandas from loading pyarrow in this process, before it is loaded itself.
+    """Keep pandas from loading pyarrow in this process; call it before pandas is loaded.
 
-    Wherever pyarrow is installed pandas loads it, 40 MB and a tenth of a second, for text that is as well kept without.
+    If pyarrow is installed, pandas loads it for text (40 MB and a tenth of a second), which is not needed.
     """
     sys.modules.setdefault("pyarrow", None)  # type: ignore[arg-type]  # the documented way to make an import fail
 
 
 def count_jobs(jobs: int | None) -> int:
-    """Processes for a piece of work: as many as asked for, else as there are cores that this process may use."""
+    """Number of processes: as requested, else the number of cores that this process may use."""
     return jobs or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
 def start_pool(jobs: int | None = None) -> ProcessPoolExecutor:
-    """Processes, as many as :func:`count_jobs`, that end with this one and load pyarrow only where it does."""
+    """A pool of :func:`count_jobs` processes that end with this one and load pyarrow only if it does."""
     # "spawn": a forked copy of a process with threads (a progress bar has one) may lock up
     spawn, without_pyarrow = multiprocessing.get_context("spawn"), sys.modules.get("pyarrow", True) is None
     return ProcessPoolExecutor(count_jobs(jobs), spawn, end_with_parent, (without_pyarrow,))
 
 
 def end_with_parent(without_pyarrow: bool = False) -> None:
-    """Initializer of a pool: when the parent is gone, even killed, this process ends instead of waiting for ever."""
+    """Initializer of a pool: when the parent ends, even if killed, this process ends too."""
     if without_pyarrow:
         leave_pyarrow_out()
     parent = multiprocessing.parent_process()
@@ -46,13 +46,13 @@ def end_with_parent(without_pyarrow: bool = False) -> None:
 
 
 def give_back_memory() -> None:
-    """Return to the system what was freed here, which the C library of Linux keeps for later."""
+    """Return freed memory to the system, which the C library of Linux would keep for later."""
     with suppress(AttributeError, OSError):  # another C library
         ctypes.CDLL(None).malloc_trim(0)
 
 
 class OutOfTimeError(BaseException):
-    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+    """The work exceeded its time limit; not an ``Exception``, so that no handler on the way catches it."""
 
 
 @contextmanager

@@ -1,8 +1,8 @@
-"""The only writer: every output is written whole or not at all. Tables, figures and a page as files.
+"""The only writer of files (tables, figures, pages): every output is written completely or not at all.
 
 A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
-sees the old file or the new one, never half of one, and a failed run leaves earlier results as they were. Pipes and
-devices are written to, links followed.
+sees the complete old or new file, and a failed run leaves earlier results unchanged. Pipes and devices are written to
+directly, and links are followed.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write ``chunks`` one after the other to ``path``; the folder is made when it is missing.
+    """Write ``chunks`` one after the other to ``path``; a missing folder is made.
 
-    A file is replaced, atomically; behind a link, the file that the link leads to. A pipe or a device is written to.
+    A file, or the target of a link, is replaced atomically. A pipe or a device is written to.
     InputError: the target cannot be written (read-only folder, full disk, a folder of that name).
     """
     make_folder(path.parent)
@@ -52,7 +52,7 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 def _is_stream(path: Path) -> bool:
-    """Whether this is, or leads to, a pipe, a device or a socket: something that is written to and never replaced."""
+    """Whether this is, or leads to, a pipe, a device or a socket: which is written to and never replaced."""
     try:
         kind = os.stat(path).st_mode
     except FileNotFoundError:
@@ -78,7 +78,7 @@ def _replace(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None:
-    """InputError where the file that ``option`` names is one of the inputs, by whatever path; before any work."""
+    """InputError, before any work, if the file of ``option`` is one of the inputs, by any path."""
     if target is None or target == "-":
         return
     if os.path.realpath(target) in map(os.path.realpath, inputs):  # Path.resolve fails on a link to itself
@@ -87,7 +87,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 
 
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
-    """InputError before any work: an output, by option, is an input or another, of no kind made, or unwritable."""
+    """InputError, before any work, if an output is an input, another output, of no known format, or unwritable."""
     for option, target in targets.items():
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     seen: dict[str, str] = {}
@@ -106,7 +106,7 @@ def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> No
 
 
 def refuse_unwritable(target: Path, *, folder: bool = False) -> None:
-    """InputError where no file, or no ``folder``, can be written there by all that can be known before it is."""
+    """InputError if no file, or no ``folder``, can be written there, as far as that is known beforehand."""
     try:
         if not folder and _is_stream(target):
             return
@@ -126,7 +126,7 @@ def refuse_unwritable(target: Path, *, folder: bool = False) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and those above it where they are missing. InputError if that cannot be done."""
+    """Make a folder and its missing parents. InputError if that fails."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
@@ -149,7 +149,7 @@ def write_json(target: Path | str, value: Any) -> None:
 
 
 def write_plain(target: Path | str, value: Any) -> None:
-    """:func:`write_json` of data that are :func:`plain` already, without a copy of them."""
+    """:func:`write_json` of data that are already :func:`plain`, without copying them."""
     chunks = _json_chunks(value)
     if str(target) == "-":
         sys.stdout.writelines(chunks)
@@ -158,12 +158,12 @@ def write_plain(target: Path | str, value: Any) -> None:
 
 
 def to_json(value: Any) -> str:
-    """JSON text of plain data, numpy numbers and arrays included; a value that does not exist is ``null``."""
+    """JSON text of plain data, numpy numbers and arrays included; missing values are ``null``."""
     return "".join(_json_chunks(plain(value)))
 
 
 def _json_chunks(value: Any) -> Iterator[str]:
-    """The text of plain data piece by piece: as a whole it can be many times the data."""
+    """The text of plain data in pieces: the whole text can be many times larger than the data."""
     yield from json.JSONEncoder(indent=2, ensure_ascii=False, allow_nan=False).iterencode(value)
     yield "\n"
 
@@ -207,7 +207,7 @@ LONGEST_PRINT = 60
 
 
 def print_answer(page: str) -> bytes:
-    """The section ``answer`` of a page as PDF, by Chromium. AnalysisError: there is no Chromium, or it cannot print."""
+    """The section ``answer`` of a page as PDF, by Chromium. AnalysisError: no Chromium, or it cannot print."""
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise AnalysisError(f"--pdf: none of {', '.join(BROWSERS)} is installed; print report.html from any browser")

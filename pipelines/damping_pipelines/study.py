@@ -60,7 +60,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Task:
-    """One law to sample on one record, in a process of its own. ``of_source`` marks a law of the source report."""
+    """One law to sample on one record, in a separate process. ``of_source`` marks a law of the source report."""
 
     number: int
     record: Input
@@ -130,7 +130,7 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
 def _weigh(
     pool: Executor, settings: files.StudySettings, inputs: list[Input]
 ) -> tuple[list[Ranking], list[Future[dict[str, Any]]]]:
-    """Every record's ranking, and its predictions under way: before all else, while the other processes are small."""
+    """Rank every record and start its predictions, first of all, while the other processes are small."""
     estimate = remember(estimate_fully)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
@@ -147,12 +147,12 @@ def _weigh(
 def estimate_fully(
     coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None, floor: float
 ) -> Evidence:
-    """The evidence of a law however little it weighs: the weights of several studies are multiplied by ``compare``."""
+    """The evidence of a law with all draws even if its weight is small: ``compare`` multiplies weights of studies."""
     return evidence(coordinates, data, seed, fit)
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
-    """Which laws predict, and with what weight; None where none can and no design load is asked for.
+    """The laws for predictions and their weights; None if there are none and no design load is requested.
 
     AnalysisError: no law can carry the forces of a record with design forces.
     """
@@ -172,12 +172,12 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
 
 
 def _prefixed(done: Advance, prefix: str) -> Advance:
-    """Progress that says which record it is of."""
+    """Progress that names its record."""
     return lambda what, parts=1: done(f"{prefix}: {what}", parts)
 
 
 def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ranking]) -> Iterable[Task]:
-    """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those the settings name, each once, best first."""
+    """Laws to sample: the ``MOST_SAMPLED`` of largest weight and those in the settings, each once, best first."""
     for number, (record, ranking) in enumerate(zip(inputs, rankings, strict=True)):
         named = [ranking.find(Law(law)) for law in record.settings.laws]
         for candidate in ranking.candidates:
@@ -188,7 +188,7 @@ def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ra
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
-    """Sample every law, one process a core, in the order of ``tasks`` whatever finishes first."""
+    """Sample every law, one process per core; results are in the order of ``tasks``."""
     with progress("sampling", len(tasks)) as done:
         futures = [pool.submit(sample_law, task) for task in tasks]
         for future in as_completed(futures):
@@ -218,7 +218,7 @@ def sample_law(task: Task) -> LawPosterior:
 def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
     """Predictions of one record by field of `RecordResult`, none without a plan.
 
-    In a process of its own, as its draws take as much memory as all else.
+    It runs in a separate process, since its draws take as much memory as everything else.
     """
     if plan is None:
         return {}
@@ -254,7 +254,7 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
 def _record_result(
     record: Input, ranking: Ranking, predicted: Future[dict[str, Any]], posteriors: tuple[LawPosterior, ...]
 ) -> RecordResult:
-    """All of one record together."""
+    """Collect all results of one record."""
     prepared = record.prepared
     return RecordResult(
         name=record.settings.name,
@@ -274,12 +274,12 @@ def _record_result(
 
 
 def _warn(against: Disagreement, cautions: Iterable[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
-    """Cautions of each prediction with what speaks against all of them first."""
+    """Cautions of each prediction, after the disagreements that concern all of them."""
     return tuple((*against, *own) for own in cautions)
 
 
 def _list_power_laws(data: Observations) -> tuple[PowerLaw, ...]:
-    """Both forms of section 4.3 from the tested resonances; none with fewer than two different ones."""
+    """Both forms of section 4.3 from the tested resonances; none with fewer than two different amplitudes."""
     try:
         F, A, omega = data.tested_force, data.tested_amplitude, data.tested_omega
         return (fit_power_law(F, A, omega), fit_power_law(F, A, omega, "displacement-velocity-power"))

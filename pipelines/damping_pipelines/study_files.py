@@ -88,24 +88,24 @@ class StudySettings(BaseModel, extra="forbid", frozen=True):
 
 
 class StartedExhibit(Protocol):
-    """An exhibit whose longest work is under way in other processes."""
+    """An exhibit whose longest work is in progress in other processes."""
 
     def finish(self, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]) -> Exhibit:
-        """Wait for it and do the rest; ``rankings`` and ``loads`` (of records with design forces) by record."""
+        """Wait for the work and complete it; ``rankings`` and ``loads`` (of records with design forces) by record."""
 
 
 class ExhibitModule(Protocol):
-    """What the module of an exhibit has."""
+    """The interface of the module of an exhibit."""
 
     def start(self, pool: Executor, seed: int) -> StartedExhibit:
-        """Start what needs no results of the study."""
+        """Start the work that needs no results of the study."""
 
     def settings_file(self) -> Path:
-        """Settings of the study that the exhibit is about."""
+        """Settings of the study to which the exhibit belongs."""
 
 
 def source_report() -> ExhibitModule:
-    """The exhibit that ``source_report = true`` asks for, the one known: the report of 1970 recomputed."""
+    """The exhibit of ``source_report = true``: the report of 1970 recomputed."""
     return cast(ExhibitModule, import_module("damping_reed1970.exhibit"))
 
 
@@ -117,7 +117,7 @@ def default_study() -> Path:
 def read_settings(path: Path) -> StudySettings:
     """Read and check a study's settings.
 
-    InputError: with file, line and key of the first thing that is wrong, and what was expected.
+    InputError: with file, line and key of the first fault, and the expected value.
     """
     return read_schema(read_toml(path), StudySettings, {"records": "[[records]], one for each record"})
 
@@ -127,7 +127,7 @@ def write_study(
 ) -> None:
     """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
-    Everything is rendered before the first file is written; ``read``: inputs, never written over; ``png``: figures as
+    Everything is rendered before the first file is written; ``read``: inputs, never overwritten; ``png``: figures as
     PNG too. ``pdf``: the answer as ``report.pdf``. InputError: a file cannot be written, or is one of the inputs or a
     user's own.
     """
@@ -160,7 +160,7 @@ def render_files(study: StudyResult) -> dict[str, bytes]:
 def add_damping_ratio(data: Any, posterior: Posterior, tested: Observations, backbone: Backbone) -> Any:
     """The posterior with ``damping_ratio`` (chain, draw, sweep): zeta = C/(2 M omega^2 A) at each tested resonance.
 
-    Attributes of the variable say its unit, the law, and where it holds.
+    Attributes of the variable state its unit, the law, and where it holds.
     """
     A, omega = tested.tested_amplitude, tested.tested_omega
     law, draws = posterior.coordinates.law, posterior.draws
@@ -192,7 +192,7 @@ def to_netcdf(data: Any) -> bytes:
 
 
 def summarise(study: StudyResult) -> dict[str, Any]:
-    """The study as plain data; what a source report adds is empty without one."""
+    """The study as plain data; the parts of a source report are empty without one."""
     form = {
         "format": "study/1",
         "title": study.title,

@@ -1,7 +1,7 @@
 """Commands on single tables and records.
 
-``damping regress`` (form ``regress/1``), ``damping condition`` (report, chapter III), ``damping check`` (is a record
-what it seems to be? ``audit/1``) and ``damping sweep`` (a record of a model).
+``damping regress`` (form ``regress/1``), ``damping condition`` (report, chapter III), ``damping check`` (audit of a
+record, ``audit/1``) and ``damping sweep`` (a record of a model).
 """
 
 import math
@@ -51,11 +51,11 @@ def regress(
     max_size: int,
     **choice: Any,
 ) -> None:
-    """The command: run every curve on every table, then print and write.
+    """Run every curve on every table, then print and write.
 
     With one table and one curve the JSON is the form ``regress/1``, otherwise a list of them, tables outermost. Nothing
-    is written unless every fit succeeded. With ``--json -`` standard output holds the JSON alone. ``choice``: how terms
-    are selected, as :func:`damping.regress` is asked.
+    is written unless every fit succeeded. With ``--json -`` standard output holds only the JSON. ``choice``: the
+    selection of terms, as in :func:`damping.regress`.
     """
     check_outputs({"--json": json_out}, *data)
     if plots is not None:
@@ -79,10 +79,10 @@ def regress(
 def run_regress(
     data: Sequence[Path], response: str, curves: Sequence[str], max_size: int, **choice: Any
 ) -> list[RegressionResult]:
-    """Every curve on every table, tables outermost; all is parsed and read before anything is fitted.
+    """Every curve on every table, tables outermost; everything is parsed and read before the first fit.
 
     InputError: terms that cannot be parsed, a table that cannot be read, a column that is missing or not numbers.
-    AnalysisError: a fit that cannot be made; a rank-deficient design names its columns.
+    AnalysisError: a fit that fails; a rank-deficient design names its columns.
     """
     parsed = [parse_terms(curve) for curve in curves]
     names = list_columns_for(response, chain.from_iterable(parsed))
@@ -100,7 +100,7 @@ def run_regress(
 
 
 def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:
-    """The table; what the names stand for is there and numbers."""
+    """The table; the columns of all names are present and numeric."""
     table = read_table(path, text_columns=("sweep",), max_size=max_size)
     if len(table) > MOST_ROWS:
         raise AnalysisError(f"{path}: {len(table)} rows; every deviation is listed, of {MOST_ROWS} rows at most")
@@ -144,15 +144,15 @@ def deviation_plots(results: Sequence[Regression]) -> dict[str, str]:
 
 
 def _describe_file_name(text: str) -> str:
-    """Letters, digits and a few marks of the text, for a file name on any system."""
+    """The text as a file name for any system: letters, digits and a few marks."""
     return re.sub(r"[^A-Za-z0-9.+-]+", "_", text.replace("^", "").replace("*", "."))[:80].strip("._") or "table"
 
 
 def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
-    """Condition a raw table, write the record and, where asked, one CSV a step; say what each step did.
+    """Condition a raw table, write the record and, if requested, one CSV per step; print the effect of each step.
 
-    InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the steps that are
-    asked for cannot be done on this table.
+    InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the requested
+    steps cannot be done on this table.
     """
     check_outputs({"--out": out}, raw, config)
     description = read_description(config)
@@ -171,7 +171,7 @@ def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: 
 
 
 def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
-    """One CSV a step by file name: the table after it, what it removed, and what it found, on the rows before it."""
+    """One CSV per step by file name: the table after it, its removals and its findings, on the rows before it."""
     files = {}
     for place, step in enumerate(steps, 1):
         table = step.after.reindex(step.before.index).join(step.removed.add_prefix("removed "))
@@ -187,7 +187,7 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
 
 
 def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
-    """What each step did, and where the record is."""
+    """Print the effect of each step, and the path of the record."""
     terminal, table = console(), PlainTable(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
         removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
@@ -206,7 +206,7 @@ MOST_POINTS = 100_000
 
 
 def check(record: Path, mode: Path | None, json_out: str | None, max_size: int) -> None:
-    """Audit a record, print findings and what its sweeps imply, write the form; exit 1 where a finding refuses."""
+    """Audit a record, print findings and the implied values of its sweeps, write the form; exit 1 if one refuses."""
     check_outputs({"--json": json_out}, *(path for path in (record, mode) if path))
     measured = read_record(record, max_size=max_size)
     described = None if mode is None else read_mode(mode, max_size=max_size)

@@ -26,9 +26,9 @@ _MOST_LINES = 10
 
 @contextmanager
 def progress(title: str, total: int, *, each: bool = False) -> Iterator[Advance]:
-    """Show that ``parts`` of ``total`` are done, on standard error: a bar on a terminal, else some lines.
+    """Show that ``parts`` of ``total`` are done, on standard error: as a bar on a terminal, else as lines.
 
-    ``each``: every part is news of its own, as of a record that may have failed, and has its line.
+    ``each``: every part has its own line, such as a record that may have failed.
     """
     if QUIET.get():
         yield lambda what, parts=1: None
@@ -63,13 +63,13 @@ def _bar(title: str, total: int) -> Iterator[Advance]:
 
 
 class Notes:
-    """Cautions, each said once and referred to by number."""
+    """Cautions, each printed once and referred to by number."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
 
     def numbers(self, cautions: Iterable[str]) -> str:
-        """Numbers of cautions, new ones added."""
+        """Numbers of cautions; new cautions are added."""
         found = [self._numbers.setdefault(caution, len(self._numbers) + 1) for caution in cautions]
         return " ".join(map(str, sorted(found)))
 
@@ -91,11 +91,11 @@ WIDTH = 80
 
 
 class PlainTable:
-    """Rows of text under headings, never wider than the place they are shown in.
+    """Rows of text under headings, never wider than the terminal.
 
-    Where the width does not hold all, headings and names break at their spaces, words of names are shortened, and last
-    the columns of numbers go on below under the names again. A number is whole or not there. A table without columns of
-    numbers is prose: its cells are wrapped. ``names, numbers``: headings to the left, of text, and to the right.
+    If the width is too small, headings and names break at their spaces, words of names are shortened, and finally the
+    columns of numbers continue below, with the names repeated. Numbers are never cut. In a table without columns of
+    numbers the cells are wrapped. ``names, numbers``: headings on the left, of text, and on the right.
     """
 
     def __init__(self, title: str, numbers: Iterable[str], names: Iterable[str] = ()) -> None:
@@ -133,7 +133,7 @@ class PlainTable:
         return lines
 
     def _width(self, column: int) -> int:
-        """Of a name all of it; of a number its longest cell and the longest word of its heading."""
+        """Width of a column: of names the full text; of numbers the longest cell and word of the heading."""
         cells = [line for row in self.rows for line in row[column].split("\n")]
         heading = [self.names[column]] if column < len(self.names) else self.numbers[column - len(self.names)].split()
         return max((len(text) for text in (*cells, *heading)), default=0)
@@ -179,7 +179,7 @@ def _set_lines(cells: Sequence[Sequence[str]], widths: Sequence[int], names: int
 
 
 def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
-    """Widths of names that ``room`` holds: the widest gives first, none gives more than to its least."""
+    """Widths of names that fit into ``room``: the widest shrinks first, none below its least width."""
     widths = list(needed)
     while sum(widths) > room and any(size > low for size, low in zip(widths, least, strict=True)):
         widest = max(range(len(widths)), key=lambda i: widths[i] - least[i])
@@ -188,19 +188,19 @@ def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number to the given digits; a dash for one that does not exist."""
+    """A number with the given digits; a dash for a missing one."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 
 def number_whole(value: float, digits: int = 4, mark: str = "") -> str:
-    """The same without an exponent however large it is: 32000, not 3.2e+04; ``mark`` ``#``: with zeros at its end."""
+    """The same without an exponent, however large: 32000, not 3.2e+04; ``mark`` ``#``: with trailing zeros."""
     if abs(value) >= 10.0**digits - 0.5 and math.isfinite(value):
         return f"{value:.0f}"
     return f"{value:{mark}.{digits}g}".rstrip(".") if math.isfinite(value) else "-"
 
 
 def parse_number(text: str) -> float:
-    """The number that a word is, NaN where it is none."""
+    """The number in a word; NaN if it is none."""
     try:
         return float(text)
     except ValueError:
@@ -212,7 +212,7 @@ def parse_pairs(
 ) -> dict[str, str]:
     """``KEY=VALUE`` words of a repeated option, cut at the first ``=``, or at the ``last`` where keys are free names.
 
-    InputError for one that is not of its ``meaning``, or a key given twice.
+    InputError for a word without the form of its ``meaning``, or a key given twice.
     """
     values: dict[str, str] = {}
     for word in words:
@@ -226,9 +226,9 @@ def parse_pairs(
 
 
 def console() -> Console:
-    """Standard output; where it is no terminal as wide as ``COLUMNS`` says, else ``WIDTH``.
+    """Standard output; if it is no terminal, its width is ``COLUMNS`` of the environment, else ``WIDTH``.
 
-    Brackets are text: units stand in them, and names from files may.
+    Brackets are plain text, since they hold units and parts of names from files.
     """
     terminal = _Terminal(markup=False, highlight=False)
     if terminal.is_terminal or os.environ.get("COLUMNS", "").isdecimal():
@@ -238,12 +238,12 @@ def console() -> Console:
 
 class _Terminal(Console):
     def on_broken_pipe(self) -> None:
-        """Leave it to the command line to say it: here it would end without a word."""
+        """Leave the error to the command line, which reports it."""
         raise
 
 
 def suggest(*lines: str) -> None:
-    """Say which command is of use next; nothing with ``--quiet``."""
+    """Suggest the next command; nothing with ``--quiet``."""
     if not QUIET.get():
         for number, line in enumerate(lines):
             console().print(("Next: " if number == 0 else "      ") + line, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The stage: tasks not yet done are run, results kept batch by batch, and at the end one page says what was found."""
+"""``damping fleet``: run the tasks not done yet, store results batch by batch, and write one page at the end."""
 
 import itertools
 import sys
@@ -45,9 +45,9 @@ def fleet(
 ) -> None:
     """Analyse every record of a folder into ``out``: ``records/*.parquet``, ``reports/*.html`` and ``fleet.html``.
 
-    Options as ``damping fleet --help`` says them; ``dashboard="off"``: none, ``workers=0``: one record after the other.
-    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: a record failed, whatever
-    became of the others, or the workers are gone.
+    Options are those of ``damping fleet --help``; ``dashboard="off"``: none; ``workers=0``: records one by one.
+    InputError: bad usage or input, or results in ``out`` that would be lost. AnalysisError: a record failed (the others
+    are done), or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
     _check_workers(workers, scheduler)
@@ -94,7 +94,7 @@ def _check_workers(workers: int | None, scheduler: str | None) -> None:
 
 @dataclass
 class _Book:
-    """What is there, what is wanted, and results not written yet."""
+    """Stored rows, requested tasks, and results not written yet."""
 
     kept: dataset.FleetDataSet
     out: Path
@@ -104,7 +104,7 @@ class _Book:
     written: float = field(default_factory=time.monotonic)
 
     def new(self, tasks: Iterable[dataset.FleetTask], done: Advance) -> Iterator[dataset.FleetTask]:
-        """Tasks whose results are not there."""
+        """Tasks without results."""
         for known, run in itertools.groupby(tasks, lambda task: task.key in self.there):
             if known:
                 keys = [task.key for task in run]
@@ -116,7 +116,7 @@ class _Book:
                     yield task
 
     def keep(self, results: Iterator[dataset.FleetResult], done: Callable[[str], None]) -> None:
-        """Write results in batches as they come; what has come is written even when the run is interrupted."""
+        """Write results in batches as they arrive, also when the run is interrupted."""
         try:
             for result in results:
                 self.results.append(result)
@@ -128,7 +128,7 @@ class _Book:
             self.flush()
 
     def flush(self) -> None:
-        """Pages first, so that a row never lacks its page."""
+        """Write pages first, so that a row never lacks its page."""
         for result in self.results:
             for name, html in result.pages.items():
                 write_text(self.out / name, html)
@@ -137,7 +137,7 @@ class _Book:
 
 
 def _final(kept: dataset.FleetDataSet) -> set[str]:
-    """Keys of rows that stay; those of records that failed through no doing of their own are taken out."""
+    """Keys of rows that stay, without records that failed for external reasons."""
     table = kept.read(["reason"])
     chance = table["reason"].fillna("").str.startswith(runners.BY_CHANCE)
     final = set(table.loc[~chance, "key"])
@@ -147,7 +147,7 @@ def _final(kept: dataset.FleetDataSet) -> set[str]:
 
 
 def _greet(client: Client, done: Advance, *, shown: bool) -> None:
-    """Say where the scheduler and its dashboard are."""
+    """Print the addresses of the scheduler and its dashboard."""
     about = client.scheduler_info()
     sentence = f"scheduler {about['address']}"
     if shown and about["services"].get("dashboard"):
@@ -160,9 +160,9 @@ def _greet(client: Client, done: Advance, *, shown: bool) -> None:
 
 
 def _check_code(client: Client) -> None:
-    """Workers of a scheduler that was there before must compute with what this process has; so must later ones, by row.
+    """Require that workers of an existing scheduler run the code of this process; later workers are checked by row.
 
-    InputError: one does not.
+    InputError: a worker runs other code.
     """
     own = describe_code()
     for address, theirs in client.run(describe_code).items():
@@ -173,7 +173,7 @@ def _check_code(client: Client) -> None:
 
 
 def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask]) -> None:
-    """InputError where rows are there that this run does not want, though nothing says that their record changed."""
+    """InputError for stored rows that this run does not request although their records have not changed."""
     names, contents, keys = set(), set(), set()
     for task in tasks:
         names.add(task.name)
@@ -189,7 +189,7 @@ def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask])
 
 
 def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
-    """Remove rows that are no longer wanted, and their pages: nothing else in the folder is touched."""
+    """Remove rows that are no longer requested, and their pages, and nothing else in the folder."""
     table = kept.read(["report"])
     for report in table.loc[~table["key"].isin(wanted), "report"]:
         stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
@@ -199,7 +199,7 @@ def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
 
 
 def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettings) -> None:
-    """The page of the fleet, the manifest, which names every file of the run, and what to say at the end."""
+    """Write the page of the fleet and the manifest of every file of the run, and print the summary."""
     table = kept.read((*COLUMNS, "model_sha256"))
     multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
     asked = "the largest design force" if settings.forces else multiple

@@ -1,4 +1,4 @@
-"""One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
+"""The work on one record: from its files to its row and pages, without other output."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 
 @dataclass(frozen=True)
 class FleetRecord:
-    """What became of a record; a stage that was not asked for or failed is None, and ``reasons`` say why it failed.
+    """The results of a record; a stage that was not requested or failed is None, and ``reasons`` give the failures.
 
     ``diagnosed``: whether there is a simulation to diagnose. ``bands``: over a grid of forces, None with ``--fast``.
     """
@@ -62,9 +62,9 @@ class FleetRecord:
 
 
 def analyse(task: FleetTask) -> FleetResult:
-    """Rank, extrapolate and, where there is a model, diagnose; a stage that cannot be done gives its reason.
+    """Rank, extrapolate and, if there is a model, diagnose; a stage that fails gives its reason.
 
-    Equal tasks give equal results, wherever and in whatever company they run.
+    Equal tasks give equal results on any worker and in any order.
     """
     if task.problem:
         return failed(task, task.problem)
@@ -76,7 +76,7 @@ def analyse(task: FleetTask) -> FleetResult:
 
 
 def failed(task: FleetTask, reason: str) -> FleetResult:
-    """The row and the page of a record of which nothing could be done."""
+    """The row and the page of a record for which every stage failed."""
     row = row_of(task) | {"reason": reason}
     method = page.Text(f"Posteriors were to be had by {task.settings.method}.")
     answer = page.Section("answer", "No answer", [page.Callout("This record failed", [reason]), method])
@@ -96,7 +96,7 @@ def _analyse(task: FleetTask) -> FleetResult:
 
 
 def _complete(read: FleetRecord) -> FleetResult:
-    """The stages of a record, each tried whatever became of the others, as a row and pages."""
+    """The stages of a record, each independent of failures of the others, as a row and pages."""
     task, prepared, settings = read.task, read.prepared, read.task.settings
     estimate, reasons = remember(brief_evidence if settings.fast else evidence), list[str]()
 
@@ -146,7 +146,7 @@ def _diagnose(read: FleetRecord) -> DiagnosisResult:
 
 
 def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
-    """The record with its diagnosis, and what that and the laws say against each other."""
+    """The record with its diagnosis, and disagreements of diagnosis and laws."""
     ranking, loads = read.ranking, read.loads
     if ranking and ranking.ranking.fit.verdict == "none fits":
         misfit = describe_misfit(ranking.ranking.fit, diagnosis.diagnosis)
@@ -158,7 +158,7 @@ def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
 
 
 def _columns(record: FleetRecord) -> dict[str, Any]:
-    """The columns of a record that was read; those of a stage that was not done stay empty."""
+    """The columns of a record; those of stages without results stay empty."""
     ranking, loads, diagnosis = record.ranking, record.loads, record.diagnosis
     done = [part for part in (ranking, loads, diagnosis) if part is not None]
     columns: dict[str, Any] = _loads_columns(loads) if loads else {}

@@ -1,6 +1,6 @@
-"""What a fleet is made of: records found in a folder, tasks that carry all a result depends on, and its data set.
+"""Parts of a fleet: records in a folder, tasks with everything a result depends on, and the data set.
 
-The data set is a folder of Parquet files, one a batch, each written whole and then renamed.
+The data set is a folder of Parquet files, one per batch, each written completely and then renamed.
 """
 
 import csv
@@ -37,7 +37,7 @@ TIME_LIMIT = 3600.0
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """What a run is asked to do; every field but ``max_size`` and ``time_limit`` takes part in the key of a result."""
+    """Settings of a run; every field except ``max_size`` and ``time_limit`` is part of the key of a result."""
 
     seed: int
     fast: bool  #: few importance draws
@@ -57,7 +57,7 @@ class FleetSettings:
 
     @property
     def method(self) -> str:
-        """How posteriors are had, as stated in every row."""
+        """The method for posteriors, as stated in every row."""
         return "few importance draws" if self.fast else "importance draws"
 
 
@@ -92,19 +92,19 @@ class FleetTask:
 
     @property
     def inputs(self) -> dict[str, str]:
-        """SHA-256 of both files by the names that the user knows."""
+        """SHA-256 of both files, by the user's names for them."""
         names = ("data.csv", "model.toml") if self.is_model else (f"{self.name}.csv", f"{self.name}.toml")
         return dict(zip(names, self.digests, strict=True))
 
     @property
     def stem(self) -> str:
-        """Path of the pages under the output folder, without their ending; safe whatever the name holds."""
+        """Path of the pages under the output folder, without their ending; safe for any name."""
         return f"reports/{identifier(self.name)[:60]}-{self.key[:12]}"
 
 
 @dataclass(frozen=True)
 class FleetResult:
-    """What comes of a task: a row, and pages (HTML) by their path under the output folder."""
+    """The result of a task: a row, and pages (HTML) by their path under the output folder."""
 
     row: dict[str, Any]
     pages: dict[str, str]
@@ -113,7 +113,7 @@ class FleetResult:
 def find_cases(folder: Path) -> list[FleetCase]:
     """Records ``NAME.csv`` with ``NAME.toml``, and ``NAME/data.csv`` with ``NAME/model.toml``, by name.
 
-    A record without its TOML is listed too, and fails for that reason. InputError where there is none at all.
+    A record without its TOML is listed too, and fails for that reason. InputError: no record.
     """
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder of records")
@@ -132,12 +132,12 @@ def find_cases(folder: Path) -> list[FleetCase]:
 
 
 def describe_shown(name: str) -> str:
-    """A file name as text for any file and terminal: bytes that are no UTF-8 and control characters as escapes."""
+    """A file name as text for any file and terminal, with escapes for invalid UTF-8 and control characters."""
     return escape_control(os.fsencode(name).decode("utf-8", "backslashreplace"))
 
 
 def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:
-    """Tasks one by one: the files of a record are read when its turn comes."""
+    """Tasks one by one; the files of a record are read on demand."""
     for case in cases:
         record, first = _content(case.record, settings.max_size)
         model, second = _content(case.model, settings.max_size)
@@ -168,7 +168,7 @@ _UNNAMED = "mode-without-a-name"
 
 
 def read_files(task: FleetTask) -> tuple[Record, Mode]:
-    """Record and mode of a task; messages name the files as the user knows them."""
+    """Record and mode of a task; messages use the user's names of the files."""
     names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), task.inputs, strict=True))
     with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
         paths = [Path(folder, name) for name in names]
@@ -194,7 +194,7 @@ with Path(__file__).with_name("columns.csv").open(encoding="utf-8") as _stream:
 
 
 def row_of(task: FleetTask) -> dict[str, Any]:
-    """A row with what is known before any work; every other column is empty."""
+    """A row with the values known before any work; all other columns are empty."""
     record, model = task.digests
     return dict.fromkeys(SCHEMA.names) | {
         "key": task.key,
@@ -213,16 +213,16 @@ def row_of(task: FleetTask) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class FleetDataSet:
-    """Rows kept under ``folder``. A row is known by its ``key``."""
+    """Rows stored under ``folder``, each identified by its ``key``."""
 
     folder: Path
 
     def files(self) -> list[Path]:
-        """The Parquet files that are ours, in order of name."""
+        """The Parquet files of the data set, in order of name."""
         return sorted(self.folder.glob("part-*.parquet"))
 
     def read(self, columns: Sequence[str]) -> pd.DataFrame:
-        """Columns of all rows, sorted by name and key, a key once. InputError for a file that is none of a fleet."""
+        """Columns of all rows, sorted by name and key, each key once. InputError for a file that is not of a fleet."""
         wanted = list(dict.fromkeys(("name", "key", *columns)))
         frames: list[pd.DataFrame] = [self._table(path, wanted).to_pandas() for path in self.files()]
         if not frames:
@@ -231,7 +231,7 @@ class FleetDataSet:
         return table.sort_values(["name", "key"], ignore_index=True)
 
     def set_broken_aside(self) -> list[Path]:
-        """Rename files that are no Parquet of ours to ``NAME.broken``: their records are computed again."""
+        """Rename files that are no Parquet files of a fleet to ``NAME.broken``; their records are computed again."""
         aside = []
         for path in self.files():
             try:
@@ -249,7 +249,7 @@ class FleetDataSet:
             write_bytes(self.folder / f"part-{name}.parquet", _parquet(table))
 
     def keep(self, keys: Collection[str]) -> None:
-        """Take out rows with other keys (of records that are gone or have changed), file by file."""
+        """Remove rows with other keys (of records that are gone or have changed), file by file."""
         for path in self.files():
             table = self._table(path, SCHEMA.names)
             kept = table.filter(pa.array([key in keys for key in table["key"].to_pylist()], pa.bool_()))

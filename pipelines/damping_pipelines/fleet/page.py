@@ -1,4 +1,4 @@
-"""The page of a fleet: which laws lead, by how much linear damping overpredicts, outliers, failures, all records."""
+"""The page of a fleet: leading laws, overprediction of linear damping, outliers, failures, and all records."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ MOST_LAWS = 14
 
 @styled
 def leading_laws(counts: pd.Series) -> Figure:
-    """Bars of how many records each law leads; ``counts``: records by law, largest first."""
+    """Draw the number of records that each law leads; ``counts``: records by law, largest first."""
     shown = counts.head(MOST_LAWS)
     if len(counts) > MOST_LAWS:
         shown = pd.concat([shown, pd.Series({"others": counts.iloc[MOST_LAWS:].sum()})])
@@ -48,7 +48,7 @@ def leading_laws(counts: pd.Series) -> Figure:
 
 @styled
 def sorted_overprediction(table: pd.DataFrame) -> Figure:
-    """Overprediction of linear damping, largest first, with its interval: ``percent, low, high`` by record, finite."""
+    """Draw overprediction of linear damping with intervals: ``percent, low, high`` by record, largest first."""
     ordered = table.sort_values("percent", ascending=False, ignore_index=True)
     chosen = np.unique(np.linspace(0, len(ordered) - 1, MOST_POINTS).round().astype(int))
     place, rows = 100.0 * (chosen + 0.5) / len(ordered), ordered.iloc[chosen]
@@ -86,7 +86,7 @@ _OVER = "linear_overprediction_percent"
 def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions: Mapping[str, str]) -> str:
     """The page as HTML of ``COLUMNS`` by record; equal arguments give equal text.
 
-    ``method``: how posteriors were had. ``asked``: the force that loads are for.
+    ``method``: of the posteriors. ``asked``: the force of the loads.
     """
     good = table[table["status"] != "failed"]
     over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
@@ -125,10 +125,10 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
 
 
 def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
-    """Records that stand apart from the fleet, with the reason: ``name, report, why``.
+    """Records that deviate from the fleet, with the reason: ``name, report, why``.
 
-    A value is apart by ``OUTLYING`` times 1.4826 of the median absolute deviation, the standard deviation of a normal
-    distribution; the error of the fit only above.
+    A value is an outlier if it deviates by ``OUTLYING`` times 1.4826 of the median absolute deviation (the standard
+    deviation of a normal distribution); the error of the fit only upwards.
     """
     checks = (("overprediction", _OVER, True), ("error of the fit", "average_absolute_percent", False))
     reasons: dict[int, list[str]] = {}
@@ -153,7 +153,7 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def list_copies(table: pd.DataFrame) -> list[str]:
-    """Records whose files are byte for byte the same, in a sentence each; ``name, status, record_sha256``."""
+    """Records with byte-for-byte equal files, one sentence per group; ``table``: ``name, status, record_sha256``."""
     read = table[table["status"] != "failed"]
     alike = [list(names) for _, names in read.groupby("record_sha256", sort=False)["name"] if len(names) > 1]
     said = [
@@ -165,7 +165,7 @@ def list_copies(table: pd.DataFrame) -> list[str]:
 
 
 def _shorten(items: list[str], of: str = "") -> list[str]:
-    """The first ``MOST_COPIES``, and how many more there are."""
+    """The first ``MOST_COPIES``, and the number of others."""
     more = len(items) - MOST_COPIES
     return items if more <= 0 else [*items[:MOST_COPIES], f"{more} more {of}".rstrip()]
 
@@ -175,7 +175,7 @@ def _list_links(table: pd.DataFrame) -> list[Link]:
 
 
 def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> Facts:
-    """The numbers of the answer: how many records, the laws that lead most of them, and by how much linear is over."""
+    """The key numbers: records, the laws that lead most of them, and the overprediction of linear damping."""
     facts = [(str(len(good)), f"of {len(table)} records analysed")]
     leading = _count(good["law"])
     first = leading[leading == leading.max()]
@@ -195,12 +195,12 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
 
 
 def _count(values: pd.Series) -> pd.Series:
-    """Rows by value, the most first, in order of the alphabet where they are as many."""
+    """Rows by value, the most frequent first, equal counts in alphabetical order."""
     return values.value_counts().sort_index().sort_values(ascending=False, kind="stable")
 
 
 def _build_laws(led: pd.DataFrame) -> dict[str, Block]:
-    """Figure and table of the leading laws; none where no record could be ranked."""
+    """Figure and table of the leading laws; none if no record could be ranked."""
     if led.empty:
         return {}
     counts = _count(led["law"])
@@ -219,7 +219,7 @@ def _build_laws(led: pd.DataFrame) -> dict[str, Block]:
 
 
 def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
-    """Outliers, failures, explanations of gaps and what they leave, where there are any."""
+    """Tables of outliers, failures, and explanations of gaps with their residuals, as far as there are any."""
     outliers, failures = tabulate_outliers(table), table[table["status"] != "done"]
     diagnosed = table[table["effects"].notna()]
     named = diagnosed["effects"].map(lambda effects: " + ".join(effects) or "no effect")

@@ -1,4 +1,4 @@
-"""Ways to run tasks: one after the other in this process, or on Dask with a bounded number under way."""
+"""Ways to run tasks: one by one in this process, or on Dask with a bounded number in progress."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ Work = Callable[[FleetTask], FleetResult]
 
 
 def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
-    """One after the other, in this process."""
+    """Run tasks one by one in this process."""
     return map(analyse, tasks)
 
 
 @contextmanager
 def connected(scheduler: str | None, workers: int | None, dashboard: str | None = None) -> Iterator[Client]:
-    """A client of the scheduler at an address, or of a local cluster on the loopback that ends with it.
+    """A client of the scheduler at an address, or of a local cluster on the loopback interface that ends with it.
 
     InputError: no scheduler answers at the address.
     """
@@ -91,7 +91,7 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
 
 
 def check_address(dashboard: str | None) -> None:
-    """InputError unless this is ``HOST:PORT`` of a host that is known, or None."""
+    """InputError unless this is ``HOST:PORT`` of a known host, or None."""
     if dashboard is None:
         return
     host, _, port = dashboard.rpartition(":")
@@ -104,11 +104,11 @@ def check_address(dashboard: str | None) -> None:
 
 
 def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse) -> Iterator[FleetResult]:
-    """Results as they come, ``PER_THREAD`` tasks for each thread under way.
+    """Results as they arrive, with ``PER_THREAD`` tasks in progress per thread.
 
-    A task whose worker dies goes to another. One under which ``DEATHS`` + 1 workers died is suspect: suspects are tried
-    once more at the end, one at a time, so that a record fails for what it does itself and not for its neighbours.
-    AnalysisError: the scheduler went away, or there was no worker for ``PATIENCE`` seconds.
+    A task whose worker dies goes to another one. A task that loses ``DEATHS`` + 1 workers is suspect: suspects are
+    tried once more at the end, one at a time, so that no record fails because of its neighbours.
+    AnalysisError: the scheduler is gone, or there was no worker for ``PATIENCE`` seconds.
     """
     suspects: list[FleetTask] = []
     for task, outcome in _outcomes(client, tasks, work, "record"):
@@ -122,7 +122,7 @@ def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse
 
 
 def _result(task: FleetTask, outcome: FleetResult | BaseException) -> FleetResult:
-    """What a task gave; an error that is none of the record's own becomes its reason, too."""
+    """The result of a task; external errors become its reason too."""
     if isinstance(outcome, FleetResult):
         if outcome.row.get("code") == task.settings.code:  # stated by the worker, which may have joined late
             return outcome
@@ -136,7 +136,7 @@ def _result(task: FleetTask, outcome: FleetResult | BaseException) -> FleetResul
 def _outcomes(
     client: Client, tasks: Iterable[FleetTask], work: Work, kind: str
 ) -> Iterator[tuple[FleetTask, FleetResult | BaseException]]:
-    """Tasks with what they gave, in order of completion; a bounded number is under way at any time."""
+    """Tasks with their results, in order of completion; a bounded number is in progress at any time."""
     waiting = iter(tasks)
     running: dict[Future[Any], FleetTask] = {}
     crew = _Crew(client)
@@ -166,15 +166,15 @@ def _outcome(future: Future[Any]) -> FleetResult | BaseException:
 
 
 class _Crew:
-    """How many threads there are, looked up once a second."""
+    """The number of threads, looked up once a second."""
 
     def __init__(self, client: Client) -> None:
         self._client, self._looked, self._seen, self._threads = client, -_LOOK, time.monotonic(), 0
 
     def threads(self) -> int:
-        """Threads of all workers; at least 1, so that a task waits for workers that are on their way.
+        """Threads of all workers, at least 1, so that a task waits for workers that are starting.
 
-        AnalysisError: there was none for too long, or no scheduler.
+        AnalysisError: no worker for too long, or no scheduler.
         """
         now = time.monotonic()
         if now - self._looked >= _LOOK:

@@ -1,4 +1,4 @@
-"""The report: results in, tables, figures and one self-contained HTML page out. Here what is said in words."""
+"""The report: results in, tables, figures and one self-contained HTML page out. This module formats text."""
 
 from collections.abc import Callable, Iterable
 from itertools import pairwise
@@ -97,7 +97,7 @@ _SMALLER_METRES = ((2e-5, 1e6, "µm"), (0.02, 1e3, "mm"))
 
 
 def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
-    """Factor and name of the unit that a length up to ``largest`` is said in: small ones of metres in mm or µm."""
+    """Factor and name of the unit for lengths up to ``largest``: mm or µm for small ones in metres."""
     size = abs(float(largest))
     for most, factor, name in _SMALLER_METRES:
         if unit == "m" and 0.0 < size < most:
@@ -106,7 +106,7 @@ def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
 
 
 def format_length(value: SupportsFloat, unit: str) -> str:
-    """A length with its unit, small ones of metres in mm or µm."""
+    """A length with its unit; small ones in metres are given in mm or µm."""
     factor, name = choose_length(unit, value)
     return format_quantity(factor * float(value), name)
 
@@ -128,7 +128,7 @@ def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str
 
 
 def format_force_text(force: SupportsFloat, unit: str) -> str:
-    """A force as it was asked for: ``90 lb``."""
+    """A requested force: ``90 lb``."""
     return f"{float(force):.6g} {unit}".strip()
 
 
@@ -186,7 +186,7 @@ def format_parameter_label(parameter: str, units: Units) -> str:
 def format_dimension_text(dimension: Dimension, units: Units) -> str:
     """A dimension in the units of a record: ``lb·s²/in²``; with a power p that is a parameter ``lb·(s/in)^p``.
 
-    Empty where the record does not name one of them.
+    Empty if the record does not name a unit that it needs.
     """
     names = vars(units)
     dimension = dimension if units.drive == "force" else dimension.of_base_drive
@@ -205,7 +205,7 @@ def format_dimension_text(dimension: Dimension, units: Units) -> str:
 
 
 def _format_quotient(parts: dict[str, tuple[float, str]]) -> str:
-    """Units over units; of each unit the sign of its power, and the power as text without the sign."""
+    """A quotient of units; given the sign of the power of each unit, and the power as text without sign."""
     above = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign > 0)
     below = "·".join(f"{unit}{power}" for unit, (sign, power) in parts.items() if sign < 0)
     if not below:

@@ -1,4 +1,4 @@
-"""The figures of a record, each with its title and its description in words; that of design loads with its slider."""
+"""The figures of a record, each with title and description; the figure of design loads has a slider."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ POINTS = 120
 
 
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
-    """Figures of a record by name; those its results cannot fill are left out. ``level``: of predictive checks."""
+    """Figures of a record by name, without those that have no data. ``level``: of predictive checks."""
     drawn = {
         "damping_curve": _draw_curve(result),
         "fitted": _draw_fitted(result),
@@ -75,7 +75,7 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
 
 
 def _draw_fitted(result: RecordResult) -> Drawn | None:
-    """Measured rows beside the leading law: sweeps over frequency, or resonances as amplitude over force."""
+    """Measured rows and the leading law: sweeps over frequency, or resonances as amplitude over force."""
     best, data, units = result.ranking.weighted()[0], result.data, result.mode.units
     if best.fit is None:
         return None
@@ -113,7 +113,7 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     """Frequency (Hz) and amplitude of a law's response to the force of a sweep, whose ``rows`` rise in frequency.
 
     M^2 (omega_n^2(A) - omega^2)^2 A^2 + C^2 = F^2 solved for omega, below and above the resonance; omega_n(A) is the
-    measured backbone, so that a curve that bends over is drawn whole.
+    measured backbone, so that a folded curve is complete.
     """
     force, frequency, amplitude = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
     top = int(np.argmax(amplitude))
@@ -211,7 +211,7 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 
 @dataclass(frozen=True)
 class Explorer(FigureBlock):
-    """A figure of design loads: the force moves, and the band with it, from predictions made beforehand.
+    """A figure of design loads with a slider for the force, from precomputed predictions.
 
     ``data``: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
     prediction is given.
@@ -224,7 +224,7 @@ class Explorer(FigureBlock):
 
 
 def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
-    """The figure of a record's design loads with its slider, by its file; nothing where there is no such figure."""
+    """The figure of design loads of a record with its slider, by its file; empty without that figure."""
     stem = result.stem("design_loads")
     if stem not in svgs or result.bands is None or result.design is None:
         return {}
@@ -244,7 +244,7 @@ def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
 
 
 def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[Hashable, list[str]]:
-    """What the page says at each force, written as in the tables; a dash where no prediction is given."""
+    """Texts of the page at each force, formatted as in the tables; a dash where no prediction is given."""
     texts = []
     for row in table.to_dict("records"):
         over, low, high = (words.format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))

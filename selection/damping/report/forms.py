@@ -1,4 +1,4 @@
-"""A result as one table, and as the JSON form made of that table: ``rank/1``, ``loads/1``, ``gap/1``.
+"""Results as tables, and the JSON forms made from these tables: ``rank/1``, ``loads/1``, ``gap/1``.
 
 JSON, terminal, pages and data sets all take their numbers from here. A number that does not exist is NaN in a table.
 """
@@ -31,7 +31,7 @@ FAR = 1.5
 
 
 def list_mode_cautions(data: Observations, mode: Mode) -> list[str]:
-    """What is odd about the mode beside the record: nothing, or a frequency far from every tested one."""
+    """Cautions on the mode: a frequency far from every tested one."""
     low, high = (float(omega) / RAD_S_PER_HZ for omega in (data.omega.min(), data.omega.max()))
     if low / FAR <= mode.frequency <= high * FAR:
         return []
@@ -118,9 +118,9 @@ PART = "sd_percent_"
 
 
 def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:
-    """One row for each force (or amplitude, where these were asked) with the keys of ``loads/1``: averaged over models.
+    """One row for each force (or requested amplitude) with the keys of ``loads/1``: averaged over models.
 
-    The linear prediction stands beside; with ``curve`` the frequency and the damping ratio there.
+    The linear prediction is included; with ``curve`` also the frequency and the damping ratio there.
     """
     asked = {"force": loads.force} if loads.amplitude is None else {"amplitude": loads.amplitude}
     damped = [f"{name}{end}" for name in ("frequency", "damping_ratio") for end in ("", "_low", "_high")]
@@ -155,8 +155,8 @@ def tabulate_loads_by_model(loads: Loads) -> pd.DataFrame:
 def loads_form(loads: Loads, plan: Plan | None = None, curve: Curve | None = None) -> Form:
     """The form ``loads/1``; credible bands and the parts of the predictive spread (per cent) are extra keys.
 
-    With ``plan`` what the weights rest on, the local exponents and the limit as well; with ``curve``, whose rows are
-    those of the loads, frequency and damping ratio.
+    ``plan`` adds the basis of the weights, the local exponents and the limit. ``curve``, with the rows of the loads,
+    adds frequency and damping ratio.
     """
     asked = "force" if loads.amplitude is None else "amplitude"
     predictions = [

@@ -1,4 +1,4 @@
-"""A gap diagnosis in words: what an engineer would say of it."""
+"""A gap diagnosis in words, as an engineer would report it."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ MOST_BARS = 8
 
 
 def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
-    """Sentences by what they are about.
+    """Sentences by topic.
 
-    ``verdict`` (one: what it is, how sure, whether it is all), ``sizes`` (of its effects), ``place`` (where most of the
-    gap lies), ``doubts`` (what cannot be told apart), ``trends`` (of local damping and frequency with amplitude),
-    ``reach`` (how far the gap shrinks where it did not choose the explanation), ``following`` (what to test next).
+    ``verdict`` (one: the cause, its probability, whether it is complete), ``sizes`` (of effects), ``place`` (of most of
+    the gap), ``doubts`` (effects that cannot be separated), ``trends`` (of local damping and frequency with amplitude),
+    ``reach`` (how far the gap shrinks on held-out levels), ``following`` (what to test next).
     """
     leading, (parameters, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
     named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
@@ -72,7 +72,7 @@ def order_cautions(against: Disagreement, cautions: Sequence[str]) -> tuple[list
 
 
 def _say_effect(name: str, values: Mapping[str, float]) -> str:
-    """What an effect says of structure or test; of one that takes from a simulated force or its place, that."""
+    """The statement of an effect on structure or test, also where it reduces or replaces a simulated force."""
     effect, relative = CATALOGUE[name], values.get("relative", 0.0)
     if "instead" in values:
         return effect.sentence.removesuffix(" is missing") + " replaces the simulated viscous damping"
@@ -85,7 +85,7 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
 
 
 def _list_sizes(diagnosis: Diagnosis) -> list[str]:
-    """Every free parameter of the leading effects with its interval, in digits that the interval is worth."""
+    """Every free parameter of the leading effects with its interval, with as many digits as the interval justifies."""
     fit, sizes = diagnosis.leading.best, list[str]()
     values = describe_effects(fit)[0]
     for effect, intervals in effect_intervals(fit).items():
@@ -103,14 +103,14 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
 
 
 def list_sentences(block: Block) -> list[str]:
-    """The sentences of a part of a text."""
+    """The sentences of a block."""
     return list(block.items) if isinstance(block, List) else [block.text] if isinstance(block, Text) else []
 
 
 def tabulate_hypotheses(diagnosis: Diagnosis) -> pd.DataFrame:
     """One row for each fitted explanation, most probable first: ``explanation, probability, log_evidence, listed``.
 
-    Listed are those that together reach 0.95.
+    ``listed``: whether it is one of those that together reach 0.95.
     """
     return pd.DataFrame(
         {

@@ -1,4 +1,4 @@
-"""The page of a gap diagnosis: its tables and figures, and what they draw."""
+"""The page of a gap diagnosis: its tables and figures, and their data."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def render_gap_page(
 
 
 def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> dict[str, Table]:
-    """Tables by name; the text has their captions."""
+    """Tables by name; their captions are in the text."""
     explanations = tabulate_hypotheses(diagnosis).drop(columns="listed")
     tables = {
         "cells": _tabulate(diagnosis.where[:_MOST_CELLS]),

@@ -1,20 +1,20 @@
 """Texts, blocks and sections in, one self-contained HTML page out.
 
-Every text is escaped by the template; the figures of :func:`damping.plots.to_svg` are the only markup that passes as it
-is. The page loads nothing, not even from its own folder, and runs the one script beside this file alone.
+The template escapes every text; the figures of :func:`damping.plots.to_svg` are the only markup that passes unchanged.
+The page loads no files, not even from its own folder, and runs only the script beside this module.
 
-A text may stand in a file beside the module that fills it with numbers, a jinja2 template. After filling, an empty line
+A text may be a jinja2 template in a file beside the module that fills it with numbers. After filling, an empty line
 ends a block. A block is a paragraph unless its first line begins with one of
 
 - ``# id: Title``: a section, as far as the next one,
 - ``##``: a heading,
 - ``*``: a list, an item from each ``*`` to the next,
-- ``[lead]``: a paragraph that stands out,
-- ``[callout] title`` with a list below: what is not to be missed,
-- ``[facts]`` with a list of ``* number | what it is`` below: the few numbers to remember,
-- ``[fold] summary``: what follows as far as ``[end]``, behind a line,
-- ``[row]``: the figures that follow as far as ``[end]``, beside one another,
-- ``[table NAME] caption`` or any other word in such brackets: what the module gives for it.
+- ``[lead]``: a highlighted paragraph,
+- ``[callout] title`` with a list below: important cautions,
+- ``[facts]`` with a list of ``* number | meaning`` below: the key numbers,
+- ``[fold] summary``: the blocks up to ``[end]``, folded under a summary,
+- ``[row]``: the figures up to ``[end]``, side by side,
+- ``[table NAME] caption`` or another word in brackets: the block that the module provides.
 """
 
 import re
@@ -44,7 +44,7 @@ class Block:
 
     @property
     def kind(self) -> str:
-        """What the template calls it."""
+        """Name of the block in the template."""
         return type(self).__name__.lower()
 
 
@@ -65,7 +65,7 @@ class Text(Block):
 
 @dataclass(frozen=True)
 class List(Block):
-    """Sentences one below the other, with numbers to refer to or without."""
+    """A list of sentences, numbered or not."""
 
     items: Sequence[str]
     numbered: bool = False
@@ -73,7 +73,7 @@ class List(Block):
 
 @dataclass(frozen=True)
 class Callout(Block):
-    """Something not to be missed."""
+    """An important caution."""
 
     title: str
     items: Sequence[str]
@@ -81,21 +81,21 @@ class Callout(Block):
 
 @dataclass(frozen=True)
 class Facts(Block):
-    """The few numbers to remember: (number, what it is)."""
+    """The key numbers: (number, meaning)."""
 
     items: Sequence[Sequence[str]]
 
 
 @dataclass(frozen=True)
 class FigureBlock(Block):
-    """A figure by ``to_svg``, which holds its text alternative and escapes its texts, and a caption."""
+    """A figure of ``to_svg``, with its text alternative and escaped texts, and a caption."""
 
     svg: str
     caption: str
 
     @property
     def share(self) -> float:
-        """Width over that of a full figure, at most 1: a narrow one stays narrow, its letters as large as others'."""
+        """Width over that of a full figure, at most 1, so that letters have one size in all figures."""
         from damping.plots import TEXT_WIDTH  # noqa: PLC0415 - matplotlib, which pages of words alone do not need
 
         match = _WIDTH_POINTS.search(self.svg)
@@ -104,13 +104,13 @@ class FigureBlock(Block):
 
 @dataclass(frozen=True)
 class Row(Block):
-    """Figures beside one another where the window has room."""
+    """Figures side by side where the window has room."""
 
     blocks: Sequence[Block]
 
 
 class Link(NamedTuple):
-    """A value of a table, or an item of ``Links``: a text that leads to ``href``, a relative address made by us."""
+    """A value of a table, or an item of ``Links``: a text that links to ``href``, a relative address made here."""
 
     text: str
     href: str
@@ -124,7 +124,7 @@ class Links(Block):
 
 
 class Cell(NamedTuple):
-    """A cell as written; ``css`` says whether it is a number or a long text; ``href`` where it leads, if anywhere."""
+    """A formatted cell; ``css``: whether it is a number or a long text; ``href``: its link, if any."""
 
     text: str
     css: str
@@ -150,7 +150,7 @@ class Table(Block):
 
     @property
     def rows(self) -> list[list[Cell]]:
-        """Cells as written."""
+        """Formatted cells."""
         formats = [self.formats.get(str(name), words.describe_written) for name in self.frame.columns]
         return [
             [_build_cell(value, form) for value, form in zip(row, formats, strict=True)]
@@ -160,7 +160,7 @@ class Table(Block):
 
 @dataclass(frozen=True)
 class Fold(Block):
-    """Blocks behind a line that opens them; nothing needed for the argument."""
+    """Folded blocks under a summary; nothing needed for the argument."""
 
     summary: str
     blocks: Sequence[Block]
@@ -177,7 +177,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Footer:
-    """What the results depend on."""
+    """The seed, versions and inputs that the results depend on."""
 
     seed: int
     versions: Mapping[str, str]
@@ -219,7 +219,7 @@ def write_blocks(text: Path, values: Mapping[str, Any], take: Take = lambda kind
 
 
 def take_parts(parts: Mapping[str, Block]) -> Take:
-    """The blocks of directives that name ``parts`` and give them captions; one that is not there leaves nothing."""
+    """The blocks of directives that name ``parts``, with captions; a missing part leaves no block."""
 
     def take(kind: str, name: str, rest: str) -> list[Block]:
         part: Any = parts.get(name)
@@ -239,7 +239,7 @@ def write_sections(text: Path, values: Mapping[str, Any], parts: Mapping[str, Bl
 
 
 def fill_text(text: Path, values: Mapping[str, Any]) -> str:
-    """A text filled with values, none of which begins a line of its own."""
+    """A text filled with values, none of which can begin a new line."""
     return _template(text).render(**values).replace(_VALUE, "")
 
 
@@ -255,7 +255,7 @@ def _cut_blocks(filled: str, take: Take) -> list[Block]:
 
 
 def _build_blocks(parts: Iterator[str], take: Take) -> Iterator[Block]:
-    """Blocks as far as the end of the text or of a fold."""
+    """Blocks up to the end of the text or of a fold."""
     for part in parts:
         if part.startswith("## "):
             yield Heading(join_lines(part.removeprefix("## ")))
@@ -293,6 +293,6 @@ def join_lines(text: str) -> str:
 
 
 def _join_value(value: object) -> str:
-    """A value in one line that begins no block of its own."""
+    """A value in one line that cannot begin a block."""
     line = join_lines(str(value))
     return _VALUE + line if line.startswith(("[", "#", "*")) else line

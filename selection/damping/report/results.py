@@ -1,4 +1,4 @@
-"""Everything a study found, as the report and the tables need it, and what several of their parts ask of it."""
+"""The results of a study, as the report and the tables need them, with functions that several of their parts share."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -72,7 +72,7 @@ class RecordResult:
 
 @dataclass(frozen=True)
 class FurtherPage:
-    """A page of its own beside the report; ``file``: its address from there, without ending (``reproduction/page``)."""
+    """A separate page; ``file``: its address relative to the report, without ending (``reproduction/page``)."""
 
     file: str
     title: str
@@ -81,7 +81,7 @@ class FurtherPage:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """What joins a study beside its records, such as the reproduction of a report. Files are named without endings."""
+    """An addition to a study beside its records, such as the reproduction of a report; files without endings."""
 
     sections: Sequence[Section]  #: of the report's page
     figures: Mapping[str, str] = field(default_factory=dict)  #: SVG by file
@@ -125,7 +125,7 @@ Svgs = Mapping[str, str]
 
 
 def describe_failed_chains(result: RecordResult) -> list[str]:
-    """Laws whose chain did not get there, and why."""
+    """Laws whose chain did not converge, with the reason."""
     return [f"{s.law.name}: {s.posterior.failure}" for s in result.posteriors if not s.posterior.converged]
 
 
@@ -139,7 +139,7 @@ def find_largest(loads: Loads | None) -> int | None:
 def collect_holders(
     study: StudyResult, collect: Callable[[RecordResult], Iterable[str]]
 ) -> list[tuple[str, list[str]]]:
-    """Each caution that ``collect`` gives once, with the titles of the records it holds for."""
+    """Each caution of ``collect`` once, with the titles of its records."""
     holders: dict[str, list[str]] = {}
     for result in study.records:
         for caution in dict.fromkeys(collect(result)):
@@ -148,14 +148,14 @@ def collect_holders(
 
 
 def build_cautions(study: StudyResult) -> list[Block]:
-    """Every caution, with the records it holds for."""
+    """Every caution, with its records."""
     failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
     values = {"failed": failed, "cautions": collect_holders(study, _collect_cautions)}
     return write_blocks(Path(__file__).with_name("cautions.txt"), values)
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
-    """What the diagnosis says, findings of the audit, cautions of laws that carry weight, of checks and predictions."""
+    """Disagreements with the diagnosis, findings of the audit, cautions of laws with weight, checks and predictions."""
     yield from (*result.against, *map(str, result.findings))
     for candidate in result.ranking.weighted(LEAST_WEIGHT):
         yield from candidate.cautions

@@ -1,6 +1,6 @@
 """The screens of the page of a study: the answer, damping, measured beside fitted, which law, and the design load.
 
-Their sentences are in ``screens.txt``; here the numbers and the tables that fill it. What they rest on is folded below
+Their sentences are in ``screens.txt``; this module fills it with numbers and tables. The details are folded below
 (:mod:`damping.report.study`).
 """
 
@@ -31,7 +31,7 @@ MOST_CAUTIONS = 3
 
 
 def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
-    """The screens that the results can fill; ``svgs``: figures by file."""
+    """The screens for which there are results; ``svgs``: figures by file."""
     records = [_describe_record(result, svgs) for result in study.records]
     asked = [result for result in study.records if result.design is not None]
     parts: dict[str, Block] = {name: FigureBlock(svg, "") for name, svg in svgs.items()}
@@ -59,7 +59,7 @@ def _count_levels(result: RecordResult) -> int:
 
 
 def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
-    """What the sentences say of a record, by name."""
+    """Values of the sentences on a record, by name."""
     i, design, ranking = find_largest(result.design), result.design, result.ranking
     rest = len(ranking.candidates) - len(_list_shown_laws(result))
     return {
@@ -87,7 +87,7 @@ def describe_load(
 ) -> dict[str, str]:
     """The prediction at the largest design force that has one, in words; empty where none has.
 
-    ``curve``: damping there. ``levels``: what each design force stands for, where not for itself.
+    ``curve``: damping there. ``levels``: the level that each design force represents, if any.
     """
     i = find_largest(design)
     if i is None or design is None:
@@ -123,7 +123,7 @@ def _describe_top(result: RecordResult) -> dict[str, str]:
 
 
 def _tabulate_answers(study: StudyResult) -> Table:
-    """A row for each record: what was tested, damping there, the law, the amplitude at the largest design force."""
+    """One row for each record: largest tested force, damping there, law, amplitude at the largest design force."""
     rows = []
     for result in study.records:
         best, top, data, units = result.ranking.weighted()[0], _describe_top(result), result.data, result.mode.units
@@ -145,7 +145,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
 
 
 def _list_gravest(result: RecordResult) -> list[str]:
-    """The gravest cautions of a record but that it goes beyond the test, which the conditions say."""
+    """The gravest cautions of a record, without extrapolation, which the conditions state."""
     cautions = [*result.against, *filter(None, [result.ranking.fit.sentence]), *map(str, result.findings)]
     i = find_largest(result.design)
     if result.design is not None:
@@ -155,7 +155,7 @@ def _list_gravest(result: RecordResult) -> list[str]:
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:
-    """The laws of the table of a screen: those that carry weight, and the viscous ones."""
+    """The laws in the table of a screen: those with weight, and the viscous ones."""
     weighted = result.ranking.weighted()
     shown = [law for law in weighted if law.weight >= LEAST_SHOWN][:MOST_SHOWN] or list(weighted[:1])
     viscous = [c for c in result.ranking.candidates if c.law.is_viscous and c.rank is not None and c not in shown]
@@ -182,7 +182,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
 
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
-    """Amplitude and damping at the design forces, and what their band is made of."""
+    """Amplitude and damping at the design forces, and the parts of their band."""
     headings, key = {"band": f"{100 * design.level:g} % predictive band"}, result.stem("design_loads")
     of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
     of_parts |= {"discrepancy": "change of the law beyond the test, %"}

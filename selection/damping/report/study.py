@@ -1,6 +1,6 @@
-"""A study rendered: the page, every table and every figure, of its records and of the exhibits that join it.
+"""A rendered study: the page, every table and every figure of its records and exhibits.
 
-Above the fold of each screen stands what is decided on (:mod:`damping.report.screens`); here what it rests on, folded.
+The screens (:mod:`damping.report.screens`) hold what decisions need; this module adds the folded details.
 """
 
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ def render(study: StudyResult) -> Rendered:
 
 
 def _build_details(study: StudyResult, svgs: Svgs) -> Section:
-    """What the screens rest on, a fold a record, and how it was made."""
+    """The details behind the screens, one fold per record, and the method."""
     folds: list[Block] = [
         Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _build_parts(result, svgs))
         for result in study.records
@@ -127,7 +127,7 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
 
 
 def list_laws(ranking: pd.DataFrame) -> Table:
-    """Every law with its weight, score and errors as pages say them: columns of ``forms.tabulate_candidates``."""
+    """Every law with weight, score and errors, formatted for pages: columns of ``forms.tabulate_candidates``."""
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
     formats: dict[str, page.Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
@@ -166,7 +166,7 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
 
 
 def _build_method(study: StudyResult) -> list[Block]:
-    """The method in words, with the constants that made the numbers."""
+    """The method in words, with its constants."""
     shapes = dict.fromkeys(shape for name in CATALOGUE for shape in component(name).free_shapes)
     values = {
         "priors": [(shape.label or shape.name, shape.prior.text) for shape in shapes if shape.prior],
@@ -184,7 +184,7 @@ def _build_method(study: StudyResult) -> list[Block]:
 
 
 def _tabulate_forces(study: StudyResult) -> Table:
-    """Every force that takes part in a candidate, with its formula."""
+    """Every force of the candidates, with its formula."""
     names = [name for r in study.records for c in r.ranking.candidates for name in c.law.components]
     table = pd.DataFrame(
         {

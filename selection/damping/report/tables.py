@@ -1,4 +1,4 @@
-"""One record's results as tables: what the page shows and the CSV files hold, column by column.
+"""The results of one record as tables, for the page and the CSV files.
 
 Numbers are in the units of the record; intervals of parameters have the content :data:`INTERVAL`, those of predictions
 the level of the study. A number that does not exist is NaN.
@@ -88,12 +88,12 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
 
 @lru_cache(maxsize=64)
 def _find_prior_ends(coordinates: Coordinates) -> dict[str, FloatArray]:
-    """Median and ends of the interval of the prior of each parameter: the page shows what a file holds."""
+    """Median and ends of the interval of the prior of each parameter, the same on the page and in the file."""
     return {name: np.percentile(draws, _TAILS) for name, draws in prior_draws(coordinates).items()}
 
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:
-    """One row for each sampled law: how the run went, PSIS-LOO with its caution, posterior predictive p-value."""
+    """One row for each sampled law: the state of its run, PSIS-LOO with its caution, posterior predictive p-value."""
     return pd.DataFrame(
         {
             "law": sampled.law.name,
@@ -122,7 +122,7 @@ def tabulate_convergence(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_study_loads(loads: Loads | None) -> pd.DataFrame:
-    """One row for each force, empty without loads; of a linear overprediction the shorter names that files keep."""
+    """One row for each force, empty without loads; linear overprediction under its short names in files."""
     if loads is None:
         return pd.DataFrame()
     table = forms.tabulate_loads(loads)
@@ -176,7 +176,7 @@ def tabulate_predictive_check(result: RecordResult) -> pd.DataFrame:
 
 
 def tabulate_observations(result: RecordResult) -> pd.DataFrame:
-    """The rows that say something about damping, with their energy per cycle and what a joint fit takes of them."""
+    """The rows with information on damping, with their energy per cycle and the columns that a joint fit needs."""
     data, rows = result.data, tabulate_rows(result.data)
     rows.insert(1, "point", _label_points(result))
     rows.insert(3, "omega", data.omega)
@@ -212,14 +212,14 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
 
 
 def describe_coefficients(candidate: Candidate, units: Units) -> str:
-    """Every parameter of a law in one line, with its unit where that is known: posterior medians."""
+    """Posterior medians of every parameter of a law in one line, with units if known."""
     named = ((f"{c.force} {c.shape}".strip(), c.value) for c in candidate.coefficients)
     texts = ((name, words.format_quantity(value, words.format_parameter_unit(name, units))) for name, value in named)
     return "; ".join(f"{name} {text}" for name, text in texts)
 
 
 def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.DataFrame:
-    """Amplitude and damping at each design force as pages say them, one row each; texts but ``times tested``."""
+    """Amplitude and damping at each design force, one row each, formatted for pages except ``times tested``."""
     table = pd.DataFrame(
         {
             "force": [words.format_force_text(force, units.force) for force in design.force],
