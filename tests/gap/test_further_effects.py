@@ -445,7 +445,7 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     effects = {name: CATALOGUE[name] for name in ("velocity-squared", "quadratic-displacement", "stiffness-hardening")}
     found = limited(effects, explain, lab.measured("velocity-squared"), lab.mode(damping=named), simulate=simulate)
     assert found.leading.effects == ("velocity-squared",)
-    assert any("velocity-squared of the mode file is not simulated" in caution for caution in found.cautions)
+    assert any("velocity-squared of the mode file is ignored" in caution for caution in found.cautions)
 
 
 def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0):

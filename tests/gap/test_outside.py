@@ -165,7 +165,7 @@ def test_what_takes_up_all_that_a_new_state_says_is_no_explanation(lab):
     found = explain(Record(record.table.assign(amplitude=low * record.column("amplitude"))), lab.mode())
     assert found.leading.effects == ("level-offset",)
     assert found.in_library < 0.5
-    assert any("the only one of its state" in caution for caution in found.cautions)
+    assert any("the only sweep of its state" in caution for caution in found.cautions)
 
 
 def test_no_test_is_proposed_where_the_leading_explanation_has_no_resonance(lab):

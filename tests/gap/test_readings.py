@@ -57,7 +57,7 @@ def test_a_stray_reading_is_set_aside_and_said(lab, honest):
     assert (reading.sweep, reading.quantity, reading.frequency) == ("B", "amplitude", pytest.approx(hertz, rel=1e-12))
     # ln 1.3 over a noise of .01/1.3 of what was read, 34, within three of its own noise
     np.testing.assert_allclose(reading.sigma, 1.3 * np.log(1.3) / lab.noise, rtol=0.0, atol=3.0)
-    (said,) = [caution for caution in found.cautions if "reading" in caution and "set aside" in caution]
+    (said,) = [caution for caution in found.cautions if "reading" in caution and "excluded as stray" in caution]
     assert said.startswith(f"1 reading excluded as stray from the numbers of the gap: {reading}")
     (listed,) = DiagnosisResult(found).to_json()["far_off"]
     assert listed == {**vars(reading), "set_aside": True}

@@ -107,6 +107,6 @@ def test_a_mass_that_is_off_is_named_beside_the_frequency_taken_from_it(lab, see
         tables.append(record.table.assign(added_mass=added, sweep=record.table["sweep"] + f"{added:g}"))
     found = explain(Record(pd.concat(tables, ignore_index=True), "two masses"), lab.mode())
     (said,) = (caution for caution in found.cautions if "but is not in the library" in caution)
-    assert "a generalized mass that is off" in said
+    assert "a generalized mass that differs" in said
     assert "beside natural-frequency" in said
     assert ("viscous-coefficient" in said) == (damped != 1.0)
