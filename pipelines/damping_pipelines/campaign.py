@@ -158,8 +158,8 @@ def _write_page(answer: Campaign) -> list[Section]:
     for mode in answer.modes:
         parts |= _draw_levels(mode, answer.unit)
         parts[f"{mode.name} peaks"] = Table(_tabulate_peaks(mode, answer.unit), "")
-    said = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
-    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer) | {"cautions": said}, parts)
+    cautions = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
+    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer) | {"cautions": cautions}, parts)
 
 
 def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
@@ -184,7 +184,7 @@ def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
         for caution in dict.fromkeys(at.cautions):
             levels.setdefault(caution, []).append(f"{at.level:.4g} {unit}".rstrip())
     everywhere = len(mode.places)
-    return [said if len(of) == everywhere else f"at {', '.join(of)}: {said}" for said, of in levels.items()]
+    return [caution if len(at) == everywhere else f"at {', '.join(at)}: {caution}" for caution, at in levels.items()]
 
 
 def _tabulate_notches(answer: Campaign) -> pd.DataFrame:

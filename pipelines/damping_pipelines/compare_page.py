@@ -87,8 +87,8 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         if several or len(having) > 1:
             tables = _build_tables(name, having)
             parts |= {f"{name} {what}": table for what, table in tables.items()}
-            has = {what: what in tables for what in ("predictions", "posteriors")}
-            records.append(_describe_record(name, having, studies) | has)
+            present = {what: what in tables for what in ("predictions", "posteriors")}
+            records.append(_describe_record(name, having, studies) | present)
     values = {
         "studies": studies,
         "shared": shared,

@@ -44,8 +44,8 @@ COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "open
 BOUNDS = ("median", "low")
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
-#: Coefficients that miss the damping of a level by a larger share are said to be of a form that cannot follow it: bands
-#: of damping at tested levels are as wide.
+#: Largest relative error in damping that the form of the coefficients may leave unreported: bands of damping at tested
+#: levels are as wide.
 MOST_MISFIT = 0.05
 #: Longest line of a comment, characters; Abaqus takes lines of 256.
 COMMENT_WIDTH = 120
@@ -116,11 +116,11 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
     show = console()
     show.print(f"{out} written: damping for {code}")
-    for said in missing:
-        show.print(f"- {said}")
-    for mode, which, _, found in fitted:
-        if found.alone or abs(found.miss) > MOST_MISFIT:
-            show.print(f"- {mode}, {which}: {found}")
+    for note in missing:
+        show.print(f"- {note}")
+    for mode, which, _, coefficients in fitted:
+        if coefficients.alone or abs(coefficients.miss) > MOST_MISFIT:
+            show.print(f"- {mode}, {which}: {coefficients}")
 
 
 def to_ascii(text: str) -> str:
@@ -173,7 +173,7 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
 
     if not ends:
         return None
-    alone = "the largest level tested" if tested else "the largest asked for, as no level is within the test"
+    alone = "the largest level tested" if tested else "the largest requested level, as no level is within the test"
     return Live(min(ends, key=weigh), BOUNDS[1], SAFER if len(ends) > 1 else alone)
 
 
@@ -205,11 +205,11 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     ratio = row.damping_ratio
     if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
         return None
-    said = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
-    laws = ", ".join(f"{name} ({weight})" for name, weight in said.items() if float(weight) > 0.0)
+    weights = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
+    laws = ", ".join(f"{name} ({weight})" for name, weight in weights.items() if float(weight) > 0.0)
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
     tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
-    notched = next((said for said in row.cautions if said.startswith("notched")), "")
+    notched = next((caution for caution in row.cautions if caution.startswith("notched")), "")
     remark = "; ".join(part for part in (beyond or tested, notched, f"laws: {laws}" if laws else "") if part)
     resonant = _find_force(row)
     force = np.nan if resonant is None else resonant

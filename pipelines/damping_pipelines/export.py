@@ -219,16 +219,16 @@ def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for row in form.rows:
         bands = {"damping_ratio": row.damping_ratio, "q": row.q}
-        told = row.model_dump(exclude={*bands, "tested", "cautions"})
-        for name, of in bands.items():
-            told |= _flatten(name, of)
-        rows.append({**told, "tested": row.tested, "cautions": "; ".join(row.cautions)})
+        columns = row.model_dump(exclude={*bands, "tested", "cautions"})
+        for name, band in bands.items():
+            columns |= _flatten(name, band)
+        rows.append({**columns, "tested": row.tested, "cautions": "; ".join(row.cautions)})
     return _tabulate_typed(pd.DataFrame(rows), ("cautions",)).assign(level=form.level)
 
 
-def _flatten(name: str, of: IntervalForm) -> dict[str, float | None]:
+def _flatten(name: str, interval: IntervalForm) -> dict[str, float | None]:
     """An interval as columns of a table."""
-    return {name: of.median, f"{name}_low": of.low, f"{name}_high": of.high}
+    return {name: interval.median, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
 def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:

@@ -70,8 +70,8 @@ class Notes:
 
     def numbers(self, cautions: Iterable[str]) -> str:
         """Numbers of cautions; new cautions are added."""
-        found = [self._numbers.setdefault(caution, len(self._numbers) + 1) for caution in cautions]
-        return " ".join(map(str, sorted(found)))
+        numbers = [self._numbers.setdefault(caution, len(self._numbers) + 1) for caution in cautions]
+        return " ".join(map(str, sorted(numbers)))
 
     def show(self, console: Console, cautions: Iterable[str] = ()) -> None:
         """Print the notes in order, then ``cautions`` about all that was printed."""

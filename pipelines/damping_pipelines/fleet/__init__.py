@@ -64,8 +64,8 @@ def fleet(
     with sole_writer(out, ("fleet.html",), [path for case in cases for path in (case.record, case.model)]):
         kept = dataset.FleetDataSet(out / "records")
         for path in kept.set_broken_aside():
-            told = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
-            print(f"damping: {told}", file=sys.stderr)
+            note = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
+            print(f"damping: {note}", file=sys.stderr)
         book = _Book(kept, out, _final(kept))
         if not replace:
             _refuse_loss(kept, dataset.tasks_of(cases, settings))

@@ -122,8 +122,8 @@ def _complete(read: FleetRecord) -> FleetResult:
     read = replace(read, reasons=tuple(reasons))
     pages = {row_of(task)["report"]: record_page(read)}
     if read.diagnosis:
-        told = read.diagnosis
-        pages[f"{task.stem}-gap.html"] = render_gap_page(told.diagnosis, None, told.against, _build_footer(task))
+        gap = read.diagnosis
+        pages[f"{task.stem}-gap.html"] = render_gap_page(gap.diagnosis, None, gap.against, _build_footer(task))
     return FleetResult(row_of(task) | _columns(read), pages)
 
 
@@ -167,10 +167,10 @@ def _columns(record: FleetRecord) -> dict[str, Any]:
         columns |= {name: getattr(best, name) for name in ("weight", "average_absolute_percent", "held_out_error")}
         columns |= {"law": best.name, "rank_form": to_json(ranking.to_json())}
     if diagnosis:
-        parts, found = ("nominal", "before", "after", "shrinkage"), diagnosis.diagnosis
-        columns |= {f"gap_{part}": getattr(found.gap, part) for part in parts}
-        columns["effects"], columns["unexplained"] = list(found.leading.effects), found.unexplained
-        columns["effects_probability"] = found.hypotheses[0].probability
+        parts, gap = ("nominal", "before", "after", "shrinkage"), diagnosis.diagnosis
+        columns |= {f"gap_{part}": getattr(gap.gap, part) for part in parts}
+        columns["effects"], columns["unexplained"] = list(gap.leading.effects), gap.unexplained
+        columns["effects_probability"] = gap.hypotheses[0].probability
         columns["gap_form"] = to_json(diagnosis.to_json())
     return {
         "mode": record.prepared.mode.name,

@@ -156,12 +156,12 @@ def list_copies(table: pd.DataFrame) -> list[str]:
     """Records with byte-for-byte equal files, one sentence per group; ``table``: ``name, status, record_sha256``."""
     read = table[table["status"] != "failed"]
     alike = [list(names) for _, names in read.groupby("record_sha256", sort=False)["name"] if len(names) > 1]
-    said = [
+    sentences = [
         f"{format_joined(_shorten(names))} are byte-for-byte copies of one record, which counts "
         f"{len(names)} times in every share"
         for names in alike
     ]
-    return _shorten(said, "records with copies")
+    return _shorten(sentences, "records with copies")
 
 
 def _shorten(items: list[str], of: str = "") -> list[str]:
