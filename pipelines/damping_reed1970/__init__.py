@@ -1,4 +1,4 @@
-"""The report of 1970 recomputed: its tables here; one folder a chapter, with its equations, its figures and its page.
+"""The report of 1970 recomputed: its tables in this module; one folder per chapter, with equations, figures and page.
 
 Every table comes as printed, corrected, and as used by the report's own computation.
 
@@ -42,7 +42,7 @@ Run = Literal["E3", "E4"]
 
 
 def data_folder() -> Path:
-    """Folder with ``saturn-v``: the packaged copy where there is one, else the repository's.
+    """Folder with ``saturn-v``: the packaged copy if there is one, else that of the repository.
 
     InputError: neither exists (an incomplete installation).
     """
@@ -209,7 +209,7 @@ KNOWN: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("known
 
 
 def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
-    """A table that is known by name with what it says, folded where it is long."""
+    """A named table with its caption, folded if it is long."""
     title, text = KNOWN[name]["title"], KNOWN[name]["text"]
     shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
     if len(shown) <= MOST_ROWS:

@@ -59,7 +59,7 @@ def settings_file() -> Path:
 
 
 def start(pool: Executor, seed: int) -> StartedReport:
-    """Start what needs no ranking, beside whatever else the study does."""
+    """Start the work that needs no ranking, in parallel with the study."""
     return StartedReport(pool.submit(compute_studies, seed), pool.submit(_sample_chapter_3, seed))
 
 

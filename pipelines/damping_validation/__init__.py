@@ -1,1 +1,1 @@
-"""Data whose truth is known, made without the library's solvers, and what scores the answers to it."""
+"""Data of known truth, generated without the library's solvers, and the scoring of answers to them."""

@@ -44,7 +44,7 @@ _GRID = 40
 
 @dataclass(frozen=True)
 class BandResult:
-    """One structure: what was predicted, on a grid and at ``RATIOS``, the check with levels left out, what was done."""
+    """One structure: predictions on a grid and at ``RATIOS``, the check with levels left out, and the method."""
 
     name: str
     mode: Mode
@@ -58,7 +58,7 @@ class BandResult:
 def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = ()) -> None:
     """Predict for every ``NAME/record.csv`` with ``NAME/mode.toml`` under ``records``; write page, tables and figures.
 
-    Nothing of a record is copied: only predictions, resonances derived from it and figures are written. InputError: no
+    No record is copied: only predictions, derived resonances and figures are written. InputError: no
     such records, or a bad one; Refused: by the audit of one, and not among ``despite``.
     """
     refuse_inputs("--out", out, records)
@@ -81,7 +81,7 @@ def bands_page(records: Path, out: Path, seed: int, despite: Collection[str] = (
 
 
 def predict_structure(folder: Path, seed: int, despite: Collection[str] = ()) -> BandResult:
-    """Everything of one structure."""
+    """All results of one structure."""
     record, mode = read_record(folder / "record.csv"), read_mode(folder / "mode.toml")
     findings = report_findings(record, mode, despite)
     prepared = prepare_record(record, mode, findings)
@@ -180,7 +180,7 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
 
 
 def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
-    """Bands relative to what was measured at levels left out; a cross where the prediction was refused."""
+    """Bands relative to measurements at levels left out; a cross for a refused prediction."""
     place = np.arange(len(left_out))
     low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
     ax.vlines(place, low, high, color=plots.CREDIBLE, linewidth=5)

@@ -2,7 +2,7 @@
 
 Three steps that share nothing but files: the generator writes case folders and a sealed file of labels, whose SHA-256
 is recorded before anything is diagnosed; the diagnosis reads the case folders; the scorer opens labels and answers.
-Where asked, the test that an answer proposes is made on the truth of its case and the case diagnosed again.
+If requested, the test proposed by an answer is made on the truth of its case, and the case is diagnosed again.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
     """Draw cases, seal their labels, diagnose from the case files alone, score; everything goes to ``out``.
 
     ``out`` gets ``cases/NAME/model.toml`` and ``data.csv``, ``labels.sealed.json``, ``sealed.json`` (their SHA-256,
-    written before the diagnosis), ``answers/NAME.json`` and what the scorer leaves (``scorer_output.render_scores``).
+    written before the diagnosis), ``answers/NAME.json`` and the output of the scorer (``scorer_output.render_scores``).
     Cases that the same generator sealed there before, for the same seed, are used again. Without a seed it is the one
     kept for blind cases. ``follow``: every test that an answer proposes in numbers is made on the truth of its case,
     its rows stand after the case's own in ``next/cases/NAME``, and ``next/answers/NAME.json`` is the answer to both.
@@ -80,9 +80,9 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
 
 
 def make_proposed_tests(out: Path, tasks: Iterable[_Task], jobs: int | None) -> list[str]:
-    """Make every test that an answer proposes in rows; names of the cases that have one, into ``out/next/cases``.
+    """Make every test proposed by an answer in ``out/next/cases``; return the names of these cases.
 
-    A test under whose drive the structure does not come to rest leaves no case, and so no answer.
+    A test without a steady state gives no case, and so no answer.
     """
     for folder in ("cases", "answers"):
         shutil.rmtree(out / "next" / folder, ignore_errors=True)
@@ -131,7 +131,7 @@ def read_verdicts(labels: Mapping[str, Any], answers: Path) -> list[Verdict]:
 
 
 def read_answer(path: Path) -> Mapping[str, Any]:
-    """The answer of a file; an error where there is none. InputError where it is of another form."""
+    """The answer in a file; an error if there is no file. InputError: an answer of another form."""
     if not path.exists():
         return {"error": "no answer"}
     try:
@@ -162,9 +162,9 @@ def make_cases(
 ) -> str:
     """Write ``n`` cases as ``folder/NAME/model.toml`` and ``data.csv`` and their labels as ``labels``; its SHA-256.
 
-    Names are random and carry nothing. ``kinds`` chooses kinds of the generator (``phase-lag``, ``null:nothing``,
-    ``pair:two-forces`` and so on); all, in the shares of a blind run, without it. Half are drawn clean, half in field
-    conditions. The seed alone decides every case.
+    Names are random and carry no information. ``kinds`` chooses kinds of the generator (``phase-lag``,
+    ``null:nothing``, ``pair:two-forces`` and so on); all, in the shares of a blind run, without it. Half are drawn
+    clean, half in field conditions. The seed alone determines every case.
     """
     tasks = _list_tasks(n, seed, kinds)
     sealed: dict[str, Any] = {}
@@ -193,7 +193,7 @@ def _list_names(n: int, seed: int) -> list[str]:
 
 
 def _each(do: Callable[[Work], Done], work: list[Work], jobs: int | None) -> Iterator[Done]:
-    """What ``do`` makes of each, in order; in this process where one is enough."""
+    """Results of ``do`` for each, in order; in this process if one is enough."""
     if min(count_jobs(jobs), len(work)) <= 1:
         yield from map(do, work)
         return
@@ -206,7 +206,7 @@ def _draw(task: _Task) -> generator.BlindCase:
 
 
 def _make_test(proposal: _Proposal) -> str | None:
-    """The data of a case with the rows of the test that was proposed; None where there is no steady state."""
+    """The data of a case with the rows of the proposed test; None without a steady state."""
     (kind, field, seed, _), data, rows, asked = proposal
     try:
         return generator.draw_further_rows(kind, field, seed, data, rows, asked)

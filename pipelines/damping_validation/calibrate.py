@@ -86,7 +86,7 @@ def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:
 
 
 def run(trials: Mapping[Key, Callable[[], Any]], jobs: int | None) -> dict[Key, Any]:
-    """Results of all trials by key, in the order of ``trials`` whatever finishes first."""
+    """Results of all trials by key, in the order of ``trials``."""
     every = list(trials.items())
     batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
     results: dict[Key, Any] = {}
@@ -181,7 +181,7 @@ def collect_ways(predictions: pd.DataFrame) -> list[tuple[str, pd.DataFrame, pd.
 def render_page(
     predictions: pd.DataFrame, fast: pd.DataFrame, ranks: pd.DataFrame, trials: int, seed: int, quick: bool
 ) -> str:
-    """The page: goals beside what was measured, every structure, figures."""
+    """The page: goals and measured values, every structure, figures."""
     # how often the law of a structure of the library has the largest weight, by the fast way
     first = predictions[(predictions["ratio"] == trial.RATIOS[0]) & (predictions["way"] == "fast")]
     selection = first[first["truth"].isin(IN_LIBRARY)].groupby("truth", sort=False)["true"]

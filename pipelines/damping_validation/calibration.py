@@ -77,10 +77,10 @@ _RANGE = 100.0
 class Coverage:
     """One trial of the bands; arrays over ``RATIOS``.
 
-    ``levels``, ``span``, ``noise``: what was drawn. ``winner``: law of largest weight; ``true``: whether it is the
-    structure's own. ``ratio``: force over the largest tested one. ``refused``: no prediction. ``above``, ``below``: the
-    next test lies beyond that end. ``width``: ln(high/low). ``oracle``: that of a fitter who knows the form, NaN where
-    the library has none. ``error``: ln(median/true amplitude).
+    ``levels``, ``span``, ``noise``: as drawn. ``winner``: law of largest weight; ``true``: whether it is the law of the
+    structure. ``ratio``: force over the largest tested one. ``refused``: no prediction. ``above``, ``below``: whether
+    the next test lies beyond that end. ``width``: ln(high/low). ``oracle``: the width with the true form known, NaN if
+    the library does not have it. ``error``: ln(median/true amplitude).
     """
 
     levels: int
@@ -145,7 +145,7 @@ def _read_frequencies(data: Observations, truth: Truth, rng: np.random.Generator
 
 
 def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
-    """ln(high/low) of the prediction interval of a fitter who knows the form and nothing else, (forces,).
+    """ln(high/low) of the prediction interval if only the true form is known, (forces,).
 
     Least squares of ln A over the parameters, Student's t with the levels' degrees of freedom; NaN without any.
     """

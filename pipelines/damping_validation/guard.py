@@ -1,10 +1,10 @@
-"""A guard of accuracy, in a few minutes: coverage of the bands and the blind diagnosis in small, against floors.
+"""A check of accuracy in a few minutes: coverage of the bands, and a small blind diagnosis, against lower limits.
 
-``python -m damping_validation.guard``; with ``doubts`` it prints the constants of `damping.gap.weighing` instead: how
-much each doubt speaks against the library, a regression on answers whose cause is known to be in it, or not.
+``python -m damping_validation.guard``; with ``doubts`` it prints the constants of `damping.gap.weighing` instead: the
+weight of each doubt, by regression on answers whose cause is known to be inside or outside the library.
 
-The seeds are fixed, so that a change of the answers is a change of the code. A floor lies three standard errors below
-what was measured when it was set, so that redrawn noise does not cross it and a loss of accuracy does.
+The seeds are fixed, so that a change of the answers is a change of the code. A limit is three standard errors below
+the value measured when it was set, so that redrawn noise does not cross it but a loss of accuracy does.
 """
 
 import json
@@ -54,7 +54,7 @@ def guard_coverage() -> Iterator[Figure]:
 
 
 def guard_diagnosis() -> Iterator[Figure]:
-    """Shares of blind cases of which the answer is good, and confidently wrong."""
+    """Shares of blind cases with a good, and with a confidently wrong, answer."""
     from damping_pipelines.gap import diagnose_folder  # noqa: PLC0415 - not even loaded before the labels are sealed
 
     with tempfile.TemporaryDirectory() as folder:
@@ -85,7 +85,7 @@ Answer = tuple[FloatArray, bool]
 
 
 def list_answers(folder: Path) -> Iterator[Answer]:
-    """Of every answer what speaks for the library, (6,), and whether it holds the cause."""
+    """For every answer the regressors of the library, (6,), and whether it holds the cause."""
     labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["cases"]
     for name, label in labels.items():
         case = folder / "cases" / name
@@ -94,7 +94,7 @@ def list_answers(folder: Path) -> Iterator[Answer]:
 
 
 def regress(answers: list[Answer]) -> FloatArray:
-    """The log odds (6,) that are most probable: of an effect, of nothing blamed, and what each doubt takes."""
+    """The most probable log odds (6,): for an effect, for nothing blamed, and per doubt."""
     X, held = np.array([x for x, _ in answers]), np.array([held for _, held in answers])
     blamed = X[:, 1] == 0.0
     weights = np.where(held, 1.0, np.sum(held & blamed) / (ODDS * max(np.sum(~held & blamed), 1)))
@@ -116,7 +116,7 @@ def print_doubts() -> None:
 
 
 def main() -> int:
-    """Print what was measured; 1 where a limit is not kept."""
+    """Print the measured values; exit code 1 if one is beyond its limit."""
     if sys.argv[1:] == ["doubts"]:
         print_doubts()
         return 0

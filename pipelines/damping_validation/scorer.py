@@ -1,7 +1,7 @@
 """The scorer of the blind run: each answer beside the label of its case, then every figure of the table of goals.
 
-An answer is good where it is right or honestly short: the true effects lead or stand in the set of 0.95, or the answer
-says itself that something is unexplained or that the cause is probably in no library; a null case is good where nothing
+An answer is good if it is right or states its limits: the true effects lead or are in the set of 0.95, or the answer
+reports that something is unexplained or that the cause is probably outside the library. A null case is good if nothing
 is blamed. Shares have exact binomial intervals (Clopper and Pearson), means and percentiles bootstrap ones, at 95 %.
 """
 
@@ -56,7 +56,7 @@ class Verdict:
 
     @property
     def right_or_equivalent(self) -> bool:
-        """Right, or wrong only by effects that the answer says this record cannot tell from the true ones."""
+        """Right, or wrong only by effects that the answer states as equivalent to the true ones."""
         if self.leading is None or len(self.leading) != len(self.true):
             return False
         missed, added = sorted(self.true - self.leading), sorted(self.leading - self.true)
@@ -72,7 +72,7 @@ class Verdict:
 
     @property
     def good(self) -> bool:
-        """Right or honestly short: see the module."""
+        """Right or with its limits stated: see the module."""
         if self.leading is None:
             return False
         if self.family == "null":
@@ -83,7 +83,7 @@ class Verdict:
 
     @property
     def confidently_wrong(self) -> bool:
-        """Wrong at a probability beyond ``CONFIDENT`` without a flag; to see nothing where little is, is not wrong."""
+        """Wrong at a probability beyond ``CONFIDENT`` without a flag; an effect too small to see is not counted."""
         if self.leading is None or self.flagged or self.right_or_equivalent or self.probability <= CONFIDENT:
             return False
         return bool(self.leading) or self.gap >= DETECTABLE
@@ -250,7 +250,7 @@ def _measure_statistic(
 
 
 def _list_extents(cases: Cases, named: Cases, single: Cases) -> list[Figure]:
-    """How long the set is, where the effect acts, and how far the gap shrinks on levels that did not choose it."""
+    """Length of the set, place of the effect, and shrinkage of the gap on held-out levels."""
     clear = select_cases(cases, "single", "pair", gap=CLEAR)
     held = [case.held_out for case in clear if case.right and case.held_out is not None]
     overlaps = [case.iou if case.iou is not None else 0.0 for case in named]

@@ -1,6 +1,6 @@
 """Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page.
 
-The figures of the last blind run of the gap diagnosis are shipped: what may be expected of its answers.
+The figures of the last blind run of the gap diagnosis are shipped, as the expected quality of its answers.
 """
 
 from collections.abc import Iterable, Sequence
@@ -193,7 +193,7 @@ def draw_confusion(matrix: pd.DataFrame) -> Drawing:
 
 
 def tabulate_blind_rows(table: pd.DataFrame) -> pd.DataFrame:
-    """What a reader sees of the table ``figure, goal, measured, low, high, cases, met``: shares in per cent."""
+    """The table ``figure, goal, measured, low, high, cases, met`` as text, with shares in per cent."""
     rows = table[["measured", "low", "high", "share"]].itertuples(index=False, name=None)
     shown = table[["figure", "goal", "measured", "cases", "met"]].fillna({"goal": "", "met": ""})
     return shown.assign(measured=[_describe_measured(*row) for row in rows])

@@ -1,10 +1,10 @@
 """Random structures whose damping is known, in and out of the library, tested at a few levels with noise.
 
-Amplitudes come from code of their own: the force is integrated over a closed cycle by quadrature, or stepped through it
-where it has a memory, and C(A) = F is solved on a table of ln A. Nothing here imports a force of the library. The same
-cycle gives the part S of a joint in phase with displacement, which moves the resonance: omega^2 = K/M + S/(M A).
-A force stands as its parts S + iC at ``OMEGA``, by the power of frequency that C grows with: its frequency is that of
-the resonance, omega(A).
+Amplitudes come from independent code: the force is integrated over a closed cycle by quadrature, or stepped through it
+if it has a memory, and C(A) = F is solved on a table of ln A. No force of the library is imported. The same cycle gives
+the part S of a joint in phase with displacement, which shifts the resonance: omega^2 = K/M + S/(M A). A force is given
+by S + iC at ``OMEGA``, and by the power of frequency with which C grows: its frequency is that of the resonance,
+omega(A).
 """
 
 from collections.abc import Callable
@@ -224,7 +224,7 @@ def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[Fl
 
 
 def peaks(force: FloatArray, amplitude: FloatArray) -> Observations:
-    """One row a level, at phase resonance, both (levels,)."""
+    """One row per level, at phase resonance; both arguments (levels,)."""
     n = len(force)
     zero = np.zeros(n)
     omega = np.full(n, OMEGA)

@@ -75,7 +75,7 @@ def equivalent_coefficient(energy: Floats, A: Floats) -> Floats:
 
 
 def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float) -> pd.DataFrame:
-    """How far a velocity-squared force fixed at ``reference`` stands for slip, at each ``amplitude``, all above A1.
+    """Error of a velocity-squared force fitted to slip at ``reference``, at each ``amplitude``, all above A1.
 
     ``coefficient_percent``: Eq 2.4.4 as printed against corrected, at each amplitude. ``printed_percent``,
     ``corrected_percent``: energy of the force with C3 fixed at the reference, printed or corrected, against the exact

@@ -134,7 +134,7 @@ AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 
 
 def write_chapter_2(results: ReportResults) -> ReportPart:
-    """The page: loops, the slip joint printed and exact, and what a fixed equivalent coefficient is worth."""
+    """The page: loops, the printed and exact slip joint, and the error of a fixed equivalent coefficient."""
     studies = results.studies
     loops, energies, modes = studies.loops.areas, studies.slip.energies, tabulate_lumped_masses()
     at = tabulate_energies_at(energies)

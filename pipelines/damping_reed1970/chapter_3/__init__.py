@@ -118,7 +118,7 @@ def table_3_iii(table: pd.DataFrame) -> dict[str, float]:
 def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     """Principal amplitudes (Eq. 3.2.12) and energies (3.2.13, 3.2.14) with the xi of each row.
 
-    Also the root of Eq. 3.2.15 nearest to that xi, where there is one.
+    Also the root of Eq. 3.2.15 nearest to that xi, if any.
     """
     motion = signals.plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
     points = list(table["point"])

@@ -23,7 +23,7 @@ _RISE = 0.002
 
 
 def count_peaks(values: FloatArray | pd.Series[float]) -> int:
-    """Number of peaks that rise above what is around them."""
+    """Number of local peaks."""
     return len(find_prominent(np.asarray(values), _RISE * values.max())[0])
 
 
@@ -36,7 +36,7 @@ def compare_sines(measured: pd.DataFrame, tail: PlanarBand) -> tuple[float, floa
 
 
 def root_mean_square(values: FloatArray | pd.Series[float]) -> float:
-    """Of differences from what was measured."""
+    """Root mean square of differences from the measurement."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

@@ -128,7 +128,7 @@ def tabulate_removed(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
 
 
 def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
-    """What the figures of the chapter show, by point.
+    """Data of the figures of the chapter, by point.
 
     ``point, omega``; ``tail`` (in), ``tail_phase`` (rad), ``A_2_printed, phi_2_printed`` and computed ``A_2, phi_2``;
     ``energy_printed`` and ``energy`` = pi X_t F sin(phi_t) (in-lb); ``pitch_printed, yaw_printed`` of Table 3.IV and

@@ -1,4 +1,4 @@
-"""The circularity of Table 5.IV: what laws come out when the truth is known (sections 3.2 and 5.3).
+"""The circularity of Table 5.IV: laws selected when the truth is known (sections 3.2 and 5.3).
 
 Table 5.IV takes amplitude and energy in the principal pitch plane from one number a point, the linear damping factor
 xi that Eq. 3.2.15 gives: E_p = 2 pi M omega_p xi omega A_p^2 holds in every row by construction, and a "law" fitted to
@@ -44,7 +44,7 @@ ROUTES = ("Table 5.IV: A and E from xi", "3.1: modal amplitude, E put in", "roug
 
 @dataclass(frozen=True)
 class Circularity:
-    """What laws come out.
+    """The selected laws.
 
     ``laws``: best law by BIC with coefficients > 0 among all sums of the five forces (measured data: share 1).
     ``claims``: the same for what the report concludes: ``nonlinear_share`` (a force is selected other than viscous and

@@ -2,9 +2,9 @@
 
 This package shares no code with what diagnoses its cases: it imports numpy, scipy and itself alone.
 
-A kind and a seed decide a case: structure, rig and test are drawn, the effects sized so that their gaps spread from
-what cannot be seen to what nobody misses, the record is integrated in time and measured. Out come the texts of the two
-files of the case and its label; and, for a test that the diagnosis proposes, the further rows of the same truth.
+A kind and a seed determine a case: structure, rig and test are drawn, the effects are sized so that their gaps range
+from invisible to obvious, and the record is integrated in time and measured. The output is the texts of the two files
+of the case and its label and, for a test that the diagnosis proposes, further rows of the same truth.
 """
 
 from collections.abc import Mapping, Sequence
@@ -97,7 +97,7 @@ def draw_case(kind: str, field: bool, seed: tuple[int, ...], name: str = "case")
 
 
 def _describe_truth(drawn: DrawnCase) -> dict[str, Any]:
-    """Effects with what they leave, and the circumstances under which they were measured."""
+    """Effects with their gaps, and the conditions of the measurement."""
     bench, effects = drawn.bench, drawn.effects
     return {
         "effects": [name_effect(effect.name) for effect in effects],
@@ -139,7 +139,7 @@ def draw_further_rows(
 
     ``kind``, ``field``, ``seed``: as the case was drawn. ``proposed``: ``force, frequency_low, frequency_high`` (Hz),
     ``points, added_mass`` of each further sweep. ``asked``: columns that the new rows are to fill.
-    NoSteadyStateError: the structure does not come to rest under that drive.
+    NoSteadyStateError: the structure has no steady state under that drive.
     """
     drawn = draw(kind, field, np.random.default_rng(seed))
     rng = np.random.default_rng((*seed, 1))

@@ -1,4 +1,4 @@
-"""The rows of a test, what a sensor shows of the motion, and the first-harmonic balance: where integration starts.
+"""The rows of a test, the readings of a sensor, and the first-harmonic balance, from which integration starts.
 
 On q = A sin(theta) the forces have in-phase and quadrature averages S and C (``averages``), and the balance
 |k - M omega^2 + i c omega + (S + i C)/A| A = F is solved row by row on a grid of amplitudes, then refined.
@@ -21,12 +21,12 @@ from damping_validation.generator.laws import Array, Complex, Structure, TrueJoi
 
 @dataclass(frozen=True)
 class TrueRows:
-    """What the test recorded and what it truly was, one entry for each row, in the order tested.
+    """The recorded and the true test, one entry for each row, in the order tested.
 
     ``sweep`` numbers the sweeps, ``force`` is the recorded force, ``omega`` the drive in rad/s, ``up`` the direction of
     all sweeps. ``drive`` is true force over recorded force, ``tuning`` the true natural frequency over the structure's,
-    ``loss`` the true viscous coefficient over the structure's, ``gain`` and ``lag`` what the instruments add, ``delay``
-    what they add to the time, s, ``leak`` a foreign phasor in the record. ``added`` is a known mass, ``rate`` the true
+    ``loss`` the true viscous coefficient over the structure's, ``gain`` and ``lag`` of the instruments, ``delay``
+    their time delay, s, ``leak`` a foreign phasor in the record. ``added`` is a known mass, ``rate`` the true
     d omega/dt, rad/s^2, ``time`` in s. The sensor shows at most ``clip`` and compresses beyond ``knee``; a reading is
     a multiple of ``quantum``, and lags by ``slew`` times itself, rad/length.
     """
@@ -73,7 +73,7 @@ def chosen_rows(rows: TrueRows, chosen: npt.NDArray[np.bool_]) -> TrueRows:
 
 
 def change_columns(rows: TrueRows, change: Callable[[str, Array], Array]) -> TrueRows:
-    """The rows with another column for each, by its name and values; what is no column stays."""
+    """The rows with columns replaced by name; other fields stay."""
     changed: dict[str, Any] = {
         name: change(name, value) for name, value in vars(rows).items() if isinstance(value, np.ndarray)
     }
@@ -81,7 +81,7 @@ def change_columns(rows: TrueRows, change: Callable[[str, Array], Array]) -> Tru
 
 
 def show_signal(signal: Array, rows: TrueRows) -> Array:
-    """What the sensor shows of a displacement: compressed beyond its knee, clipped at its limit."""
+    """The reading of a displacement: compressed beyond the knee of the sensor, clipped at its limit."""
     if np.isfinite(rows.knee):
         signal = rows.knee * np.tanh(signal / rows.knee)
     return np.clip(signal, -rows.clip, rows.clip)
@@ -219,7 +219,7 @@ def main_phasor(structure: Structure, rows: TrueRows, upper: bool) -> Complex:
 
 
 def sensor_phasor(structure: Structure, rows: TrueRows, main: Complex) -> Complex:
-    """What the sensor sees when the main coordinate moves with ``main``: other modes added, clipped and compressed."""
+    """The reading for a motion ``main`` of the main coordinate: other modes added, clipped and compressed."""
     X = structure.share * main
     for side, own in zip(structure.sides, side_phasors(structure, rows), strict=True):
         X = X + side.seen * own

@@ -1,8 +1,8 @@
-"""What every effect declares: how it is drawn, what it does to the truth, and how a fit may look for it.
+"""Declarations of effects: how they are drawn, how they change the truth, and how a fit may vary them.
 
 Effects that the library of the diagnosis names: of the structure (a force, a joint, a spring, a wrong parameter of the
-simulation, a further path from drive to sensor, a structure that changes while it is tested) and of the rig. A kind is
-named as the library names its effect; what stands after a colon is a form of it.
+simulation, a further path from drive to sensor, a structure that changes while it is tested) and of the rig. A kind has
+the name of its effect in the library; a word after a colon is one of its forms.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What acts on the main coordinate of a true structure: forces, joints with memory, and coordinates coupled with it.
+"""Actions on the main coordinate of a true structure: forces, joints with memory, and coupled coordinates.
 
 Forces without memory are functions of displacement q and velocity v. ``sign`` is the sign of the velocity, smoothed or
 not: the integration in time passes one that is smoothed over a few of its steps, the averages pass the true one.
@@ -81,7 +81,7 @@ class TrueLaw:
 
     @property
     def form(self) -> LawForm:
-        """The function and what is known of it."""
+        """The function and its properties."""
         return LAW_FORMS[self.kind]
 
     def force(self, q: Array, v: Array, sign: Array) -> Array:
@@ -140,7 +140,7 @@ class Partner:
     cubic: float = 0.0
 
     def accelerations(self, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
-        """x'' and what the partner adds to q'' (per unit of the main mass), from q, q', x and x'."""
+        """x'' and the contribution of the partner to q'' (per unit of the main mass), from q, q', x and x'."""
         loss, omega2 = 2 * self.zeta * self.omega * w, self.omega**2
         match self.kind:
             case "gyroscopic":  # a mass across the axis of a rotor: g w and -g v do no work together
@@ -167,13 +167,13 @@ class Partner:
         return np.asarray(pulled / (-(omega**2) - own))
 
     def push(self, omega: Array) -> Array:
-        """Phasor of what the linear partner adds to q'' over that of q."""
+        """Phasor of the contribution of the linear partner to q'', over that of q."""
         x, unit, v = self.follow(omega), np.ones(omega.size, complex), 1j * omega
         return np.zeros_like(x) if self.stand_in else replace(self, cubic=0.0).accelerations(unit, v, x, v * x)[1]
 
     @property
     def stand_in(self) -> TrueLaw | None:
-        """What acts like it on the main mode to first order where it is not linear at all, over the main mass."""
+        """First-order equivalent force of a partner that is not linear, over the main mass."""
         if self.kind == "heated-spring":  # mean square A^2/2 against 3/4 A^2 of a cubic spring
             return TrueLaw("cubic", 2.0 / 3.0 * self.strength)
         return None

@@ -1,7 +1,7 @@
 """The plan of a test: force levels, frequencies, direction; in the field uneven, with repeats and wandering forces.
 
-What a test is drawn from: the structure, its simulation and tolerances, the plan of the test. Then the noise of the
-measurement, the columns of the record, and the texts of the two files of a case.
+A test is drawn from the structure, its simulation and tolerances, and the plan of the test. Then follow the noise of
+the measurement, the columns of the record, and the texts of the two files of a case.
 """
 
 import re

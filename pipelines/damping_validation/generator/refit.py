@@ -1,6 +1,6 @@
 """All effects by name, in groups, the truth with some of them present, and the size of the gap that they leave.
 
-A gap is what an effect leaves in the noise-free record after the simulation was refitted within its tolerance. Free
+A gap is the residual of an effect in the noise-free record after a refit of the simulation within its tolerance. Free
 are the simulation's frequency, mass and viscous coefficient, in units of their tolerance and never beyond three of
 them, and gain and frequency of each sweep where sweeps scatter, each with a unit penalty; and, where the simulation is
 given effects of its own, their sizes (and, if asked, what else of them is continuous). Predictions are the
@@ -33,7 +33,7 @@ STRUCTURE = ("slip", "stiffness-hardening", "stiffness-softening", *PATH_KINDS)
 
 
 def name_effect(kind: str) -> str:
-    """What the library of the diagnosis calls a kind; its own name where it has none."""
+    """The name of a kind in the library of the diagnosis; its own name if the library does not have it."""
     return kind.partition(":")[0]
 
 
@@ -151,9 +151,9 @@ _KNOWN_RATES = (0.03, 0.4)
 
 @dataclass(frozen=True)
 class DrawnCase:
-    """Everything of a case but its noise: bench, effects, noise-free record, its gap, and what each effect explains.
+    """A case without its noise: bench, effects, noise-free record, its gap, and the share of each effect.
 
-    ``without_each`` is, for a pair, what is left when that effect is taken away and all else refitted.
+    ``without_each``: for a pair, the gap without that effect, with all else refitted.
     """
 
     bench: plan.Bench
@@ -194,7 +194,7 @@ def _list_names(kind: str, rng: plan.Generator) -> tuple[str, ...]:
 
 
 def _bench(kind: str, names: tuple[str, ...], field: bool, rng: plan.Generator) -> plan.Bench:
-    """A bench on which the effects are something that its simulation does not hold."""
+    """A bench whose simulation does not include the effects."""
     least = max((_LEVELS.get(name, 1) for name in names), default=1)
     bench = plan.draw_bench(rng, field, _MAY_SCATTER.get(kind), levels=max(least, len(names)))
     if kind == "null:swept":

@@ -1,4 +1,4 @@
-"""Effects of the rig, and effects that no library of the diagnosis names: ``FOREIGN_RIG`` and ``FOREIGN_STRUCTURE``.
+"""Effects of the rig, and effects outside the library of the diagnosis: ``FOREIGN_RIG`` and ``FOREIGN_STRUCTURE``.
 
 Kinds are named as in ``effects``. ``drift`` is of the structure, which changes while it is tested.
 """

@@ -115,7 +115,7 @@ class TrueMotion:
         return state, half
 
     def harmonics(self, state: TrueState) -> tuple[Complex, Complex, Complex, TrueState]:
-        """What ``project`` makes of one cycle, and the state at its end."""
+        """The phasors of ``project`` over one cycle, and the state at its end."""
         samples = np.empty((self.steps, self._h.size))
         end = self.cycle(state, samples)[0]
         return *balance.project(self.structure, self.rows, samples), end
