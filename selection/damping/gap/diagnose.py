@@ -21,14 +21,13 @@ from damping.gap.problem import (
     Setting,
     State,
     exclude_effects,
-    list_unread,
     record_cautions,
     refuse_rows,
     setting,
 )
 from damping.gap.search import Search, search_hypotheses
 from damping.gap.simulation import Simulate
-from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
+from damping.gap.states import as_given, drive_by_forces, list_repeated, list_unread, refuse_copies
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
     FootprintCell,

@@ -27,6 +27,12 @@ _FINELY = 1e-3
 _NOTHING = 1e-3
 _DAMPED = 0.1
 _STUCK = 1e3
+#: Damping (Marquardt's lambda) at the start, and its factors after a good and after a bad step.
+_FIRST_DAMPING = 1e-2
+_EASED = 0.2
+_STIFFENED = 8.0
+#: Largest change of a variable (prior standard deviation 1) in one step, beyond which residuals are far from linear.
+_LONGEST_STEP = 1.5
 #: Robust scale of the residuals, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: Number of starts tried, those of least cost; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on,
@@ -162,7 +168,7 @@ def _climb(
         r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
         y = y[np.argsort(_cost(r, y, _spread(r), weights) / _spread(r) ** 2)[:_TRIED]]
     r, J = _white_jacobian(model, y)
-    damping, costs, scales = np.full((3, len(y)), [[1e-2], [np.nan], [np.nan]])
+    damping, costs, scales = np.full((3, len(y)), [[_FIRST_DAMPING], [np.nan], [np.nan]])
     active = np.ones(len(y), dtype=bool)
     for step in range(_MOST_STEPS):
         if step == _PATIENCE:
@@ -184,7 +190,7 @@ def _climb(
         better = gain > 0.0
         costs[at], scales[at] = np.where(better, after, cost), scale
         y[at[better]], r[at[better]], J[at[better]] = new[better], r_new[better], J_new[better]
-        damping[at] = np.where(better, damping[at] * 0.2, np.maximum(damping[at] * 8.0, _DAMPED))
+        damping[at] = np.where(better, damping[at] * _EASED, np.maximum(damping[at] * _STIFFENED, _DAMPED))
         little = np.where(better, _SETTLED + share * np.maximum(cost - r.shape[1], 0.0), _SETTLED)
         converged = (np.abs(gain) < little) | (damping[at] > _STUCK)
         active[at[converged & (scale == 1.0)]] = False
@@ -229,7 +235,7 @@ def _step(
     gradient = (r[:, np.newaxis] @ weighted)[:, 0] + y
     H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
     step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
-    return np.clip(step, -1.5, 1.5), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
+    return np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
 def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:

@@ -11,13 +11,13 @@ from math import pi
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects.contract import Effect, Scales
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
-from damping.gap.rows import FURTHER_CHANNELS, UNSEEN, Rows, join_states, on_base, read_rows
+from damping.gap.rows import UNSEEN, Rows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator, list_of_states
 from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
@@ -34,6 +34,7 @@ _BROAD = 0.5
 _BROAD_ROWS = 2
 #: Fewest rows of a sweep that can show a resonance.
 _FEW_ROWS = 3
+_CONSTANT = 0.05  #: Range of ln amplitude of a sweep that a controller held at constant amplitude.
 
 
 @dataclass(frozen=True)
@@ -256,37 +257,13 @@ def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
     return cautions
 
 
-def list_unread(states: Sequence[State]) -> list[str]:
-    """Cautions about further channels of records that are not used: half of a phasor is missing, or it is 0."""
-    cautions = []
-    for number, (record, _) in enumerate(states, 1):
-        for channel in FURTHER_CHANNELS:
-            amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
-            read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
-            for name, fault, unread, why in (
-                (amplitude, f"without {phase}", read & ~timed, "a phasor needs both"),
-                (phase, f"without {amplitude}", timed & ~read, "a phasor needs both"),
-                (amplitude, "0", read & (record.column(amplitude, np.nan) == 0.0), "an analyser never reads exactly 0"),
-            ):
-                if unread.any():
-                    rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
-                    of_state = f" of state {number}" if len(states) > 1 else ""
-                    cautions.append(f"{name}{of_state} is {fault}{rows} and is not used: {why}")
-    return cautions
-
-
-def _is_filled(record: Record, name: str) -> BoolArray:
-    """Whether each row holds a number in a column, (n,)."""
-    return np.isfinite(record.column(name, np.nan))
-
-
 def _list_resonance_cautions(rows: Rows) -> list[str]:
     """Cautions about sweeps of constant amplitude, and those that do not reach resonance."""
     constant, off_resonance = [], []
     for sweep, run in zip(rows.sweeps, rows.runs, strict=True):
         if len(run) < _FEW_ROWS:
             continue
-        if np.ptp(rows.u[run]) < 0.05:
+        if np.ptp(rows.u[run]) < _CONSTANT:
             constant.append(sweep)
         peak = int(np.argmax((rows.u - np.log(rows.F))[run]))
         passed = rows.has_phase and rows.phase[run].min() < 0.5 * pi < rows.phase[run].max()

@@ -1,4 +1,4 @@
-"""States of one structure, converted to force excitation in one unit of mass; copied states are refused.
+"""States of one structure, converted to force excitation in one unit of mass; copied rows and unused channels.
 
 States of one stiffness are the same structure with known masses added. Those that a base shakes share one participation
 p, a free parameter beside the generalized mass m; a state of another stiffness has its own. If a base shakes the first
@@ -14,10 +14,10 @@ from itertools import combinations
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.gap.problem import State
-from damping.gap.rows import is_same_structure
+from damping.gap.rows import FURTHER_CHANNELS, is_same_structure
 from damping.gap.simulation import NO_KNOWLEDGE
 from damping.predict import count_in, in_unit
 from damping.records.base_drive import Participation, drive_by, find_participation, has_masses
@@ -147,6 +147,30 @@ def list_repeated(states: Sequence[State]) -> list[str]:
                 f"{which} of states {j} and {k} are identical, unlike those of any two measurements: they count twice"
             )
     return cautions
+
+
+def list_unread(states: Sequence[State]) -> list[str]:
+    """Cautions about further channels of records that are not used: half of a phasor is missing, or it is 0."""
+    cautions = []
+    for number, (record, _) in enumerate(states, 1):
+        for channel in FURTHER_CHANNELS:
+            amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
+            read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
+            for name, fault, unread, why in (
+                (amplitude, f"without {phase}", read & ~timed, "a phasor needs both"),
+                (phase, f"without {amplitude}", timed & ~read, "a phasor needs both"),
+                (amplitude, "0", read & (record.column(amplitude, np.nan) == 0.0), "an analyser never reads exactly 0"),
+            ):
+                if unread.any():
+                    rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
+                    of_state = f" of state {number}" if len(states) > 1 else ""
+                    cautions.append(f"{name}{of_state} is {fault}{rows} and is not used: {why}")
+    return cautions
+
+
+def _is_filled(record: Record, name: str) -> BoolArray:
+    """Whether each row holds a number in a column, (n,)."""
+    return np.isfinite(record.column(name, np.nan))
 
 
 def _share_rows(one: Record, two: Record, columns: list[str]) -> int:

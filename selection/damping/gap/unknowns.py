@@ -50,6 +50,8 @@ _NODES = np.linspace(-2.5, 2.5, 11)
 CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
 #: Most refits, each at the most probable scatter and noise of the fit before.
 _MOST_ROUNDS = 3
+#: Largest deviation of a sweep, in standard deviations, from which a refit at another scatter starts.
+_FARTHEST = 2.0
 
 
 def stated_noise(rows: Rows, record: Record) -> Rows:
@@ -278,7 +280,7 @@ def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> Model
         k, sweeps = fit.model.size, fit.model.sweeps
         z = fit.y[k:] * _scales(fit.model.scatter, 0, sweeps) / _scales(best, 0, sweeps)
         again = replace(fit.model, scatter=best)
-        fit = fit_roughly(again, fit.y[np.newaxis, :k], np.clip(z, -2.0, 2.0)[np.newaxis])[0]
+        fit = fit_roughly(again, fit.y[np.newaxis, :k], np.clip(z, -_FARTHEST, _FARTHEST)[np.newaxis])[0]
     else:
         evidences = list_evidences(fit, unknown) + unknown.log_prior
     return replace(fit, log_evidence=float(logsumexp(evidences)))

@@ -33,6 +33,8 @@ RESONANCE_FOUND = 0.1
 BANDS = 4
 #: With fewer values only power 1 is tried.
 FEW = 6
+#: Standard deviations from the median beyond which a value is left out of a local mean: one in 16 000 by chance.
+FAR = 4.0
 #: Powers of amplitude that are tried.
 POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
 
@@ -190,8 +192,8 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTren
 
 
 def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:
-    """Weighted mean, its sd and the weights; wild values, beyond 4 sd from the median, are left out."""
-    near = np.abs(values - np.median(values)) < 4.0 * np.hypot(sd, np.median(sd))
+    """Weighted mean, its sd and the weights; wild values, beyond ``FAR`` sd from the median, are left out."""
+    near = np.abs(values - np.median(values)) < FAR * np.hypot(sd, np.median(sd))
     weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
     return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5), weights
 
