@@ -11,9 +11,9 @@ import pytest
 from damping.errors import AnalysisError, InputError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import diagnose
-from damping.gap.problem import MOST_ROWS, list_unread
+from damping.gap.problem import MOST_ROWS
 from damping.gap.rows import read_rows
-from damping.gap.states import list_repeated
+from damping.gap.states import list_repeated, list_unread
 from damping.records.record import Record
 from tests.gap.limited import limited
 

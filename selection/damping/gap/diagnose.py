@@ -125,9 +125,14 @@ class Diagnosis(Explained):
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the most discriminating first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
-        columns = self.record.frame.columns
         return rank_tests(
-            self.explanations, self.hypotheses, self.in_library, command, self.unit, columns, self.imitations
+            self.explanations,
+            self.hypotheses,
+            self.in_library,
+            command,
+            unit=self.unit,
+            columns=self.record.frame.columns,
+            imitations=self.imitations,
         )
 
     @property
