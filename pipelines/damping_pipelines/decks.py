@@ -29,6 +29,7 @@ import numpy as np
 
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation.near import ROUNDING
+from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
 from damping.records.text import read_bytes
@@ -143,7 +144,7 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
                 levels[level][mode] = point
             continue
         at = f"amplitude {row.amplitude}" if level is None else f"{drive} {level:g} {unit}".rstrip()
-        why = next((caution for caution in row.cautions if caution.startswith("no prediction")), "no damping predicted")
+        why = next((caution for caution in row.cautions if caution.startswith(REFUSAL)), "no damping predicted")
         missing.append(f"left out: {mode} at {at}: {why}")
     return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 

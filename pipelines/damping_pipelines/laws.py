@@ -15,7 +15,7 @@ from damping.answers import CurveResult, LoadsResult, PredictedResult, RankingRe
 from damping.errors import InputError
 from damping.extrapolation import check_loads
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
-from damping.extrapolation.prediction import PARTS, Band
+from damping.extrapolation.prediction import BEYOND_TEST, PARTS, Band
 from damping.ranking import Candidate
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
@@ -274,7 +274,7 @@ def print_curve(result: CurveResult) -> None:
     table = PlainTable(f"{result.mode.name}: damping of the resonance", numbers)
     for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
-        further = [caution for caution in cautions if not caution.startswith("beyond the test")]
+        further = [caution for caution in cautions if not caution.startswith(BEYOND_TEST)]
         table.add_row(
             *(number(value) for value in (factor * row["amplitude"], row["force"])),
             _state_frequency(row),

@@ -13,7 +13,7 @@ import pandas as pd
 from damping.errors import InputError, describe_nearest
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.curve import Curve, list_drawn_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prediction import BEYOND_TEST, Loads
 from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
 from damping.ranking import Ranking
@@ -241,5 +241,5 @@ class CurveResult(PredictedResult):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Cautions, each once; those on rows beyond the test are left to the column ``tested``."""
-        of_rows = (c for caution in self.curve.cautions for c in caution if not c.startswith("beyond the test"))
+        of_rows = (c for caution in self.curve.cautions for c in caution if not c.startswith(BEYOND_TEST))
         return tuple(dict.fromkeys([*self.cautions, *of_rows]))

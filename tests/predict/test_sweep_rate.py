@@ -157,7 +157,7 @@ def test_diagnoses_read_rows_as_swept_and_predictions_steady_states(frequency, s
     viscous = 2.0 * RATIO * MASS * 2.0 * np.pi * F_N
     mode = Mode(name="made", frequency=F_N, mass=MASS, damping={"viscous": {"coefficient": viscous}})
     compared = []
-    monkeypatch.setattr(agreement, "compare", lambda *both: compared.append(both) or ())
+    monkeypatch.setattr(agreement, "compare", lambda *both: compared.append(both) or AGREED)
     loads, diagnosis = dp.extrapolate(made, mode, [2.0 * max(swept)]), dp.diagnose(made, mode)
     (first, explained), (predicted, _) = compared
     assert loads.extrapolation.plan is first.plan

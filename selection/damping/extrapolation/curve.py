@@ -27,7 +27,7 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
 from damping.extrapolation.near import NEAREST, ROUNDING
-from damping.extrapolation.prediction import Band, Loads, list_cautions
+from damping.extrapolation.prediction import REFUSAL, Band, Loads, list_cautions
 from damping.extrapolation.states import OF_PREDICTED, describe_bistability
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
@@ -136,9 +136,9 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     moves = loads.average.median > 0.0
     log_F = np.log(grid[moves])
     steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
-    refusal = "no prediction: no force is known that reaches this amplitude"
+    refusal = f"{REFUSAL}: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
-        refusal = f"no prediction: too few levels to predict damping beyond the force {plan.limit:.4g}"
+        refusal = f"{REFUSAL}: too few levels to predict damping beyond the force {plan.limit:.4g}"
     return Loads(
         force=average.median,
         level=loads.level,

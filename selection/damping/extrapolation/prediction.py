@@ -25,6 +25,8 @@ _WORDS = {2: "two", 3: "three", 4: "four"}
 
 #: Beginning of a caution that says why there is no prediction.
 REFUSAL = "no prediction"
+#: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
+BEYOND_TEST = "beyond the test"
 
 
 def list_cautions(
@@ -90,7 +92,7 @@ def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[s
     tested = data.tested_amplitude if of == "amplitude" else data.tested_force
     largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
     if asked > largest:
-        lines.append(f"beyond the test: {asked / largest:.2f} times the largest tested {of}")
+        lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")
     if levels == 1:
         lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
     elif levels < 5:

@@ -14,7 +14,7 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.prediction import PARTS, REFUSAL, Loads
+from damping.extrapolation.prediction import BEYOND_TEST, PARTS, REFUSAL, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables
@@ -151,7 +151,7 @@ def _list_gravest(result: RecordResult) -> list[str]:
     if result.design is not None:
         cautions += result.design.cautions[-1 if i is None else i]
     gravest = list(dict.fromkeys(cautions))[:MOST_CAUTIONS]
-    return [caution for caution in gravest if not caution.startswith("beyond the test")]
+    return [caution for caution in gravest if not caution.startswith(BEYOND_TEST)]
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:
