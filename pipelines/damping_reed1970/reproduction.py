@@ -72,15 +72,15 @@ def reproduce() -> pd.DataFrame:
 def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     """Every printed number: counts by chapter and agreement, the picture, and all rows."""
     known, close = KNOWN["reproduction"], rows["agreement"].isin(CLOSE)
-    told = (rows["erratum"] != "") & ~close
+    explained = (rows["erratum"] != "") & ~close
     drawn = tabulate_percent_differences(rows)
     far = drawn["percent"].abs() > 1.0
     values = {
         "numbers": len(rows),
         "close": int(close.sum()),
-        "told": int(told.sum()),
-        "reasons": int((~close & ~told).sum()),
-        "silent": int((~(close | told) & (rows["reason"] == "")).sum()),
+        "told": int(explained.sum()),
+        "reasons": int((~close & ~explained).sum()),
+        "silent": int((~(close | explained) & (rows["reason"] == "")).sum()),
         "drawn": len(drawn),
         "groups": drawn["group"].nunique(),
         "near": int((~far).sum()),

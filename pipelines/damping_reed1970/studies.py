@@ -197,10 +197,13 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
             return [Table(tabulate_blind_rows(load_blind_table()), caption)]
         diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
         if kind == "verdict":
-            told = describe_diagnosis(diagnosis)
-            sentences = [*told["place"], *told["doubts"], *told["trends"]]
+            topics = describe_diagnosis(diagnosis)
+            sentences = [*topics["place"], *topics["doubts"], *topics["trends"]]
             sentences += [join_lines(caption)] if caption else []
-            return [Text(told["verdict"][0], lead=True), List([*sentences, *told["reach"], *told["following"]])]
+            return [
+                Text(topics["verdict"][0], lead=True),
+                List([*sentences, *topics["reach"], *topics["following"]]),
+            ]
         if kind == "table":
             formats = {"probability": format_share}
             return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]

@@ -46,8 +46,8 @@ def guard_coverage() -> Iterator[Figure]:
     with start_pool(JOBS) as pool:
         trials = list(pool.map(coverage_trial, names, repeat("fast"), seeds, chunksize=TRIALS))
     for at, ratio in enumerate(RATIOS):
-        told = [trial for trial in trials if not trial.refused[at]]
-        above, below = (float(np.mean([getattr(t, side)[at] for t in told])) for side in ("above", "below"))
+        predicted = [trial for trial in trials if not trial.refused[at]]
+        above, below = (float(np.mean([getattr(t, side)[at] for t in predicted])) for side in ("above", "below"))
         at_force = f"the band at {ratio:g} times the tested force"
         yield Figure(f"within {at_force}", Goal(low=LEAST_WITHIN), 1.0 - above - below)
         yield Figure(f"above {at_force}", Goal(high=MOST_ABOVE), above)

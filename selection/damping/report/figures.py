@@ -120,8 +120,8 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     largest = float(amplitude[top])
     for _ in range(3):  # the resonance moves little from where the largest motion was read
         omega = RAD_S_PER_HZ * backbone.frequency_at(np.array([largest]), 0.9).median
-        found = float(resonant_amplitude(law, force[top : top + 1], float(omega[0]))[0])
-        largest = found if np.isfinite(found) else largest
+        peak = float(resonant_amplitude(law, force[top : top + 1], float(omega[0]))[0])
+        largest = peak if np.isfinite(peak) else largest
     least = min(0.5 * amplitude.min() / largest, 0.5)
     A = largest * np.sin(np.linspace(np.arcsin(least), 0.5 * np.pi, POINTS))  # dense at the resonance
     omega_n = RAD_S_PER_HZ * backbone.frequency_at(A, 0.9).median
@@ -248,16 +248,16 @@ def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict
     texts = []
     for row in table.to_dict("records"):
         over, low, high = (words.format_signed(row[f"overprediction{end}"]) for end in ("", "_low", "_high"))
-        said = {
+        row_texts = {
             "median": words.format_quantity(row["median"], length_unit),
             "predictive": words.format_between(row["low"], row["high"], length_unit),
             "credible": words.format_between(row["credible_low"], row["credible_high"], length_unit),
             "over": f"{over} ({low} to {high})",
         }
         if not np.isfinite(row["median"]):
-            said = dict.fromkeys(said, words.NOTHING)
-        said["force"] = words.format_quantity(row["force"], force_unit, 4)
-        said["ratio"] = words.number(row["extrapolation_ratio"])
-        said["linear"] = words.format_quantity(row["linear"], length_unit)
-        texts.append(said)
+            row_texts = dict.fromkeys(row_texts, words.NOTHING)
+        row_texts["force"] = words.format_quantity(row["force"], force_unit, 4)
+        row_texts["ratio"] = words.number(row["extrapolation_ratio"])
+        row_texts["linear"] = words.format_quantity(row["linear"], length_unit)
+        texts.append(row_texts)
     return pd.DataFrame(texts).to_dict("list")
