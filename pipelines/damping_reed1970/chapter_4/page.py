@@ -91,11 +91,7 @@ def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
         axes.plot(printed[x], printed[y], color=LINEAR, linestyle=(0, (4, 3)), linewidth=1.1, label="printed (4.1.10)")
         _draw_sweeps(axes, data.points, x, y)
         top = float(data.points["C_1_lb_s_per_in"].max())
-        axes.set(
-            xlim=(0.0, float(data.lines["amplitude_in"].max())),
-            ylim=(0.0, 1.6 * top),
-            title=_MODES[data.mode],
-        )
+        axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top), title=_MODES[data.mode])
         axes.set(xlabel="resonant amplitude (in)", ylabel="linear coefficient C₁ (lb s/in)")
         axes.legend(loc="upper left", fontsize=7)
     return figure
