@@ -105,8 +105,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         "levels": list(dict.fromkeys(f"{100 * study.form.level:g}" for study in studies)),
         **sharing,
     }
-    inputs = {f"{study.name}: summary.json": study.digest for study in studies}
-    footer = Footer(studies[0].form.seed, versions, inputs)
+    footer = Footer(studies[0].form.seed, versions, {f"{study.name}: summary.json": study.digest for study in studies})
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, parts)
     return render_page(f"{len(studies)} studies side by side", sections, footer)
 

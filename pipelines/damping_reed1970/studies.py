@@ -202,8 +202,7 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
             sentences += [join_lines(caption)] if caption else []
             return [Text(told["verdict"][0], lead=True), List([*sentences, *told["reach"], *told["following"]])]
         if kind == "table":
-            formats = {"probability": format_share}
-            return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]
+            return [Table(tables[key].head(_MOST), join_lines(caption), {"probability": format_share}, key=key)]
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 

@@ -50,6 +50,8 @@ def fleet(
     became of the others, or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
     if scheduler is not None and workers is not None:
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     if not time_limit > 0.0:

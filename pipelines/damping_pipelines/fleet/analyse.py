@@ -1,6 +1,9 @@
 """One record from files to its row and its pages: what a worker does. Nothing stays behind, nothing is printed."""
 
-from collections.abc import Callable
+import ctypes
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -31,7 +34,6 @@ from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping.result import DiagnosisResult
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
-from damping_pipelines.processes import OutOfTimeError, limit_time
 from damping_pipelines.store import to_json
 
 #: Forces over which bands are drawn.
@@ -58,6 +60,35 @@ class FleetRecord:
     bands: Loads | None = None
     diagnosis: DiagnosisResult | None = None
     reasons: tuple[str, ...] = ()
+
+
+class OutOfTimeError(BaseException):
+    """The work took longer than it may; beside ``Exception``, so that no handler on its way takes it for its own."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()
 
 
 def analyse(task: FleetTask) -> FleetResult:
@@ -87,16 +118,19 @@ def _analyse(task: FleetTask) -> FleetResult:
     try:
         record, mode = read_files(task)
         diagnosed = task.is_model or bool(mode.damping)
-        findings = audit(record, mode).require(task.settings.despite, diagnosed=diagnosed)
-        prepared = prepare_record(record, mode, findings)
+        prepared = prepare_record(record, mode, audit(record, mode).require(task.settings.despite, diagnosed=diagnosed))
     except DampingError as error:
         return failed(task, escape_control(str(error)))
-    return _complete(FleetRecord(task, prepared, diagnosed))
+    read = _complete(task, prepared, diagnosed)
+    pages = {row_of(task)["report"]: record_page(read)}
+    if told := read.diagnosis:
+        pages[f"{task.stem}-gap.html"] = render_gap_page(told.diagnosis, None, told.against, _build_footer(task))
+    return FleetResult(row_of(task) | _columns(read), pages)
 
 
-def _complete(read: FleetRecord) -> FleetResult:
-    """The stages of a record, each tried whatever became of the others, as a row and pages."""
-    task, prepared, settings = read.task, read.prepared, read.task.settings
+def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> FleetRecord:
+    """The stages of a record, each tried whatever became of the others."""
+    settings, ranking, loads, bands, diagnosis = task.settings, None, None, None, None
     estimate, reasons = remember(brief_evidence if settings.fast else evidence), list[str]()
 
     def attempt(stage: str, work: Callable[[], Made]) -> Made | None:
@@ -107,52 +141,37 @@ def _complete(read: FleetRecord) -> FleetResult:
             return None
 
     if attempt("rank and extrapolate", lambda: prepared.findings.require(settings.despite)):
-        read = replace(
-            read,
-            ranking=attempt("rank", lambda: _rank(read, estimate)),
-            loads=attempt("extrapolate", lambda: _predict(read, estimate)),
-        )
-    if read.diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(read))):
-        read = _compare(read, diagnosis)
-    if read.loads and not settings.fast:
-        tested, predicted = prepared.data.tested_force, read.loads.extrapolation
+        ranking = attempt("rank", lambda: _rank(task, prepared, estimate))
+        loads = attempt("extrapolate", lambda: _predict(task, prepared, estimate))
+    if diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(task, prepared))):
+        # what diagnosis and laws say against each other
+        if ranking and ranking.ranking.fit.verdict == "none fits":
+            ranking = replace(ranking, against=describe_misfit(ranking.ranking.fit, diagnosis.diagnosis))
+        if loads:
+            against = compare(loads.extrapolation, diagnosis.diagnosis)
+            loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
+    if loads and not settings.fast:
+        tested, predicted = prepared.data.tested_force, loads.extrapolation
         ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
-        read = replace(read, bands=predicted.predict_at(np.linspace(*ends, _GRID)))
-    read = replace(read, reasons=tuple(reasons))
-    pages = {row_of(task)["report"]: record_page(read)}
-    if read.diagnosis:
-        told = read.diagnosis
-        pages[f"{task.stem}-gap.html"] = render_gap_page(told.diagnosis, None, told.against, _build_footer(task))
-    return FleetResult(row_of(task) | _columns(read), pages)
+        bands = predicted.predict_at(np.linspace(*ends, _GRID))
+    return FleetRecord(task, prepared, diagnosed, ranking, loads, bands, diagnosis, tuple(reasons))
 
 
-def _rank(read: FleetRecord, estimate: Estimate) -> RankingResult:
-    hold_out, rows = not read.task.settings.fast, read.prepared.all_rows
-    ranking = rank_laws(rows, read.task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
-    return RankingResult(ranking, read.prepared)
+def _rank(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> RankingResult:
+    hold_out = not task.settings.fast
+    ranking = rank_laws(prepared.all_rows, task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
+    return RankingResult(ranking, prepared)
 
 
-def _predict(read: FleetRecord, estimate: Estimate) -> LoadsResult:
-    asked = np.array(read.task.settings.forces), MULTIPLES, read.task.settings.level, read.task.seed
-    predicted = predict_record(read.prepared, *asked, estimate=estimate, fresh=False)
-    return LoadsResult(predicted, read.prepared)
+def _predict(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> LoadsResult:
+    asked = np.array(task.settings.forces), MULTIPLES, task.settings.level, task.seed
+    return LoadsResult(predict_record(prepared, *asked, estimate=estimate, fresh=False), prepared)
 
 
-def _diagnose(read: FleetRecord) -> DiagnosisResult:
-    record, mode = read.prepared.given
+def _diagnose(task: FleetTask, prepared: PreparedRecord) -> DiagnosisResult:
+    record, mode = prepared.given
     assert mode is not None  # of a fleet every record has one
-    return diagnose(record, mode, compare=False, despite=read.task.settings.despite)
-
-
-def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
-    """The record with its diagnosis, and what that and the laws say against each other."""
-    ranking, loads = read.ranking, read.loads
-    if ranking and ranking.ranking.fit.verdict == "none fits":
-        ranking = replace(ranking, against=describe_misfit(ranking.ranking.fit, diagnosis.diagnosis))
-    if loads:
-        against = compare(loads.extrapolation, diagnosis.diagnosis)
-        loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
-    return replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis)
+    return diagnose(record, mode, compare=False, despite=task.settings.despite)
 
 
 def _columns(record: FleetRecord) -> dict[str, Any]:

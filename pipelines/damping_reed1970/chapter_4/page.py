@@ -34,8 +34,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
     values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
-    figures = collect_figures(studies)
-    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
+    return write_chapter(4, named, values=values, figures=collect_figures(studies), shown=shown, tables=every)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
