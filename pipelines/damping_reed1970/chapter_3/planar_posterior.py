@@ -21,7 +21,7 @@ from scipy.optimize import OptimizeResult, minimize
 from scipy.special import ndtr
 
 from damping.arrays import FloatArray, wrap_lag
-from damping.infer.chains import Chains, Target, run
+from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
 from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
@@ -168,11 +168,11 @@ def _mode(prior: PlanarPrior) -> OptimizeResult:
     return min(descents, key=lambda descent: float(descent.fun))
 
 
-def planar_posterior(prior: PlanarPrior, seed: int) -> PlanarPosterior:
+def planar_posterior(prior: PlanarPrior, seed: int, settings: Settings | None = None) -> PlanarPosterior:
     """Sample the planar oscillator until every parameter is known (see ``chains.Settings``)."""
     evidence = planar_evidence(prior, seed)
     target = Target(partial(log_posterior, prior=prior), prior.dimension, prior.parameters)
-    chains = run(target, evidence, seed)
+    chains = run(target, evidence, seed, settings)
     return PlanarPosterior(prior, chains.x.reshape(-1, chains.x.shape[-1]), evidence, chains)
 
 
