@@ -23,9 +23,8 @@ from typer.exceptions import TyperException
 import damping_pipelines
 from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
-from damping_pipelines import options
+from damping_pipelines import leave_pyarrow_out, options
 from damping_pipelines.options import delegate
-from damping_pipelines.processes import leave_pyarrow_out
 
 
 def _show_version(wanted: bool) -> None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,11 @@ class RecordSummary:
         """Laws that predict the same on the record, the one listed first, and their weight."""
         models = [model for model in self.form.rank.models if model.weight is not None]
         return tuple(((model.name, *model.equivalents), model.weight or 0.0) for model in models)
+
+    @property
+    def best(self) -> tuple[str, float]:
+        """The law of largest weight, and that."""
+        return max(((laws[0], weight) for laws, weight in self.groups), key=itemgetter(1), default=("no law", nan))
 
     @property
     def ranking(self) -> pd.DataFrame:
@@ -92,14 +99,13 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     values = {
         "studies": studies,
         "shared": shared,
-        "leaders": {name: {s.name: _describe_best(s.records[name].ranking) for s in studies} for name in shared},
+        "leaders": {name: {s.name: s.records[name].best[0] for s in studies} for name in shared},
         "differences": _list_differences(studies),
         "records": records,
         "levels": list(dict.fromkeys(f"{100 * study.form.level:g}" for study in studies)),
         **sharing,
     }
-    inputs = {f"{study.name}: summary.json": study.digest for study in studies}
-    footer = Footer(studies[0].form.seed, versions, inputs)
+    footer = Footer(studies[0].form.seed, versions, {f"{study.name}: summary.json": study.digest for study in studies})
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, parts)
     return render_page(f"{len(studies)} studies side by side", sections, footer)
 
@@ -110,8 +116,8 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         {"study": study.name, "record": record.title}
         | _describe_top(record.form)
         | {
-            "leading law": _describe_best(record.ranking),
-            "weight": report.format_share(max((weight for _, weight in record.groups), default=float("nan"))),
+            "leading law": record.best[0],
+            "weight": report.format_share(record.best[1]),
             "exponent": next(
                 (
                     f"{law.p:.2f}" + (f" ± {law.std_error:.2f}" if law.std_error is not None else "")
@@ -189,11 +195,6 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     return Table(pd.DataFrame(rows), "")
 
 
-def _describe_best(ranking: pd.DataFrame) -> str:
-    ranked = ranking[ranking["weight"].notna()].sort_values("weight", ascending=False, kind="stable")
-    return str(ranked["law"].iloc[0]) if len(ranked) else "no law"
-
-
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
     """Differences other than the data, by name."""
     differences = []
@@ -239,7 +240,8 @@ def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) ->
     """Convert to the units of the first study and return whether all rows could be; ``units``: of each study."""
     to = next(iter(units.values()))
     factors = [_find_factors(units[study], to) for study in table["study"]]
-    table["units"] = [_name_units(units[study] if None in factors else to) for study in table["study"]]
+    shown = (units[study] if None in factors else to for study in table["study"])
+    table["units"] = [", ".join(filter(None, (own.force, own.length))) or report.NOTHING for own in shown]
     if None in factors:
         return False
     of_force, of_length = np.array(factors, dtype=float).T
@@ -257,10 +259,6 @@ def _find_factors(own: UnitsForm, to: UnitsForm) -> tuple[float, float] | None:
         return None
     of_force, of_length = (unit(a).factor / unit(b).factor for a, b in pairs)
     return of_force, of_length
-
-
-def _name_units(units: UnitsForm) -> str:
-    return ", ".join(filter(None, (units.force, units.length))) or report.NOTHING
 
 
 def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:

@@ -37,7 +37,7 @@ from damping.report.page import fill_text
 from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, read_form
 from damping_pipelines.manifest import digest
 from damping_pipelines.store import check_outputs, write_text
-from damping_pipelines.terminal import console
+from damping_pipelines.terminal import tell
 
 #: Structural codes, each with how its comments begin.
 COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "openfast": "!"}
@@ -115,13 +115,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "split_runs": partial(split_runs, number),
     }
     write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
-    show = console()
-    show.print(f"{out} written: damping for {code}")
-    for note in missing:
-        show.print(f"- {note}")
-    for mode, which, _, coefficients in fitted:
-        if coefficients.alone or abs(coefficients.miss) > MOST_MISFIT:
-            show.print(f"- {mode}, {which}: {coefficients}")
+    misses = (f"{m}, {which}: {c}" for m, which, _, c in fitted if c.alone or abs(c.miss) > MOST_MISFIT)
+    tell(f"{out} written: damping for {code}", (*missing, *misses))
 
 
 def to_ascii(text: str) -> str:
@@ -166,7 +161,6 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
     written = [level for level, points in levels.items() if not whole or len(points) == number[points[-1].mode]]
     tested = [level for level in written if all(point.tested for point in levels[level])]
     ends = sorted({max(of) for of in (tested, written) if of})
-
     both = set.intersection(*({point.mode for point in levels[level]} for level in ends)) if ends else set()
 
     def weigh(level: float) -> float:

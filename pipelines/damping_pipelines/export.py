@@ -27,7 +27,7 @@ from damping_pipelines.forms import (
     read_form,
 )
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
-from damping_pipelines.terminal import console, report_findings
+from damping_pipelines.terminal import report_findings, tell
 
 _UFF = (".uff", ".unv")
 
@@ -146,10 +146,8 @@ def _export_form(
     by = factors(names, units, source=str(mode or source))
     _write_table(convert_loads(table, by, form.asked) if isinstance(form, LoadsForm) else convert_curve(table, by), out)
     new = Units(*SYSTEMS[units], "s")
-    show = console()
-    show.print(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}")
-    if table["cautions"].any():
-        show.print("- numbers within cautions are text and kept as they are")
+    notes = ["numbers within cautions are text and kept as they are"] if table["cautions"].any() else []
+    tell(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}", notes)
 
 
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool, of_base: bool) -> None:
@@ -159,10 +157,7 @@ def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, 
         notes = [*notes, *lost]
     else:
         _write_table(record.frame, out)
-    show = console()
-    show.print(f"{len(record)} rows written to {out}, {names}")
-    for note in notes:
-        show.print(f"- {note}")
+    tell(f"{len(record)} rows written to {out}, {names}", notes)
 
 
 def _write_table(table: pd.DataFrame, out: Path) -> None:

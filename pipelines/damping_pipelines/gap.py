@@ -18,8 +18,8 @@ from damping.records.reading import read_record
 from damping.records.text import DEFAULT_MAX_SIZE
 from damping.report import format_joined
 from damping.result import DiagnosisResult
+from damping_pipelines import start_pool
 from damping_pipelines.manifest import digest_inputs, versions
-from damping_pipelines.processes import start_pool
 from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_picture, write_plain, write_text
 from damping_pipelines.terminal import console, progress, report_findings
 
@@ -150,11 +150,7 @@ def import_simulator(name: str) -> Simulate:
 
 
 def diagnose_folder(
-    cases: Path,
-    out: Path,
-    jobs: int | None = None,
-    max_size: int = DEFAULT_MAX_SIZE,
-    despite: Collection[str] = (),
+    cases: Path, out: Path, jobs: int | None = None, max_size: int = DEFAULT_MAX_SIZE, despite: Collection[str] = ()
 ) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 

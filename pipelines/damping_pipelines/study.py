@@ -37,9 +37,9 @@ from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
+from damping_pipelines import give_back_memory, start_pool
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
-from damping_pipelines.processes import give_back_memory, start_pool
 from damping_pipelines.terminal import progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
@@ -92,8 +92,7 @@ def run_study(
     inputs = read_inputs(settings, path.parent, despite)
     digests = {name: digest_file(path.parent / name) for name in names}
     with sole_writer(out, files.PAGES, read):
-        result = compute(settings, inputs, digests)
-        files.write_study(result, out, read, png=png, pdf=pdf)
+        files.write_study(compute(settings, inputs, digests), out, read, png=png, pdf=pdf)
     print(f"{out / 'report.html'} written")
 
 
@@ -102,8 +101,7 @@ def read_inputs(settings: files.StudySettings, folder: Path, despite: Collection
     inputs = []
     for asked in settings.records:
         record, mode = read_record(folder / asked.record), read_mode(folder / asked.mode)
-        findings = report_findings(record, mode, despite)
-        prepared = prepare_record(record, mode, findings)
+        prepared = prepare_record(record, mode, report_findings(record, mode, despite))
         for line in prepared.notes:
             print(f"caution: {record.source}: {line}", file=sys.stderr)
         inputs.append(Input(asked, prepared))

@@ -2,12 +2,11 @@
 
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
-from concurrent.futures import Executor
+from collections.abc import Iterable
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Protocol, Self, cast
+from typing import Annotated, Any, Self
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,17 +15,15 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from damping.arrays import plain
 from damping.errors import InputError
 from damping.extrapolation.backbone import Backbone
-from damping.extrapolation.prediction import Loads
 from damping.forces import force_class
 from damping.infer.chains import Posterior
 from damping.infer.observations import Observations
 from damping.plots import to_png
-from damping.ranking import Ranking
 from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
 from damping.report.forms import curve_form, loads_form, rank_form
-from damping.report.results import Exhibit, LawPosterior, RecordResult, StudyResult
+from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping.report.study import render
 from damping_pipelines.manifest import publish
 from damping_pipelines.options import DEFAULT_SEED
@@ -81,37 +78,19 @@ class StudySettings(BaseModel, extra="forbid", frozen=True):
     @classmethod
     def _different_names(cls, records: tuple[RecordSettings, ...]) -> tuple[RecordSettings, ...]:
         names = [record.name for record in records]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two records are called {name!r}")
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"two records are called {twice[0]!r}")
         return records
 
 
-class StartedExhibit(Protocol):
-    """An exhibit whose longest work is in progress in other processes."""
-
-    def finish(self, rankings: Mapping[str, Ranking], loads: Mapping[str, Loads]) -> Exhibit:
-        """Wait for the work and complete it; ``rankings`` and ``loads`` (of records with design forces) by record."""
-
-
-class ExhibitModule(Protocol):
-    """The interface of the module of an exhibit."""
-
-    def start(self, pool: Executor, seed: int) -> StartedExhibit:
-        """Start the work that needs no results of the study."""
-
-    def settings_file(self) -> Path:
-        """Settings of the study to which the exhibit belongs."""
-
-
-def source_report() -> ExhibitModule:
-    """The exhibit of ``source_report = true``: the report of 1970 recomputed."""
-    return cast(ExhibitModule, import_module("damping_reed1970.exhibit"))
+def source_report() -> Any:
+    """The module of the exhibit that ``source_report = true`` asks for, the report of 1970 recomputed."""
+    return import_module("damping_reed1970.exhibit")
 
 
 def default_study() -> Path:
     """The settings of the Saturn V study."""
-    return source_report().settings_file()
+    return Path(source_report().settings_file())
 
 
 def read_settings(path: Path) -> StudySettings:

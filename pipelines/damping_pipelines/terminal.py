@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import zip_longest
-from textwrap import wrap
+from textwrap import TextWrapper, wrap
 
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
@@ -149,20 +149,9 @@ class PlainTable:
         drawn.append("  ".join("-" * size for size in widths))
         for row in self.rows:
             cells = [row[column].split("\n") for column in columns]
-            if not self.numbers:
-                cells = [
-                    [part for line in lines for part in wrap(line, size, break_on_hyphens=False) or [""]]
-                    for lines, size in zip(cells, widths, strict=True)
-                ]
-            else:  # a name goes on below at its spaces
-                cells[:count] = [
-                    [
-                        part
-                        for line in lines
-                        for part in wrap(line, size, break_long_words=False, break_on_hyphens=False) or [""]
-                    ]
-                    for lines, size in zip(cells[:count], widths, strict=False)
-                ]
+            for place, size in enumerate(widths[:count]):  # beside numbers a name goes on below at its spaces
+                fit = TextWrapper(size, break_long_words=not self.numbers, break_on_hyphens=False).wrap
+                cells[place] = [part for line in cells[place] for part in fit(line) or [""]]
             drawn += _set_lines(cells, widths, count)
         return drawn
 
@@ -240,6 +229,12 @@ class _Terminal(Console):
     def on_broken_pipe(self) -> None:
         """Leave the error to the command line, which reports it."""
         raise
+
+
+def tell(line: str, notes: Iterable[str] = ()) -> None:
+    """Print a line, and notes as a list below it."""
+    for text in (line, *(f"- {note}" for note in notes)):
+        console().print(text)
 
 
 def suggest(*lines: str) -> None:

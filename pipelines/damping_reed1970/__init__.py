@@ -214,8 +214,7 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
     if len(shown) <= MOST_ROWS:
         return [Table(shown, text or title, key=name)]
-    words = [Text(text)] if text else []
-    return [*words, Fold(f"{title}: all {len(shown)} rows", [Table(shown, title, key=name)])]
+    return [*([Text(text)] if text else []), Fold(f"{title}: all {len(shown)} rows", [Table(shown, title, key=name)])]
 
 
 def write_chapter(

@@ -205,8 +205,7 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
                 List([*sentences, *topics["reach"], *topics["following"]]),
             ]
         if kind == "table":
-            formats = {"probability": format_share}
-            return [Table(tables[key].head(_MOST), join_lines(caption), formats, key=key)]
+            return [Table(tables[key].head(_MOST), join_lines(caption), {"probability": format_share}, key=key)]
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from damping.errors import InputError
+from damping_pipelines import count_jobs, start_pool
 from damping_pipelines.manifest import publish, sole_writer, versions
-from damping_pipelines.processes import count_jobs, start_pool
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator

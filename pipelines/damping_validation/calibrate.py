@@ -16,8 +16,8 @@ from damping.infer.law import Law
 from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, MUTED, PREDICTIVE, TEXT_WIDTH, build_panels, styled, to_png
 from damping.records.record import record_to_csv
 from damping.report.page import fill_text
+from damping_pipelines import start_pool
 from damping_pipelines.manifest import publish, sole_writer, versions
-from damping_pipelines.processes import start_pool
 from damping_pipelines.terminal import progress
 from damping_validation import calibration as trial
 from damping_validation.truths import IN_LIBRARY, TRUTHS

@@ -22,7 +22,7 @@ from damping.effects import CATALOGUE
 from damping.gap.diagnose import explain
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
-from damping_pipelines.processes import start_pool
+from damping_pipelines import start_pool
 from damping_validation.blind import make_cases, read_sealed
 from damping_validation.calibration import RATIOS, coverage_trial
 from damping_validation.scorer import Figure, Goal, measure_share

@@ -19,7 +19,7 @@ from damping_pipelines.fleet import dataset, runners
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
-from damping_pipelines.terminal import console, progress
+from damping_pipelines.terminal import progress, tell
 
 #: Rows of a batch at most.
 BATCH = 32
@@ -50,7 +50,10 @@ def fleet(
     are done), or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
-    _check_workers(workers, scheduler)
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
     require_checks(despite)
@@ -83,13 +86,6 @@ def fleet(
                     book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
-
-
-def _check_workers(workers: int | None, scheduler: str | None) -> None:
-    if workers is not None and workers < 0:
-        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
-    if scheduler is not None and workers is not None:
-        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
 
 
 @dataclass
@@ -218,13 +214,9 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
     )
     counts = table["status"].value_counts()
     outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
-    console().print(
-        f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written",
-        highlight=False,
-        markup=False,
-    )
+    tell(f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written")
     for said in list_copies(table):
-        console().print(f"Caution: {said}.", highlight=False, markup=False)
+        tell(f"Caution: {said}.")
     lost = table.loc[table["status"] == "failed", "reason"]
     if len(lost):
         raise AnalysisError(f"{len(lost)} of {len(table)} records failed; the first: {lost.iloc[0]}")

@@ -1,6 +1,9 @@
 """The work on one record: from its files to its row and pages, without other output."""
 
-from collections.abc import Callable
+import ctypes
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,7 +35,6 @@ from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping.result import DiagnosisResult
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
-from damping_pipelines.processes import OutOfTimeError, limit_time
 from damping_pipelines.store import to_json
 
 #: Forces over which bands are drawn.
@@ -59,6 +61,35 @@ class FleetRecord:
     bands: Loads | None = None
     diagnosis: DiagnosisResult | None = None
     reasons: tuple[str, ...] = ()
+
+
+class OutOfTimeError(BaseException):
+    """The work exceeded its time limit; not an ``Exception``, so that no handler on the way catches it."""
+
+
+@contextmanager
+def limit_time(seconds: float) -> Iterator[None]:
+    """Raise :class:`OutOfTimeError` in the calling thread when the block takes longer than ``seconds``.
+
+    It is raised between two instructions of Python: a single call into native code is waited for.
+    """
+    thread = ctypes.c_ulong(threading.get_ident())
+    over, lock = False, threading.Lock()
+
+    def stop() -> None:
+        with lock:
+            if not over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(OutOfTimeError))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            over = True
+        timer.cancel()
 
 
 def analyse(task: FleetTask) -> FleetResult:
@@ -88,16 +119,19 @@ def _analyse(task: FleetTask) -> FleetResult:
     try:
         record, mode = read_files(task)
         diagnosed = task.is_model or bool(mode.damping)
-        findings = audit(record, mode).require(task.settings.despite, diagnosed=diagnosed)
-        prepared = prepare_record(record, mode, findings)
+        prepared = prepare_record(record, mode, audit(record, mode).require(task.settings.despite, diagnosed=diagnosed))
     except DampingError as error:
         return failed(task, escape_control(str(error)))
-    return _complete(FleetRecord(task, prepared, diagnosed))
+    read = _complete(task, prepared, diagnosed)
+    pages = {row_of(task)["report"]: record_page(read)}
+    if gap := read.diagnosis:
+        pages[f"{task.stem}-gap.html"] = render_gap_page(gap.diagnosis, None, gap.against, _build_footer(task))
+    return FleetResult(row_of(task) | _columns(read), pages)
 
 
-def _complete(read: FleetRecord) -> FleetResult:
-    """The stages of a record, each independent of failures of the others, as a row and pages."""
-    task, prepared, settings = read.task, read.prepared, read.task.settings
+def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> FleetRecord:
+    """The stages of a record, each independent of failures of the others."""
+    settings, ranking, loads, bands, diagnosis = task.settings, None, None, None, None
     estimate, reasons = remember(brief_evidence if settings.fast else evidence), list[str]()
 
     def attempt(stage: str, work: Callable[[], Made]) -> Made | None:
@@ -108,53 +142,38 @@ def _complete(read: FleetRecord) -> FleetResult:
             return None
 
     if attempt("rank and extrapolate", lambda: prepared.findings.require(settings.despite)):
-        read = replace(
-            read,
-            ranking=attempt("rank", lambda: _rank(read, estimate)),
-            loads=attempt("extrapolate", lambda: _predict(read, estimate)),
-        )
-    if read.diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(read))):
-        read = _compare(read, diagnosis)
-    if read.loads and not settings.fast:
-        tested, predicted = prepared.data.tested_force, read.loads.extrapolation
+        ranking = attempt("rank", lambda: _rank(task, prepared, estimate))
+        loads = attempt("extrapolate", lambda: _predict(task, prepared, estimate))
+    if diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(task, prepared))):
+        # what diagnosis and laws say against each other
+        if ranking and ranking.ranking.fit.verdict == "none fits":
+            misfit = describe_misfit(ranking.ranking.fit, diagnosis.diagnosis)
+            ranking = replace(ranking, against=Disagreement(on_rows=misfit))
+        if loads:
+            against = compare(loads.extrapolation, diagnosis.diagnosis)
+            loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
+    if loads and not settings.fast:
+        tested, predicted = prepared.data.tested_force, loads.extrapolation
         ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
-        read = replace(read, bands=predicted.predict_at(np.linspace(*ends, _GRID)))
-    read = replace(read, reasons=tuple(reasons))
-    pages = {row_of(task)["report"]: record_page(read)}
-    if read.diagnosis:
-        gap = read.diagnosis
-        pages[f"{task.stem}-gap.html"] = render_gap_page(gap.diagnosis, None, gap.against, _build_footer(task))
-    return FleetResult(row_of(task) | _columns(read), pages)
+        bands = predicted.predict_at(np.linspace(*ends, _GRID))
+    return FleetRecord(task, prepared, diagnosed, ranking, loads, bands, diagnosis, tuple(reasons))
 
 
-def _rank(read: FleetRecord, estimate: Estimate) -> RankingResult:
-    hold_out, rows = not read.task.settings.fast, read.prepared.all_rows
-    ranking = rank_laws(rows, read.task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
-    return RankingResult(ranking, read.prepared)
+def _rank(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> RankingResult:
+    hold_out = not task.settings.fast
+    ranking = rank_laws(prepared.all_rows, task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
+    return RankingResult(ranking, prepared)
 
 
-def _predict(read: FleetRecord, estimate: Estimate) -> LoadsResult:
-    asked = np.array(read.task.settings.forces), MULTIPLES, read.task.settings.level, read.task.seed
-    predicted = predict_record(read.prepared, *asked, estimate=estimate, fresh=False)
-    return LoadsResult(predicted, read.prepared)
+def _predict(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> LoadsResult:
+    asked = np.array(task.settings.forces), MULTIPLES, task.settings.level, task.seed
+    return LoadsResult(predict_record(prepared, *asked, estimate=estimate, fresh=False), prepared)
 
 
-def _diagnose(read: FleetRecord) -> DiagnosisResult:
-    record, mode = read.prepared.given
+def _diagnose(task: FleetTask, prepared: PreparedRecord) -> DiagnosisResult:
+    record, mode = prepared.given
     assert mode is not None  # of a fleet every record has one
-    return diagnose(record, mode, compare=False, despite=read.task.settings.despite)
-
-
-def _compare(read: FleetRecord, diagnosis: DiagnosisResult) -> FleetRecord:
-    """The record with its diagnosis, and disagreements of diagnosis and laws."""
-    ranking, loads = read.ranking, read.loads
-    if ranking and ranking.ranking.fit.verdict == "none fits":
-        misfit = describe_misfit(ranking.ranking.fit, diagnosis.diagnosis)
-        ranking = replace(ranking, against=Disagreement(on_rows=misfit))
-    if loads:
-        against = compare(loads.extrapolation, diagnosis.diagnosis)
-        loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
-    return replace(read, ranking=ranking, loads=loads, diagnosis=diagnosis)
+    return diagnose(record, mode, compare=False, despite=task.settings.despite)
 
 
 def _columns(record: FleetRecord) -> dict[str, Any]:

@@ -87,8 +87,7 @@ def draw_slip_energy(energies: pd.DataFrame) -> Figure:
     }
     for name, (colour, line, label) in lines.items():
         axes.plot(energies["amplitude"], energies[name], color=colour, linestyle=line, label=label)
-    top = float(np.max(energies["printed"]))
-    axes.set(xlim=(1.0, float(energies["amplitude"].iloc[-1])), ylim=(0.0, top))
+    axes.set(xlim=(1.0, float(energies["amplitude"].iloc[-1])), ylim=(0.0, float(np.max(energies["printed"]))))
     axes.legend(loc="upper left")
     return figure
 
@@ -150,8 +149,7 @@ def write_chapter_2(results: ReportResults) -> ReportPart:
         "lumped_masses": chapter_table(2, "lumped_masses", modes, LABELS["lumped_masses"]),
     }
     tables = {"lumped_masses": modes, "hysteresis_loops": loops, "slip_equivalent": energies}
-    figures = collect_figures(studies)
-    return write_chapter(2, results.tables, values=values, figures=figures, shown=shown, tables=tables)
+    return write_chapter(2, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=tables)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:

@@ -168,12 +168,7 @@ def after_correction() -> dict[str, float]:
 
 
 def _tables(table_i: pd.DataFrame, table_iii: pd.DataFrame, table_iv: pd.DataFrame) -> dict[str, float]:
-    return {
-        **table_3_i(table_i),
-        **table_3_iii(table_iii),
-        **table_3_iv(table_iv),
-        **equation_3_2_18(table_iv),
-    }
+    return {**table_3_i(table_i), **table_3_iii(table_iii), **table_3_iv(table_iv), **equation_3_2_18(table_iv)}
 
 
 def _forces(table_iv: pd.DataFrame) -> FloatArray:

@@ -123,8 +123,7 @@ def tabulate_conditioned(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
 def tabulate_removed(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     """In-phase motion that each step removed, modal inches by point (positive: with the force)."""
     parts = [step.removed for step in steps if step.name in ("rigid body", "adjacent modes")]
-    first = steps[0].before
-    return pd.concat([first[["point", "omega"]], *parts], axis=1)
+    return pd.concat([steps[0].before[["point", "omega"]], *parts], axis=1)
 
 
 def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:

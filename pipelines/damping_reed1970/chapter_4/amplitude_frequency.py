@@ -165,8 +165,7 @@ def section_4_2_points(result: AmplitudeFrequency) -> pd.DataFrame:
         ("per cent error at half the resonant amplitude", CURVES["percent_at_half"], *percent[:, 1], ""),
         ("per cent error at eta^2 = 0.992", np.nan, *percent[:, 2], ""),
     ]
-    names = ["quantity", "printed", "computed", "computed_with_G_at_omega_n", "erratum"]
-    return pd.DataFrame(rows, columns=names)
+    return pd.DataFrame(rows, columns=["quantity", "printed", "computed", "computed_with_G_at_omega_n", "erratum"])
 
 
 #: Cases I and II, and III and IV, nearly coincide: the first of each pair is drawn broad and pale below the second.

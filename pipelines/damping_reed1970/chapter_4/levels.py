@@ -131,8 +131,7 @@ def fit_alpha(case: LevelCase, data: Observations, scale: FloatArray) -> LevelCa
     first, second = (float(make(force, coefficient=1.0).quadrature(A, omega)) for force in case.forces)
 
     def variance(log_alpha: float) -> float:
-        logarithm = np.log(held_values(replace(case, alpha=np.exp(log_alpha)), data, scale))
-        return float(np.var(logarithm))
+        return float(np.var(np.log(held_values(replace(case, alpha=np.exp(log_alpha)), data, scale))))
 
     grid = np.log(_ALPHAS * first / second)
     best = int(np.argmin([variance(u) for u in grid]))

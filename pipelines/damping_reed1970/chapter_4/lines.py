@@ -99,8 +99,7 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
         ("error of linear, p refitted", "per cent", nan, excess[1], excess[2], excess[3], "from sweep C", "E43-5"),
         ("error of linear, over all laws", "per cent", nan, *excess_over_all, "laws by weight", ""),
     ]
-    names = ["quantity", "unit", "printed", "recomputed", "low", "high", "how", "erratum"]
-    return pd.DataFrame(rows, columns=names)
+    return pd.DataFrame(rows, columns=["quantity", "unit", "printed", "recomputed", "low", "high", "how", "erratum"])
 
 
 def average_laws(ranking: Ranking) -> Loads:

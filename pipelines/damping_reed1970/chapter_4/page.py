@@ -34,8 +34,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),
     }
     values = {"studies": studies, "printed": PRINTED, "hertz": studies.curves.omega_n / (2.0 * np.pi)}
-    figures = collect_figures(studies)
-    return write_chapter(4, named, values=values, figures=figures, shown=shown, tables=every)
+    return write_chapter(4, named, values=values, figures=collect_figures(studies), shown=shown, tables=every)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
@@ -91,11 +90,7 @@ def draw_linear_coefficients(modes: Sequence[SweepLines]) -> Figure:
         axes.plot(printed[x], printed[y], color=LINEAR, linestyle=(0, (4, 3)), linewidth=1.1, label="printed (4.1.10)")
         _draw_sweeps(axes, data.points, x, y)
         top = float(data.points["C_1_lb_s_per_in"].max())
-        axes.set(
-            xlim=(0.0, float(data.lines["amplitude_in"].max())),
-            ylim=(0.0, 1.6 * top),
-            title=_MODES[data.mode],
-        )
+        axes.set(xlim=(0.0, float(data.lines["amplitude_in"].max())), ylim=(0.0, 1.6 * top), title=_MODES[data.mode])
         axes.set(xlabel="resonant amplitude (in)", ylabel="linear coefficient C₁ (lb s/in)")
         axes.legend(loc="upper left", fontsize=7)
     return figure

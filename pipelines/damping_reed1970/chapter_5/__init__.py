@@ -147,8 +147,7 @@ def table_5_iii_recovered() -> dict[str, float]:
     """The fitted columns and deviations that the recovered inputs give."""
     A, omega, E = load_points("5_III", "used")
     E1, E2 = (polynomial(energy_fit.coefficients("used"), A, omega) for energy_fit in (E_1, E_2))
-    tables = by_point("tab5III.E1", E1) | by_point("tab5III.E2", E2)
-    return tables | by_point("tab5III.dev", 100.0 * (E - E2) / E)
+    return by_point("tab5III.E1", E1) | by_point("tab5III.E2", E2) | by_point("tab5III.dev", 100.0 * (E - E2) / E)
 
 
 def table_5_iv(version: Version) -> dict[str, float]:
@@ -200,8 +199,7 @@ def computed() -> dict[str, float]:
 
 def after_correction() -> dict[str, float]:
     """Results from the corrected check-out data and from the recovered inputs of Tables 5.III and 5.IV."""
-    tables = table_5_ii("corrected") | table_5_iii_recovered() | table_5_iv("used")
-    return tables | equations_5_3_10_to_5_3_17("used")
+    return table_5_ii("corrected") | table_5_iii_recovered() | table_5_iv("used") | equations_5_3_10_to_5_3_17("used")
 
 
 def tabulate_regressions() -> pd.DataFrame:

@@ -244,8 +244,7 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
     for axes, route in zip(panels.flat, routes, strict=True):
         draw_plain_rows(axes, ["measured", *labels])
-        rows = kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)]
-        _draw_bars(axes, 0, rows)
+        _draw_bars(axes, 0, kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)])
         for place, (truth, noise) in enumerate(cases, start=1):
             chosen = (known["truth"] == truth) & (known["noise_percent"] == noise) & (known["route"] == route)
             _draw_bars(axes, place, known[chosen])

@@ -227,8 +227,7 @@ def draw_energy_surfaces(result: EnergySurface) -> Figure:
         axes.set_title(title, fontsize=8.5)
         axes.set_ylabel("amplitude (in)")
     panels[1].set_xlabel("frequency ω (rad/s)")
-    bar = figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95)
-    bar.outline.set_visible(False)
+    figure.colorbar(drawn, ax=panels, label="energy per cycle (in-lb)", shrink=0.95).outline.set_visible(False)
     return figure
 
 

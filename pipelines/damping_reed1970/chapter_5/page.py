@@ -24,8 +24,7 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
         "measured": chapter_table(5, "circular_claims", measured),
     }
     values = {"studies": studies, "methods": list(METHODS), "farther": FARTHER, "routes": ROUTES, "measured": measured}
-    figures = collect_figures(studies)
-    return write_chapter(5, results.tables, values=values, figures=figures, shown=shown, tables=every)
+    return write_chapter(5, results.tables, values=values, figures=collect_figures(studies), shown=shown, tables=every)
 
 
 def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:

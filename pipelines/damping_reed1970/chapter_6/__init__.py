@@ -188,8 +188,7 @@ def _recompute_parameters(law: PrintedLaw) -> FloatArray:
     fits: dict[str, EnergyFit] = {"5.3.10": E_1, "5.3.11": E_2, "5.3.16": E_3, "5.3.17": E_4}
     match law.equation:
         case "3.2.19":
-            table = load_table("3_IV", "corrected")
-            return np.array([chapter_3.equation_3_2_18(table)["eq3218.C1"]])
+            return np.array([chapter_3.equation_3_2_18(load_table("3_IV", "corrected"))["eq3218.C1"]])
         case "4.1.8":
             return np.array([coefficients_against_amplitude(law.mode, "corrected")[1].mean()])
         case "4.1.14" | "4.1.15":

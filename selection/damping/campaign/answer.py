@@ -122,11 +122,9 @@ SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies di
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
-    """Compare every newly tested level with the earlier predictions.
+    """Compare every newly tested level with ``before``, the predicted and tested peaks of the earlier campaign.
 
-    Args:
-        before: predicted and tested peaks of the earlier campaign. Between levels a peak is interpolated linearly on
-            logarithmic axes; outside there is no prediction.
+    Between levels a peak is interpolated linearly on logarithmic axes; outside there is no prediction.
     """
     predictions = []
     for mode in campaign.modes:

@@ -75,11 +75,9 @@ class DecayMode:
 def decay_modes(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), summary: Summary | None = None
 ) -> list[DecayMode]:
-    """The modes of free decays.
+    """The modes of free decays; ``summary`` gets a note on each peak that is not used.
 
-    Args:
-        frequencies: Hz, if known; else the peaks of the spectrum of the smallest decay.
-        summary: gets a note on each peak that is not used.
+    ``frequencies``: Hz, if known; else the peaks of the spectrum of the smallest decay.
 
     InputError: sensors of several quantities. AnalysisError: no mode, or no decay that can be used.
     """
@@ -295,5 +293,4 @@ def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Re
             factor = _find_factor(run.channels[0]) / _find_factor(sensor)
             size = abs(mode.shape[s]) * level * factor
             spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
-            band = (size, size * exp(-spread), size * exp(spread))
-            yield Response(sensor.name, sensor.quantity, sensor.unit, band)
+            yield Response(sensor.name, sensor.quantity, sensor.unit, (size, size * exp(-spread), size * exp(spread)))

@@ -200,8 +200,7 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
     weight = 1.0 / levels.clip(min=1e-30)
     design = np.column_stack([means, np.ones_like(means)]) * weight[:, None]
     squares_of_noise = np.linalg.lstsq(design, levels * weight, rcond=None)[0]
-    least = np.quantile(levels, 0.1)
-    return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * least, 1e-20)])
+    return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * np.quantile(levels, 0.1), 1e-20)])
 
 
 def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:

@@ -209,8 +209,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         if level.run.rate is not None:
             table["sweep_rate"] = level.run.rate[level.run.x > 0.0][rows]
         if level.third is not None and not level.run.is_base_driven:  # a base motion contains a third harmonic too
-            third = level.third[:, rows][kept]
-            p = np.sum(weight * third, axis=0) / np.sum(weight * r[:, None], axis=0)
+            p = np.sum(weight * level.third[:, rows][kept], axis=0) / np.sum(weight * r[:, None], axis=0)
             table["amplitude_3"] = factor * np.abs(p) * drive / (3.0 * w) ** 2
             # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
             table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))

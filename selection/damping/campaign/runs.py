@@ -142,8 +142,7 @@ class Channel:
 
     def scaled(self, factor: float) -> Channel:
         """The channel with every value times a factor."""
-        third = None if self.third is None else self.third * factor
-        return replace(self, samples=self.samples * factor, third=third)
+        return replace(self, samples=self.samples * factor, third=None if self.third is None else self.third * factor)
 
 
 @dataclass(frozen=True)

@@ -220,14 +220,12 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
             continue
         text = contents.units.get(path, "") or of_drive or (level[1] if level else "")
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
-        made = (source.make_channel(name, text, row) for name, row in zip(names, rows, strict=True))
-        channels += filter(None, made)
+        channels += filter(None, (source.make_channel(name, text, row) for name, row in zip(names, rows, strict=True)))
     drive_unit = stated.unit or of_drive or (level[1] if level else channels[0].unit if channels else "")
     values = contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = source.stated.join_controls(list(rows))
-    run = source.leave_flat(CampaignRun(group, None, drive_unit, f, control, tuple(channels)))
-    return source.set_level(run, group)
+    return source.set_level(source.leave_flat(CampaignRun(group, None, drive_unit, f, control, tuple(channels))), group)
 
 
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:

@@ -19,14 +19,7 @@ from damping.formats.named import UNIT_OF, list_units, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
-from damping.records.text import (
-    DEFAULT_MAX_SIZE,
-    describe_meant,
-    describe_shortened,
-    is_binary,
-    read_bytes,
-    read_start,
-)
+from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, is_binary, read_bytes, read_start
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"

@@ -145,7 +145,6 @@ def read_columns(
     """The columns of a CSV file that have a role.
 
     Args:
-        data: the file.
         mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, a
             force beside a frequency and the phase of an amplitude are found by name if not stated; if empty, all are.
         known: names of columns by role, in lower case and without units; they take precedence over names in laboratory

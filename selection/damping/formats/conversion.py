@@ -150,8 +150,7 @@ def _response_unit(name: str, units: dict[str, Unit]) -> Unit:
 def ask(known: Statements, *, force: bool | None) -> None:
     """Raise one InputError that lists all missing facts, if more than one is neither in the file nor stated.
 
-    Args:
-        force: whether there is a force; None if none is needed (a free decay).
+    ``force``: whether there is a force; None if none is needed (a free decay).
     """
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response

@@ -47,9 +47,7 @@ def to_series(
     Args:
         arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
             a force is one number, (k,), (n,) or of the shape of the response.
-        labels: sweep of each row (n,), or None.
-        facts: facts from headers and names.
-        name: label of a single sweep. summary: gets a note on splits.
+        labels: sweep of each row (n,), or None. name: label of a single sweep.
         peak: whether the role ``amplitude`` is that of the sine (not so for readings of an amplifier).
 
     InputError: missing or redundant roles, or incompatible shapes.
@@ -76,11 +74,8 @@ def to_series(
     series = []
     for k, column in enumerate(response.T):
         of_sweep = None if force is None else force[:, min(k, force.shape[1] - 1)]
-        label = f"{name} {k + 1}" if many else name
-        series.append(Series(label, x, column, of_sweep, is_time, phased, extra, known))
-    if many:
-        return series
-    return _list_sweeps(series[0], labels, summary)
+        series.append(Series(f"{name} {k + 1}" if many else name, x, column, of_sweep, is_time, phased, extra, known))
+    return series if many else _list_sweeps(series[0], labels, summary)
 
 
 def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
@@ -178,8 +173,7 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
         if is_time:
             message = "x and y against time are no parts of a complex response"
             raise InputError(message, expected="--column response=NAME of the signal")
-        y = _same(arrays["y"], n, values, "y")
-        return cartesian(_real(values, "x"), _real(y, "y")), True
+        return cartesian(_real(values, "x"), _real(_same(arrays["y"], n, values, "y"), "y")), True
     if main == "response":
         if np.iscomplexobj(values) == is_time:
             kind = "a time history of complex values" if is_time else "a response of real values"
@@ -204,8 +198,7 @@ def _force(arrays: Mapping[str, Samples], n: int, k: int) -> Samples | None:
     if main == "force_x":
         if "force_y" not in arrays:
             raise InputError("force_x needs force_y", expected="--column force_y=NAME")
-        other = _real(_spread(arrays["force_y"], n, k, "force_y"), "force_y")
-        return cartesian(_real(values, "force_x"), other)
+        return cartesian(_real(values, "force_x"), _real(_spread(arrays["force_y"], n, k, "force_y"), "force_y"))
     if "force_lead_deg" in arrays:
         lead = _real(_spread(arrays["force_lead_deg"], n, k, "force"), "")
         return np.asarray(_magnitude(values, "force") * np.exp(1j * pi / 180.0 * lead))

@@ -195,8 +195,7 @@ def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[R
         if name in table:
             table[name] = table[name] * (by if name in ("mass", "added_mass") else driven).of(*powers)
     kept = [name for name in table if name not in _COLUMNS and name not in _WITHOUT_UNIT]
-    notes = [f"column {name} is kept as it is: its unit is not known" for name in kept]
-    return Record(table, record.source), notes
+    return Record(table, record.source), [f"column {name} is kept as it is: its unit is not known" for name in kept]
 
 
 def convert_loads(table: pd.DataFrame, by: Factors, asked: str = "force") -> pd.DataFrame:

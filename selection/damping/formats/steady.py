@@ -105,12 +105,7 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
     if row.facts.turn:
         X = _turned(row.response[keep], X, frequency[keep], label, known)
     X = X * (np.abs(F) if to.per_force else scaling(known))
-    columns = {
-        "sweep": [label] * len(omega),
-        "force": np.abs(F),
-        "frequency": frequency[keep],
-        "amplitude": np.abs(X),
-    }
+    columns = {"sweep": [label] * len(omega), "force": np.abs(F), "frequency": frequency[keep], "amplitude": np.abs(X)}
     if row.has_phase:
         drive = np.ones_like(F) if to.per_force else F
         columns["phase"] = wrap_lag(np.angle(drive) - np.angle(X))

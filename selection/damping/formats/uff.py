@@ -31,10 +31,8 @@ def read_uff(
 ) -> list[Series]:
     """The responses of a universal file, each with its measured force if the file has one.
 
-    Args:
-        data: the file. summary: gets the facts found.
-        datasets: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces.
-        labels: labels of the sweeps by the user, if any; ID lines then need not be unique.
+    ``datasets``: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces. ``labels``: of
+    the sweeps, if stated; ID lines then need not be unique.
 
     InputError: no data set 58, a broken one, none that is a response, or responses at several points without a choice.
     """

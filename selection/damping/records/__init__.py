@@ -77,8 +77,7 @@ class Audit:
     @property
     def table(self) -> pd.DataFrame:
         """One row for each finding: ``check, verdict, what, advice, sweeps``."""
-        columns = list(Finding.__dataclass_fields__)
-        return pd.DataFrame([asdict(finding) for finding in self.findings], columns=columns)
+        return pd.DataFrame([asdict(finding) for finding in self.findings], columns=list(Finding.__dataclass_fields__))
 
     def list_findings(self) -> list[dict[str, Any]]:
         """The findings as JSON values."""

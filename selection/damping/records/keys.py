@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from math import pi
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
@@ -62,18 +61,6 @@ def _list_tests(column: Mapping[str, str]) -> list[Test]:
 #: The tests of each column of a record. A standard uncertainty of zero means that none is stated. Empty cells (NaN) are
 #: not tested here: the reader of the file decides whether a cell may be empty.
 COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
-
-
-def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
-    """The first cell of each column out of its range: row, column, cell, and what was expected."""
-    refused = []
-    for name, tests in ((name, tests) for name, tests in COLUMN_TESTS.items() if name in table.columns):
-        cells = table[name].dropna()
-        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
-        if failing:
-            row, wanted = min(failing, key=itemgetter(0))
-            refused.append((row, name, f"{float(cells[row]):g}", wanted))
-    return refused
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)
@@ -249,8 +236,7 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
     key, message = str(loc[-1]), problem["msg"].removeprefix("Value error, ")
     expected = (written or {}).get(key)
     if kind == "extra_forbidden":
-        known = _find_schema(schema, loc[:-1]).model_fields
-        message, expected = "unknown key", list_nearest(key, known)
+        message, expected = "unknown key", list_nearest(key, _find_schema(schema, loc[:-1]).model_fields)
     elif kind == "missing":
         is_table = expected is not None or _find_schema(schema, loc) is not _find_schema(schema, loc[:-1])
         message = f"missing {'table' if is_table else 'key'}"

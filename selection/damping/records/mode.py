@@ -153,8 +153,7 @@ class Mode:
     @property
     def viscous_ratio(self) -> float:
         """Damping ratio C/(2 M omega_n) of the viscous part of the damping; 0 if there is none."""
-        viscous = self.damping.get("viscous", {}).get("coefficient", 0.0)
-        return viscous / (2.0 * self.mass * self.omega_n)
+        return self.damping.get("viscous", {}).get("coefficient", 0.0) / (2.0 * self.mass * self.omega_n)
 
 
 def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +17,11 @@ from damping.errors import InputError
 from damping.records.keys import (
     A_NUMBER,
     BLANK_COLUMNS,
+    COLUMN_TESTS,
     IN_BLANK,
     OPTIONAL_COLUMNS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
-    find_refused,
 )
 from damping.records.text import (
     MOST_SHOWN,
@@ -175,7 +176,13 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     Problems are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
     uncertainty (zero means none is stated), magnitudes beyond 1e-50..1e50, and rows identical in every column.
     """
-    problems = [CellProblem(*cell) for cell in find_refused(table)]
+    problems = []
+    for name in filter(table.columns.__contains__, COLUMN_TESTS):
+        cells, tests = table[name].dropna(), COLUMN_TESTS[name]
+        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
+        if failing:
+            row, wanted = min(failing, key=itemgetter(0))
+            problems.append(CellProblem(row, name, f"{float(cells[row]):g}", wanted))
     repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))

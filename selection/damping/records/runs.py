@@ -199,8 +199,7 @@ def count_beats(run: Run) -> int:
     humps = (peaks if top == 0 else peaks[::-1])[1:]
     heights, omega = smooth[humps] - smooth[peaks[top]], run.omega[2:-2]
     away = np.abs(omega[humps] - omega[peaks[top]])
-    stand_out = np.delete(prominences, top)
-    first = FIRST_BEAT[0] < -heights[0] < FIRST_BEAT[1] and stand_out.max() < DEEP
+    first = FIRST_BEAT[0] < -heights[0] < FIRST_BEAT[1] and np.delete(prominences, top).max() < DEEP
     closer = bool(np.all(np.diff(heights) < 0.0) and np.all(np.diff(away, prepend=0.0)[1:] < away[0]))
     return len(humps) if first and closer else 0
 

@@ -128,9 +128,9 @@ def format_share(value: SupportsFloat) -> str:
     x = float(value)
     if not isfinite(x):
         return NOTHING
-    if x == 0.0 or x >= 0.0095:
-        return f"{x:.2f}" if x else "0"
-    return f"{x:.3f}" if x >= 0.0005 else "< 0.001"
+    if x == 0.0:
+        return "0"
+    return f"{x:.2f}" if x >= 0.0095 else f"{x:.3f}" if x >= 0.0005 else "< 0.001"
 
 
 def name_apart(names: Iterable[str]) -> list[str]:
