@@ -20,6 +20,7 @@ from damping.gap.fit import ModelFit, decorrelate, fit_model
 from damping.gap.model import Scatter
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
+from damping.gap.rows import UNSEEN
 from damping.gap.search import Search, search_hypotheses
 from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
 from damping.gap.wild import log_likelihood
@@ -165,6 +166,21 @@ def test_errors_of_neighbours_are_freed_of_their_correlation(lab):
     block = 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7)))
     covariance = np.kron(np.eye(4), block)  # two sweeps, of amplitude and of phase
     expected = -0.5 * r @ np.linalg.solve(covariance, r) - 0.5 * np.linalg.slogdet(covariance)[1]
+    np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
+
+
+def test_values_that_were_not_measured_have_no_neighbours(lab):
+    """The density of the second sweep alone where the first has no phases, and no residuals."""
+    rows = lab.bench(levels=2, points=7).rows
+    start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
+    model = Search(start.problem, {}, start.unknowns).run().ranked()[0].plain.model
+    unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
+    model = replace(model, problem=replace(model.problem, rows=unmeasured))
+    r = np.random.default_rng(5).normal(size=28) * unmeasured.seen
+    white, log_det = decorrelate(r, model, 0.6)
+    covariance = np.kron(np.eye(3), 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7))))
+    expected = -0.5 * r[unmeasured.seen] @ np.linalg.solve(covariance, r[unmeasured.seen])
+    expected -= 0.5 * np.linalg.slogdet(covariance)[1]
     np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
 
 

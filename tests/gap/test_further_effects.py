@@ -16,7 +16,7 @@ from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
 from damping.effects.foreign import Contact, FallingFriction, Rub
 from damping.effects.moving import _Memory, _remembered
-from damping.effects.rig import clipping, compressing, recorded_third
+from damping.effects.rig import clipping, compressing, integrate_third, recorded_third
 from damping.effects.terms import predict, third_harmonic
 from damping.errors import InputError
 from damping.forces import make
@@ -120,6 +120,39 @@ def test_compression_is_undone():
     back, inverse = reading.unread(value)
     np.testing.assert_allclose(back, v, rtol=0.0, atol=1e-12)  # closed forms, rounding
     np.testing.assert_allclose(slope * inverse, 1.0, rtol=1e-12, atol=0.0)
+
+
+def harmonics_of(law, A):
+    """Amplitudes of sin theta and of sin 3 theta in law(A sin theta), A (n,): means over a cycle."""
+    theta = 2 * np.pi * (np.arange(4_000) + 0.5) / 4_000
+    response = law(A[:, np.newaxis] * np.sin(theta))
+    return tuple(2 * np.mean(response * np.sin(order * theta), axis=1) for order in (1, 3))
+
+
+def test_the_third_harmonic_of_an_instrument_follows_from_its_first():
+    """For the hyperbolic tangent, from its first harmonic; and for clipping the closed form. Both over a cycle."""
+    ln_A = np.linspace(-6.0, 2.0, 4_000)
+    ln_R = np.log(harmonics_of(np.tanh, np.exp(ln_A))[0])
+    slope = np.gradient(ln_R, ln_A)
+    third = integrate_third(lambda v: (np.interp(v, ln_A, ln_R), np.interp(v, ln_A, slope)))
+    A = np.array([0.3, 1.0, 3.0])
+    expected = harmonics_of(np.tanh, A)[1]
+    np.testing.assert_allclose(third(np.log(A)), expected, rtol=1e-3, atol=0.0)  # the table and 16 nodes
+    A = np.array([1.05, 1.5, 4.0])
+    expected = harmonics_of(lambda q: np.clip(q, -1.0, 1.0), A)[1]
+    np.testing.assert_allclose(clipping(1.0).third(np.log(A)), expected, rtol=1e-4, atol=0.0)  # edges between points
+
+
+def test_a_compressing_sensor_reads_the_third_harmonic_of_a_law_without_memory():
+    """A third of A^3/4 for small readings of power 2, as of A sin - (A sin)^3/3; a square wave's level for large ones.
+
+    The square wave of first harmonic 1 has the third 1/3.
+    """
+    small, large = compressing(2.0, 2.0), compressing(1.0, 8.0)
+    A = 0.01
+    lost = A - np.exp(small.read(np.log([A]))[0])
+    np.testing.assert_allclose(small.third(np.log([A])), lost / 3.0, rtol=1e-4, atol=0.0)  # next power of A/2
+    np.testing.assert_allclose(large.third(np.log([30.0])), 1.0 / 3.0, rtol=1e-3, atol=0.0)  # (1/30)^3 is left out
 
 
 @pytest.mark.parametrize("bounded", [0.0, 1.0])

@@ -7,7 +7,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats, differs
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Reading, Scales, Terms, add_parts
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Scales, Terms, add_parts
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
@@ -28,6 +28,9 @@ _CLIPPED = np.log((2.0 / np.pi) * (_A * np.arcsin(1.0 / _A) + np.sqrt(np.maximum
 _LEAST_SLOPE = 0.05
 _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
+#: Nodes and weights of the integral over a/A from 0 to 1.
+_NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(16)
+_PARTS, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _NODE_WEIGHTS
 
 
 AMPLITUDE_SCALE: Effect = Effect(
@@ -176,11 +179,24 @@ def compressing(level: Floats, power: Floats) -> Reading:
         slope = np.maximum(1.0 - grown, _LEAST_SLOPE)
         return u - np.log(slope) / power, np.where(slope > _LEAST_SLOPE, 1.0 / slope, 0.0)
 
-    def third(v: FloatArray) -> FloatArray:
-        """The lost amplitude times the ratio of sin 3 theta to sin theta in q |q|^power."""
-        return np.asarray((np.exp(v) - np.exp(read(v)[0])) * power / (power + 4.0))
+    return Reading(read, unread, integrate_third(read))
 
-    return Reading(read, unread, third)
+
+def integrate_third(read: Instrument) -> Callable[[FloatArray], FloatArray]:
+    """Amplitude T of sin 3 theta in the response of a law without memory to A sin theta, from ln A.
+
+    R(A), the amplitude of sin theta there, determines it: T = A^-3 int_0^A a^2 (R - a dR/da) da. For q |q|^(n-1), R is
+    in proportion to A^n and T = R (1 - n)/(3 + n), which is (A d/dA + 3) T = (1 - A d/dA) R for every n.
+    """
+
+    def third(v: FloatArray) -> FloatArray:
+        total = np.zeros(np.shape(v))
+        for part, weight in zip(_PARTS, _WEIGHTS, strict=True):
+            ln_R, slope = read(v + log(part))
+            total = total + weight * part**2 * np.exp(ln_R) * (1.0 - slope)
+        return total
+
+    return third
 
 
 def recorded_third(terms: Terms, u: FloatArray, phase: FloatArray, drive: Drive) -> ComplexArray:

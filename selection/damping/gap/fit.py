@@ -248,12 +248,16 @@ def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: Flo
 
 
 def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArray, float]:
-    """Columns (m, ..) freed of the correlation rho of neighbours, and ln of the determinant of that map."""
+    """Columns (m, ..) freed of the correlation rho of neighbours, and ln of the determinant of that map.
+
+    Neighbours are values of one quantity at consecutive rows of a sweep that measure it.
+    """
     if rho == 0.0:
         return columns, 0.0
-    sweep = model.problem.rows.sweep_of_values
-    follows = np.concatenate([[False], sweep[1:] == sweep[:-1]])
-    follows[:: len(model.problem.rows)] = False
+    rows = model.problem.rows
+    sweep, seen = rows.sweep_of_values, rows.seen
+    follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & seen[1:] & seen[:-1]])
+    follows[:: len(rows)] = False
     size = np.sqrt(1.0 - rho**2)
     white = columns.copy()
     white[follows] = (columns[follows] - rho * columns[np.flatnonzero(follows) - 1]) / size
