@@ -375,6 +375,30 @@ def test_a_simulation_of_the_users_own(lab):
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
 
 
+@pytest.mark.parametrize("states", [False, True])
+def test_a_mass_on_the_structure_of_a_simulator_is_in_the_prediction(lab, states):
+    """The function knows no added mass: F/|k - (M + m) omega^2 + i c omega| still follows, in closed form."""
+
+    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.001)):
+        omega = 2 * np.pi * frequency
+        Y = stiffness - MASS * omega**2 + 1j * VISCOUS * omega
+        return force / np.abs(Y), np.angle(Y)
+
+    added, bare = 0.2 * MASS, lab.bench(levels=2, points=14).rows
+    moved = replace(bare, omega=bare.omega / np.sqrt(1.2))
+    Y = MASS * OMEGA**2 - (MASS + added) * moved.omega**2 + 1j * VISCOUS * moved.omega
+    light = lab.record(bare, lab.linear(bare), 2)
+    heavy = lab.record(moved, lab.cells(moved.force / np.abs(Y), np.angle(Y)), 3)
+    if states:
+        mode = replace(lab.mode(), mass=MASS + added, frequency=lab.mode().frequency / np.sqrt(1.2))
+        start = setting(light, lab.mode(), states=[(heavy, mode)], simulate=simulate)
+    else:
+        tables = light.frame.assign(added_mass=0.0), heavy.frame.assign(added_mass=added, sweep=heavy.frame.sweep + "m")
+        start = setting(Record(pd.concat(tables, ignore_index=True)), lab.mode(), simulate=simulate)
+    best = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
+    assert np.sqrt(np.mean(best.r**2)) < 1.2  # noise alone
+
+
 @pytest.mark.parametrize(
     ("pair", "said"),
     [

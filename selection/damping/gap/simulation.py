@@ -168,6 +168,8 @@ Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 class Simulator:
     """A user's own simulation, as the difference of its complex stiffness from that of the mode that stands for it.
 
+    The function is of the first state without added mass; masses and further states change Z as they change the mode's.
+
     Z = F exp(i phase)/A is smooth in the parameters even where the resonance is not. Z is evaluated at the nominal
     values and, for differences, one tolerance away in each.
 
@@ -236,7 +238,8 @@ class Simulator:
             }
             steps = [(changed[name] - Z) / free[name] if name in free else np.zeros_like(Z) for name in self.values]
             mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
-            self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
+            bare = Drive(drive.F, drive.omega)  # the function knows no state: what a state adds stays
+            self._known[key] = Z - complex_stiffness(mode, A, bare)[0][0], np.asarray(steps).reshape(-1, len(Z))
         return self._known[key]
 
     def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
