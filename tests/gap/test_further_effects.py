@@ -18,7 +18,7 @@ from damping.effects.foreign import Contact, FallingFriction, Rub
 from damping.effects.moving import _Memory, _remembered
 from damping.effects.rig import clipping, compressing, recorded_third
 from damping.effects.terms import predict, third_harmonic
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.forces import make
 from damping.forces.joints import Slip
 from damping.gap.corrected import describe_effects, effect_intervals, effect_values, refitted_values
@@ -353,6 +353,14 @@ def test_states_share_what_is_wrong(lab):
         relative = effect_values(one.leading.best)["viscous-coefficient"]["relative"]
         np.testing.assert_allclose(relative, 0.5, rtol=0.0, atol=0.02)  # 1 % noise, 96 values
     assert any(sweep.startswith("2: ") for sweep in both[1].setting.problem.rows.sweeps)
+
+
+def test_states_of_different_forces_are_refused_by_the_names_of_both(lab):
+    rows = lab.bench(levels=2, points=12).rows
+    plain, corrected = lab.record(rows, lab.linear(rows), 4), {"viscous": VISCOUS, "velocity-squared": 20.0}
+    said = "simulates viscous, but .*: viscous, velocity-squared; .* give each model the same ones"
+    with pytest.raises(AnalysisError, match=said):
+        explain(plain, lab.mode(damping=corrected), states=[(heavier(lab, 2.0, VISCOUS), lab.mode())])
 
 
 def test_a_simulation_of_the_users_own(lab):

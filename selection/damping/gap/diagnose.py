@@ -17,15 +17,7 @@ from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_library
-from damping.gap.problem import (
-    Setting,
-    State,
-    exclude_effects,
-    list_unread,
-    record_cautions,
-    refuse_rows,
-    setting,
-)
+from damping.gap.problem import Setting, State, exclude_effects, list_unread, record_cautions, refuse_rows, setting
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
 from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
@@ -41,7 +33,7 @@ from damping.gap.where import (
     residual_cells,
     trend_of,
 )
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Units
 from damping.records.record import Record
 
 #: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
@@ -97,8 +89,14 @@ class Explained:
     @property
     def corrected(self) -> Mode:
         """The simulation corrected by the leading hypothesis, in the units of these records."""
-        corrected = corrected_mode(self.leading.best)
-        return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
+        corrected = as_given(corrected_mode(self.leading.best), self.unit, self.setting.problem.simulation.shaken)
+        return corrected if corrected.drive == "base" else replace(corrected, units=self.units)
+
+    @property
+    def units(self) -> Units:
+        """Of the answer's numbers: where a base shakes the first state, its accelerations are the forces."""
+        rows = self.setting.problem.rows
+        return self.mode.units.of_base_drive if np.any(rows.shaken[rows.state == 0.0]) else self.mode.units
 
 
 @dataclass(frozen=True)

@@ -237,7 +237,9 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     parts = [first]
     for number, (further, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
-            raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
+            own, first_own = (", ".join(of.damping) or "no damping" for of in (mode, base))
+            shared = f"{base.source}: {first_own}; states share their damping forces: give each model the same ones"
+            raise AnalysisError(f"{mode.source}: simulates {own}, but {shared}")
         n = len(further)
         changed: dict[str, FloatArray] = {"state": np.full(n, float(number))}
         if is_same_structure(mode, base):
