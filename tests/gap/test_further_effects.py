@@ -25,6 +25,7 @@ from damping.gap.corrected import describe_effects, effect_intervals, effect_val
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
+from damping.gap.simulation import Simulator
 from damping.predict.steady import resonant_amplitude
 from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance
@@ -462,6 +463,25 @@ def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wr
 
     with pytest.raises(InputError, match=said):
         explain(lab.measured("phase-lag"), lab.mode(), {}, simulate=simulate)
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda A: [A, A], "the simulator returns a list"),
+        (lambda A: (A, A, A), "the simulator returns a tuple of 3"),
+        (lambda A: (A, 1.0), "the phase that the simulator returns is of type float64 and shape .., for 24 rows"),
+        (lambda A: (A * 1j, A), "the amplitude that the simulator returns is of type complex128"),
+        (lambda A: (A, ["?"] * len(A)), "the phase that the simulator returns is of type <U1"),
+        (lambda A: (A, np.where(A == A[3], np.nan, 1.0)), r"the phase .* is nan at force \S+ and 2.9\d+ Hz"),
+        (lambda A: A["no key"], r"the simulator ends with IndexError.* in line \d+ of test_further_effects.py"),
+    ],
+)
+def test_an_answer_of_a_simulator_that_is_none_names_its_fault(lab, answer, said):
+    rows = lab.bench(levels=2, points=12).rows
+    force, frequency = rows.force, rows.omega / (2 * np.pi)
+    with pytest.raises(InputError, match=f"{said}.*a number each for every row"):
+        Simulator.read(lambda force, frequency: answer(force * frequency), lab.mode())._answer(force, frequency, {})
 
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
