@@ -60,6 +60,22 @@ def test_levels_that_all_lie_to_one_side_are_not_said_to_scatter(lab, gains, tol
     assert [told in sentence for sentence in said] == [True]
 
 
+@pytest.mark.parametrize(("spread", "alike"), [(0.1, True), (1.5, False)])
+def test_a_state_that_deviates_as_a_whole_is_told_as_one(lab, spread, alike):
+    """Frequencies of three sweeps 4 repeatabilities off, the others none: one caution, not one a sweep."""
+    rows = lab.bench().rows
+    heavy = replace(lab.mode(0.0, 1e-4), mass=12.0, frequency=lab.mode().frequency / np.sqrt(1.2))
+    other = lab.record(replace(rows, omega=rows.omega / np.sqrt(1.2)), lab.linear(rows), 3)
+    known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(0.0, 1e-4), states=[(other, heavy)])
+    model = Model(known.problem, (), Scatter(0.0, 1e-4))
+    y = np.zeros(model.size + 2 * model.sweeps)
+    y[-3:] = 4.0 + spread * np.array([0.0, 1.0, 2.0])
+    nothing = np.zeros(0)
+    said = describe_repeatability(known, ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing))
+    named = [sentence.partition(" lies apart: its frequency +")[0] for sentence in said]
+    assert named == (["every sweep of state 2"] if alike else ["sweep 2: A", "sweep 2: B", "sweep 2: C"])
+
+
 def test_shrinkage():
     assert shrinkage(3.0, 1.0, 100) == 1.0
     assert shrinkage(3.0, 0.9, 100) == 1.0  # never above
