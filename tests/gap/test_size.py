@@ -21,6 +21,7 @@ from damping.gap.size import (
     whitened,
 )
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
+from damping.records.record import Record
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +157,19 @@ def test_local_damping_without_noise(lab):
     assert trend(A, zeta, sd).power == 1.0
     # 0.6 of the viscous loss at A_top, in proportion to A; a band has one amplitude for what its rows average: 2 %
     np.testing.assert_allclose(zeta, lab.xi * (1.0 + 0.6 * A / lab.A), rtol=0.02, atol=0.0)
+
+
+def test_the_local_frequency_is_that_without_an_added_mass(lab):
+    """K - (M + m) omega^2 in closed form: of a linear mode it is the natural frequency at every row."""
+    rows, added = lab.bench().rows, 0.2 * lab.mass
+    omega = rows.omega / np.sqrt(1.2)
+    Y = lab.mass * lab.omega**2 - (lab.mass + added) * omega**2 + 1j * lab.viscous * omega
+    record = lab.record(replace(rows, omega=omega), lab.cells(rows.force / np.abs(Y), np.angle(Y)))
+    heavy = Record(record.table.assign(added_mass=added))
+    found = local_estimates(setting(heavy, lab.mode()).problem.rows, lab.mode())
+    frequency, ratio = np.array([(one.frequency, one.damping) for one in found]).T
+    np.testing.assert_allclose(frequency, lab.omega / (2.0 * np.pi), rtol=1e-12, atol=0.0)  # rounding
+    np.testing.assert_allclose(ratio, lab.xi, rtol=1e-12, atol=0.0)
 
 
 def test_held_out_shrinkage_of_a_clear_case(lab):
