@@ -215,6 +215,17 @@ def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_need
     np.testing.assert_allclose(np.mean(ratio), 1.0, rtol=0.0, atol=0.01)  # noise of 0.5 % over 25 rows
 
 
+@pytest.mark.parametrize("heavier", [False, True])
+def test_local_estimates_are_of_the_mass_that_the_base_shakes(mode, heavier):
+    record = shaken((0.05, 0.1, 0.2))
+    if heavier:
+        record = together(record, shaken((0.2,), added=ADDED, seed=4))
+    local = diagnose(record, mode, {}).local
+    # 0.5 % of a row, 0.5 % of the participation
+    np.testing.assert_allclose([one.damping for one in local], RATIO, rtol=0.03, atol=0.0)
+    np.testing.assert_allclose([one.frequency for one in local], F_N, rtol=1e-3, atol=0.0)
+
+
 def test_the_participation_is_one_of_all_sweeps(mode):
     """p of bare sweeps; of sweeps with an added mass alone from (m + m_a)/(p m + m_a)."""
     bare, loaded = shaken((0.05, 0.2)), shaken((0.1, 0.2), added=ADDED, seed=4)

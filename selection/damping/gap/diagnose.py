@@ -229,7 +229,7 @@ def diagnose(
         *describe_shortfall(leading.best),
         *size.describe_held_out(leading, gap, held_out),
     ]
-    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
         explanations=weighing.cover_probability(hypotheses),
