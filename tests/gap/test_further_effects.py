@@ -28,7 +28,7 @@ from damping.gap.search import Search
 from damping.gap.simulation import Simulator
 from damping.predict.steady import resonant_amplitude
 from damping.predict.sweep_rate import envelope
-from damping.records.mode import Rig, Tolerance
+from damping.records.mode import Rig, Tolerance, Units
 from damping.records.record import Record
 from damping.report.forms import gap_form
 from damping.report.gap import describe_diagnosis
@@ -362,6 +362,25 @@ def test_states_of_different_forces_are_refused_by_the_names_of_both(lab):
     said = "simulates viscous, but .*: viscous, velocity-squared; .* give each model the same ones"
     with pytest.raises(AnalysisError, match=said):
         explain(plain, lab.mode(damping=corrected), states=[(heavier(lab, 2.0, VISCOUS), lab.mode())])
+
+
+def test_states_of_other_units_are_refused(lab):
+    rows = lab.bench(levels=2, points=12).rows
+    plain = lab.record(rows, lab.linear(rows), 4)
+    first, other = (lab.mode(units=Units("N", length, "s")) for length in ("m", "mm"))
+    with pytest.raises(InputError, match="state 2 has its length in mm, the first in m; expected states in the same"):
+        explain(plain, first, states=[(heavier(lab, 2.0, VISCOUS), other)])
+    unnamed = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))  # of one system with the first
+    assert explain(plain, first, {}, states=[(heavier(lab, 2.0, VISCOUS), unnamed)]).leading.effects == ()
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.3, True), (0.01, False)])
+def test_motion_across_one_plane_is_told(lab, share, told):
+    rows = lab.bench(levels=2, points=12).rows
+    table = lab.record(rows, lab.linear(rows), 4).table
+    table = table.assign(amplitude_y=share * table["amplitude"], phase_y=table["phase"])
+    found = explain(Record(table), lab.mode(rig=Rig(planes=1)), {})
+    assert told == any("amplitude_y reaches 30% of the amplitude" in caution for caution in found.cautions)
 
 
 def test_a_simulation_of_the_users_own(lab):

@@ -20,7 +20,7 @@ from damping.gap.outside import describe_outside, weigh_library
 from damping.gap.problem import Setting, State, exclude_effects, list_unread, record_cautions, refuse_rows, setting
 from damping.gap.search import Search
 from damping.gap.simulation import Simulate
-from damping.gap.states import as_given, drive_by_forces, list_repeated, refuse_copies
+from damping.gap.states import as_given, drive_by_forces, list_crossing, list_repeated, refuse_states
 from damping.gap.unknowns import spread
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
@@ -159,10 +159,10 @@ def explain(
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
             simulation without damping.
-        InputError: a record is given twice.
+        InputError: a record is given twice, or states name different units.
     """
     given = [(record, mode), *states]
-    refuse_copies(given)
+    refuse_states(given)
     driven = drive_by_forces(given, simulated=simulate is not None)
     (record, mode), *states = driven.states
     refuse_rows(driven.states)
@@ -178,7 +178,8 @@ def explain(
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE if effects is None else effects, mode, rows)
-    cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
+    of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
+    cautions = [*driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is not simulated: the damping is that of the simulator")
     known, search = search_hypotheses(start, library)
