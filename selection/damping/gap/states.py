@@ -1,4 +1,4 @@
-"""States of one structure, converted to force excitation in one unit of mass; copied states are refused.
+"""States of one structure, converted to force excitation in one unit of mass; copies and other units are refused.
 
 States of one stiffness are the same structure with known masses added. Those that a base shakes share one participation
 p, a free parameter beside the generalized mass m; a state of another stiffness has its own. If a base shakes the first
