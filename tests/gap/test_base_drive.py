@@ -15,7 +15,7 @@ from damping.errors import AnalysisError
 from damping.gap.corrected import effect_values
 from damping.gap.designs import DESIGNS
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.next_test import name_command, rank_tests
+from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.states import drive_by_forces
 from damping.predict import prepare
 from damping.records import audit
@@ -195,6 +195,9 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     if heavier:
         record = together(record, shaken((0.2,), added=ADDED, c2=c2, seed=4))
     found = diagnose(record, mode, {"velocity-squared": EFFECTS["velocity-squared"]})
+    run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.0}
+    found.__dict__["next_tests"] = (NextTest("it", "why", 9.0, 0.99, ("force",), (run,), "damping gap"),)
+    assert "40 points from 20.00 to 30.00 Hz at base acceleration 0.200;" in describe_diagnosis(found)["following"][0]
     (size,) = describe_diagnosis(found)["sizes"]
     told = float(re.search(r"coefficient: ([0-9.]+) 1/m ", size).group(1))
     np.testing.assert_allclose(told, c2 / (P * MASS), rtol=0.03, atol=0.0)  # the coefficient to 1 %

@@ -55,6 +55,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "trend_seen": TREND_SEEN,
         "trend_fits": TREND_FITS,
         "test": next(iter(diagnosis.next_tests), None),
+        "drive": diagnosis.units.drive,
         "settles": diagnosis.next_test is not None,
         "apart": apart,
         "known": KNOWN,
