@@ -98,6 +98,7 @@ def _describe_model(result: DiagnosisResult) -> str:
     sentences = describe_diagnosis(diagnosis)["verdict"]
     if diagnosis.unexplained or diagnosis.in_library < KNOWN:
         sentences.append("It imitates the tested levels and may be worse than the simulation beyond them.")
+    sentences += _describe_use(result)
     lasting = list_lasting(corrected.effects)
     if passing := [name for name in corrected.effects if name not in lasting]:
         sentences.append(
@@ -106,6 +107,32 @@ def _describe_model(result: DiagnosisResult) -> str:
         )
     lines = wrap(escape_control(" ".join(sentences)), COMMENT_WIDTH, break_on_hyphens=False)
     return "".join(f"# {line}\n" for line in lines) + describe_mode_to_toml(corrected)
+
+
+def _describe_use(result: DiagnosisResult) -> list[str]:
+    """What a corrected model does not hold: further states, the participation of a base, a simulator of the user's."""
+    from damping.gap.corrected import refitted_values  # noqa: PLC0415 - a folder of cases is diagnosed by other processes
+
+    diagnosis, corrected, sentences = result.diagnosis, result.diagnosis.corrected, list[str]()
+    fitted = refitted_values(diagnosis.leading.best)
+    if diagnosis.states and diagnosis.leading.effects:
+        count = 1 + len(diagnosis.states)
+        sentences.append(f"This is the first of {count} states: the effects belong in the models of the others too.")
+    if corrected.drive == "base":
+        shared = next((value for name, value in fitted.items() if name.startswith("participation of state 1")), 0.0)
+        p = diagnosis.unit * (1.0 + shared) / corrected.mass
+        sentences.append(
+            f"The participation is {p:.4g} here, and 1 in `damping sweep`: give that {p:.4g} times the acceleration."
+        )
+    if diagnosis.simulate is not None:
+        own = diagnosis.setting.problem.simulation.simulator
+        values = {name: own.values[name] * (1.0 + fitted[name]) for name in own.values} if own else {}
+        told = format_joined([f"{name} = {value:.5g}" for name, value in values.items()])
+        sentences.append(
+            "The mode of this file only stands for the simulator, so `damping sweep` does not reproduce the test: "
+            f"add the effects to the simulator{', with ' + told if told else ''}."
+        )
+    return sentences
 
 
 def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:

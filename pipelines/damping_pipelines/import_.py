@@ -174,11 +174,18 @@ def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:
         of_a_rotation = f"{names[0]} {names[1]} s^2 of a rotation"
         summary.note(f"the mode names no units: its mass is taken in {names[0]} s^2/{names[1]}, or {of_a_rotation}")
         return
-    for name, text in zip(names, (mode.units.force, mode.units.length), strict=True):
+    own = (mode.units.force, mode.units.length)
+    for name, text in zip(names, own, strict=True):
         if text and not unit(text).agrees_with(unit(name)):
-            other = next(key for key in SYSTEMS if key != stated.system)
-            expected = f"--to {other}, or a mode in {name}"
+            fitting = [f"--to {key}" for key, system in SYSTEMS.items() if _agree(own, system)]
+            otherwise = "--consistent with every value in the units of the mode"
+            expected = f"{(fitting or [otherwise])[0]}, or a mode in {name}"
             raise InputError(f"the mode is in {text} and the record in {name}", file=mode.source, expected=expected)
+
+
+def _agree(texts: Sequence[str], system: Sequence[str]) -> bool:
+    """Whether the named units are those of a system; one that is not named agrees."""
+    return all(not text or unit(text).agrees_with(unit(name)) for text, name in zip(texts, system, strict=True))
 
 
 def _print(record: Record, summary: Summary, out: Path, to: Console) -> None:

@@ -145,7 +145,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
     Also empty where the diagnosis doubts that the cause is in the library: an effect that merely imitates the test
     proves nothing beyond it.
     """
-    units, band = explained.mode.units, loads.average
+    units, band = explained.units, loads.average
     for explanation in explained.hypotheses if explained.in_library >= KNOWN else ():
         if explanation.probability < ALIVE:
             break

@@ -141,7 +141,7 @@ class DiagnosisResult(Result):
         first, further = order_cautions(self.against, self.diagnosis.cautions)
         cautions = (f"Caution: {words.end_sentence(caution)}" for caution in further)
         topics = ("verdict", "sizes", "place", "doubts", "reach", "following")
-        units = f"Units: {self.diagnosis.mode.units}."
+        units = f"Units: {self.diagnosis.units}."
         return (*first, *(sentence for topic in topics for sentence in described[topic]), *cautions, units)
 
     @property

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import damping
 from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
 from damping.gap.corrected import effect_values
 from damping.gap.designs import DESIGNS
 from damping.gap.diagnose import Diagnosis, diagnose
-from damping.gap.next_test import name_command, rank_tests
+from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.states import drive_by_forces
 from damping.predict import prepare
 from damping.records import audit
 from damping.records.base_drive import find_participation
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Units
 from damping.records.record import Record
+from damping.report.gap import describe_diagnosis
+from damping_pipelines.gap import _describe_model
 from tests.gap.limited import limited
 
 F_N = 23.7
@@ -182,6 +186,48 @@ def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode
     again = limited(EFFECTS, diagnose, record, corrected)
     assert again.leading.effects == ()
     assert again.gap.nominal < 1.2
+
+
+@pytest.mark.parametrize("heavier", [False, True])
+def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, heavier):
+    """Divided by p m, c2 is 1/m times N/(m/s^2 kg); beside added masses the corrected model is in N as given."""
+    c2, mode = 100.0, replace(mode, units=Units("N", "m", "s"))
+    record = shaken((0.05, 0.1, 0.2, 0.4), c2=c2)
+    if heavier:
+        record = together(record, shaken((0.2,), added=ADDED, c2=c2, seed=4))
+    found = diagnose(record, mode, {"velocity-squared": EFFECTS["velocity-squared"]})
+    run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.0}
+    found.__dict__["next_tests"] = (NextTest("it", "why", 9.0, 0.99, ("force",), (run,), "damping gap"),)
+    assert "40 points from 20.00 to 30.00 Hz at base acceleration 0.200;" in describe_diagnosis(found)["following"][0]
+    (size,) = describe_diagnosis(found)["sizes"]
+    told = float(re.search(r"coefficient: ([0-9.]+) 1/m ", size).group(1))
+    np.testing.assert_allclose(told, c2 / (P * MASS), rtol=0.03, atol=0.0)  # the coefficient to 1 %
+    assert found.units.force == "m/s²"
+    assert found.corrected.units.force == ("N" if heavier else "m/s²")
+
+
+def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_needs(mode, tmp_path):
+    """Swept with that many times the acceleration, it repeats the amplitudes measured."""
+    record = together(shaken((0.1, 0.2, 0.4)), shaken((0.2,), added=ADDED, seed=4))
+    result = damping.diagnose(record, mode, posterior=False, compare=False)
+    head = " ".join(line.removeprefix("# ") for line in _describe_model(result).splitlines() if line.startswith("#"))
+    p = float(re.search(r"participation is ([0-9.]+) here, and 1 in `damping sweep`", head).group(1))
+    np.testing.assert_allclose(p, P, rtol=0.02, atol=0.0)  # known to 0.5 %
+    rows = record.table.loc[record.table["sweep"] == "0.4 with 0"]
+    swept = damping.sweep(result.diagnosis.corrected, force=[0.4 * p], frequency=rows["frequency"].to_numpy())
+    ratio = swept.table["amplitude"].to_numpy() / rows["amplitude"].to_numpy()
+    np.testing.assert_allclose(np.mean(ratio), 1.0, rtol=0.0, atol=0.01)  # noise of 0.5 % over 25 rows
+
+
+@pytest.mark.parametrize("heavier", [False, True])
+def test_local_estimates_are_of_the_mass_that_the_base_shakes(mode, heavier):
+    record = shaken((0.05, 0.1, 0.2))
+    if heavier:
+        record = together(record, shaken((0.2,), added=ADDED, seed=4))
+    local = diagnose(record, mode, {}).local
+    # 0.5 % of a row, 0.5 % of the participation
+    np.testing.assert_allclose([one.damping for one in local], RATIO, rtol=0.03, atol=0.0)
+    np.testing.assert_allclose([one.frequency for one in local], F_N, rtol=1e-3, atol=0.0)
 
 
 def test_the_participation_is_one_of_all_sweeps(mode):

@@ -223,7 +223,11 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
     monkeypatch.chdir(EXAMPLE)
     out = tmp_path / "answer.json"
     words = ("model.toml", "record.csv", "--simulator", "two_beams:frame", "--no-posterior", "--json", out)
-    assert damping("gap", *words).code == 0
+    corrected = tmp_path / "corrected.toml"
+    assert damping("gap", *words, "--model-out", corrected).code == 0
+    head = corrected.read_text().replace("\n# ", " ")
+    assert "`damping sweep` does not reproduce the test: add the effects to the simulator, with bending = " in head
+    np.testing.assert_allclose(float(re.search(r"joint = ([0-9.]+)", head).group(1)), 2150.0, rtol=0.05)
     found = constants(out.read_text())
     assert found["effects"] == ["coulomb-friction"]
     # 6 mN by the README of the example; 75 rows of 1 per cent know it to 1.5 per cent

@@ -207,6 +207,16 @@ def test_where_nothing_is_blamed_only_more_than_first_harmonics_of_one_state_is_
     assert all(test.is_beyond for test in cleared)
 
 
+def test_no_test_is_proposed_for_a_reason(lab):
+    """One explanation is left, or a cause without a name: not that no test in the world would tell."""
+    found = lab.diagnosed("velocity-squared")
+    one = replace(found, explanations=found.explanations[:1], in_library=0.9)
+    for case, why in ((one, "only one explanation is left"), (replace(one, in_library=0.2), "cannot be predicted")):
+        (said,) = describe_diagnosis(case)["following"]
+        assert said.startswith("No further test is proposed: ")
+        assert why in said
+
+
 def test_the_command_of_a_next_test_names_files_as_given_with_states_and_simulator(lab):
     def of(name):
         return Record(lab.measured("").table, f"{name}/data.csv"), lab.mode(source=f"{name}/model.toml")

@@ -18,16 +18,17 @@ from damping.effects.foreign import Contact, FallingFriction, Rub
 from damping.effects.moving import _Memory, _remembered
 from damping.effects.rig import clipping, compressing, integrate_third, recorded_third
 from damping.effects.terms import predict, third_harmonic
-from damping.errors import InputError
+from damping.errors import AnalysisError, InputError
 from damping.forces import make
 from damping.forces.joints import Slip
 from damping.gap.corrected import describe_effects, effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
+from damping.gap.simulation import Simulator
 from damping.predict.steady import resonant_amplitude
 from damping.predict.sweep_rate import envelope
-from damping.records.mode import Rig, Tolerance
+from damping.records.mode import Rig, Tolerance, Units
 from damping.records.record import Record
 from damping.report.forms import gap_form
 from damping.report.gap import describe_diagnosis
@@ -389,6 +390,33 @@ def test_states_share_what_is_wrong(lab):
     assert any(sweep.startswith("2: ") for sweep in both[1].setting.problem.rows.sweeps)
 
 
+def test_states_of_different_forces_are_refused_by_the_names_of_both(lab):
+    rows = lab.bench(levels=2, points=12).rows
+    plain, corrected = lab.record(rows, lab.linear(rows), 4), {"viscous": VISCOUS, "velocity-squared": 20.0}
+    said = "simulates viscous, but .*: viscous, velocity-squared; .* give each model the same ones"
+    with pytest.raises(AnalysisError, match=said):
+        explain(plain, lab.mode(damping=corrected), states=[(heavier(lab, 2.0, VISCOUS), lab.mode())])
+
+
+def test_states_of_other_units_are_refused(lab):
+    rows = lab.bench(levels=2, points=12).rows
+    plain = lab.record(rows, lab.linear(rows), 4)
+    first, other = (lab.mode(units=Units("N", length, "s")) for length in ("m", "mm"))
+    with pytest.raises(InputError, match="state 2 has its length in mm, the first in m; expected states in the same"):
+        explain(plain, first, states=[(heavier(lab, 2.0, VISCOUS), other)])
+    unnamed = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))  # of one system with the first
+    assert explain(plain, first, {}, states=[(heavier(lab, 2.0, VISCOUS), unnamed)]).leading.effects == ()
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.3, True), (0.01, False)])
+def test_motion_across_one_plane_is_told(lab, share, told):
+    rows = lab.bench(levels=2, points=12).rows
+    table = lab.record(rows, lab.linear(rows), 4).table
+    table = table.assign(amplitude_y=share * table["amplitude"], phase_y=table["phase"])
+    found = explain(Record(table), lab.mode(rig=Rig(planes=1)), {})
+    assert told == any("amplitude_y reaches 30% of the amplitude" in caution for caution in found.cautions)
+
+
 def test_a_simulation_of_the_users_own(lab):
     """A mode as a function, off in one of its parameters by two tolerances, and read with a wrong lag."""
 
@@ -407,6 +435,30 @@ def test_a_simulation_of_the_users_own(lab):
     assert best.effects == ("phase-lag",)
     np.testing.assert_allclose(effect_values(best)["phase-lag"]["lag"], 0.08, rtol=0.0, atol=0.005)  # 56 values at 1 %
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
+
+
+@pytest.mark.parametrize("states", [False, True])
+def test_a_mass_on_the_structure_of_a_simulator_is_in_the_prediction(lab, states):
+    """The function knows no added mass: F/|k - (M + m) omega^2 + i c omega| still follows, in closed form."""
+
+    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.001)):
+        omega = 2 * np.pi * frequency
+        Y = stiffness - MASS * omega**2 + 1j * VISCOUS * omega
+        return force / np.abs(Y), np.angle(Y)
+
+    added, bare = 0.2 * MASS, lab.bench(levels=2, points=14).rows
+    moved = replace(bare, omega=bare.omega / np.sqrt(1.2))
+    Y = MASS * OMEGA**2 - (MASS + added) * moved.omega**2 + 1j * VISCOUS * moved.omega
+    light = lab.record(bare, lab.linear(bare), 2)
+    heavy = lab.record(moved, lab.cells(moved.force / np.abs(Y), np.angle(Y)), 3)
+    if states:
+        mode = replace(lab.mode(), mass=MASS + added, frequency=lab.mode().frequency / np.sqrt(1.2))
+        start = setting(light, lab.mode(), states=[(heavy, mode)], simulate=simulate)
+    else:
+        tables = light.frame.assign(added_mass=0.0), heavy.frame.assign(added_mass=added, sweep=heavy.frame.sweep + "m")
+        start = setting(Record(pd.concat(tables, ignore_index=True)), lab.mode(), simulate=simulate)
+    best = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
+    assert np.sqrt(np.mean(best.r**2)) < 1.2  # noise alone
 
 
 @pytest.mark.parametrize(
@@ -464,6 +516,25 @@ def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wr
 
     with pytest.raises(InputError, match=said):
         limited({}, explain, lab.measured("phase-lag"), lab.mode(), simulate=simulate)
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda A: [A, A], "the simulator returns a list"),
+        (lambda A: (A, A, A), "the simulator returns a tuple of 3"),
+        (lambda A: (A, 1.0), "the phase that the simulator returns is of type float64 and shape .., for 24 rows"),
+        (lambda A: (A * 1j, A), "the amplitude that the simulator returns is of type complex128"),
+        (lambda A: (A, ["?"] * len(A)), "the phase that the simulator returns is of type <U1"),
+        (lambda A: (A, np.where(np.arange(24) == 3, np.nan, 1.0)), r"the phase .* is nan at force \S+ and 2.9\d+ Hz"),
+        (lambda A: A["no key"], r"the simulator ends with IndexError.* in line \d+ of test_further_effects.py"),
+    ],
+)
+def test_an_answer_of_a_simulator_that_is_none_names_its_fault(lab, answer, said):
+    rows = lab.bench(levels=2, points=12).rows
+    force, frequency = rows.force, rows.omega / (2 * np.pi)
+    with pytest.raises(InputError, match=f"{said}.*a number each for every row"):
+        Simulator.read(lambda force, frequency: answer(force * frequency), lab.mode())._answer(force, frequency, {})
 
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):

@@ -21,6 +21,7 @@ from damping.gap.size import (
     whitened,
 )
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
+from damping.records.record import Record
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,22 @@ def test_levels_that_all_lie_to_one_side_are_not_said_to_scatter(lab, gains, tol
     fit = ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing)
     said = describe_repeatability(known, fit)
     assert [told in sentence for sentence in said] == [True]
+
+
+@pytest.mark.parametrize(("spread", "alike"), [(0.1, True), (1.5, False)])
+def test_a_state_that_deviates_as_a_whole_is_told_as_one(lab, spread, alike):
+    """Frequencies of three sweeps 4 repeatabilities off, the others none: one caution, not one a sweep."""
+    rows = lab.bench().rows
+    heavy = replace(lab.mode(0.0, 1e-4), mass=12.0, frequency=lab.mode().frequency / np.sqrt(1.2))
+    other = lab.record(replace(rows, omega=rows.omega / np.sqrt(1.2)), lab.linear(rows), 3)
+    known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(0.0, 1e-4), states=[(other, heavy)])
+    model = Model(known.problem, (), Scatter(0.0, 1e-4))
+    y = np.zeros(model.size + 2 * model.sweeps)
+    y[-3:] = 4.0 + spread * np.array([0.0, 1.0, 2.0])
+    nothing = np.zeros(0)
+    said = describe_repeatability(known, ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing))
+    named = [sentence.partition(" deviates: its frequency by +")[0] for sentence in said]
+    assert named == (["every sweep of state 2"] if alike else ["sweep 2: A", "sweep 2: B", "sweep 2: C"])
 
 
 def test_shrinkage():
@@ -140,6 +157,19 @@ def test_local_damping_without_noise(lab):
     assert trend(A, zeta, sd).power == 1.0
     # 0.6 of the viscous loss at A_top, in proportion to A; a band has one amplitude for what its rows average: 2 %
     np.testing.assert_allclose(zeta, lab.xi * (1.0 + 0.6 * A / lab.A), rtol=0.02, atol=0.0)
+
+
+def test_the_local_frequency_is_that_without_an_added_mass(lab):
+    """K - (M + m) omega^2 in closed form: of a linear mode it is the natural frequency at every row."""
+    rows, added = lab.bench().rows, 0.2 * lab.mass
+    omega = rows.omega / np.sqrt(1.2)
+    Y = lab.mass * lab.omega**2 - (lab.mass + added) * omega**2 + 1j * lab.viscous * omega
+    record = lab.record(replace(rows, omega=omega), lab.cells(rows.force / np.abs(Y), np.angle(Y)))
+    heavy = Record(record.table.assign(added_mass=added))
+    found = local_estimates(setting(heavy, lab.mode()).problem.rows, lab.mode())
+    frequency, ratio = np.array([(one.frequency, one.damping) for one in found]).T
+    np.testing.assert_allclose(frequency, lab.omega / (2.0 * np.pi), rtol=1e-12, atol=0.0)  # rounding
+    np.testing.assert_allclose(ratio, lab.xi, rtol=1e-12, atol=0.0)
 
 
 def test_held_out_shrinkage_of_a_clear_case(lab):

@@ -101,6 +101,9 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
     with pytest.raises(InputError, match="mode is in kg and the record in N"):
         import_file(lab, out, Stated(), mode)
+    mode.write_text(MODE.replace('"m"', '"mm"'))  # of neither system: --to us would not help
+    with pytest.raises(InputError, match="mode is in mm and the record in m; expected --consistent with every value"):
+        import_file(lab, out, Stated(), mode)
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import damping as dp
 from damping.extrapolation.near import near_resonance
+from damping.gap.rows import read_rows
 from damping.predict import prepare
 from damping.records import audit
 from damping.records.mode import Mode, Rig, Units, describe_mode_to_toml
@@ -139,6 +140,23 @@ def test_the_rate_of_the_rig_is_that_of_its_rows(record, mode):
     slow = prepare(record, replace(forced, rig=Rig(rate=0.005)))  # .014 half-power bandwidths in the time one takes
     np.testing.assert_array_equal(slow.record.column("amplitude"), record.column("amplitude"))
     assert slow.notes == ()
+
+
+def test_the_rate_of_the_rig_goes_with_the_rows(record, mode):
+    """Rows that run down have the rate of the rig below 0, as a column would; the audit does not ask for it again."""
+    forced = replace(mode, drive="force", mass=1.0 / PARTICIPATION, damping={}, rig=Rig(rate=0.4))
+    down = dp.Record(record.table.iloc[::-1].reset_index(drop=True))
+    for swept, rate in ((record, 0.4), (down, -0.4)):
+        stated = dp.Record(swept.table.assign(sweep_rate=rate))
+        np.testing.assert_array_equal(read_rows(swept, forced).rate, read_rows(stated, forced).rate)
+        np.testing.assert_array_equal(prepare(swept, forced).record.table, prepare(stated, forced).record.table)
+        (of_rig,), (of_rows,) = (
+            [found for found in dp.check(given, forced).findings if found.check == "sweep-rate"]
+            for given in (swept, stated)
+        )
+        assert str(of_rig) == str(of_rows)
+    upwards = replace(forced, rig=Rig(rate=-0.4))  # as stated
+    np.testing.assert_allclose(read_rows(record, upwards).rate, -0.4 * 2.0 * np.pi, rtol=1e-14)
 
 
 def test_the_page_of_bands_rests_on_the_steady_states(record, mode, tmp_path, few_laws):

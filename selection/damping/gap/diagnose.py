@@ -17,17 +17,10 @@ from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_library
-from damping.gap.problem import (
-    Setting,
-    State,
-    exclude_effects,
-    record_cautions,
-    refuse_rows,
-    setting,
-)
+from damping.gap.problem import Setting, State, exclude_effects, record_cautions, refuse_rows, setting
 from damping.gap.search import Search, search_hypotheses
 from damping.gap.simulation import Simulate
-from damping.gap.states import as_given, drive_by_forces, list_repeated, list_unread, refuse_copies
+from damping.gap.states import as_given, drive_by_forces, list_crossing, list_repeated, list_unread, refuse_states
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
     FootprintCell,
@@ -39,7 +32,7 @@ from damping.gap.where import (
     residual_cells,
     trend_of,
 )
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Units
 from damping.records.record import Record
 
 
@@ -94,8 +87,14 @@ class Explained(Weighed):
     @property
     def corrected(self) -> Mode:
         """The simulation corrected by the leading hypothesis, in the units of these records."""
-        corrected = corrected_mode(self.leading.best)
-        return as_given(corrected, self.unit, self.setting.problem.simulation.shaken)
+        corrected = as_given(corrected_mode(self.leading.best), self.unit, self.setting.problem.simulation.shaken)
+        return corrected if corrected.drive == "base" else replace(corrected, units=self.units)
+
+    @property
+    def units(self) -> Units:
+        """Of the answer's numbers: where a base shakes the first state, its accelerations are the forces."""
+        rows = self.setting.problem.rows
+        return self.mode.units.of_base_drive if np.any(rows.shaken[rows.state == 0.0]) else self.mode.units
 
 
 @dataclass(frozen=True)
@@ -161,10 +160,10 @@ def explain(
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
             simulation without damping.
-        InputError: a record is given twice.
+        InputError: a record is given twice, or states name different units.
     """
     given = [(record, mode), *states]
-    refuse_copies(given)
+    refuse_states(given)
     driven = drive_by_forces(given, simulated=simulate is not None)
     (record, mode), *states = driven.states
     refuse_rows(driven.states)
@@ -180,7 +179,8 @@ def explain(
     if start.problem.simulation.simulator is not None:
         start.problem.simulation.simulator.require_sense(record)
     library = exclude_effects(CATALOGUE, mode, rows)
-    cautions = [*driven.notes, *list_repeated(given), *list_unread(given), *record_cautions(rows, record, stated)]
+    of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
+    cautions = [*driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is ignored: the simulator has its own damping")
     weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)
@@ -258,7 +258,7 @@ def diagnose(
         *describe_shortfall(leading.best),
         *size.describe_held_out(leading, gap, held_out),
     ]
-    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), mode)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
         explanations=weighing.cover_probability(hypotheses),

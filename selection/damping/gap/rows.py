@@ -16,6 +16,7 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, In
 from damping.effects.contract import Drive
 from damping.errors import AnalysisError
 from damping.records.mode import Mode
+from damping.records.order import find_direction, list_rates, order_taken
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 
@@ -158,7 +159,7 @@ def read_rows(record: Record, mode: Mode) -> Rows:
     sweep = np.array([sweeps.index(str(s)) for s in names])
     omega = RAD_S_PER_HZ * record.column("frequency")
     order = np.lexsort((np.arange(n), omega, sweep))
-    time = _order_taken(record)
+    time = order_taken(record)
 
     def optional(name: str, default: float) -> FloatArray:
         return record.column(name, default)[order]
@@ -169,7 +170,6 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         return np.asarray(np.where(A > 0.0, A, np.nan) * np.exp(-1j * optional(f"phase_{channel}", np.nan)))
 
     third, cross = map(phasor, FURTHER_CHANNELS)
-    rate = optional("sweep_rate", mode.rig.rate or 0.0)
     return Rows(
         row=order,
         sweep=sweep[order],
@@ -183,8 +183,8 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         resonant=np.full(n, not record.has_phase and len(sweeps) == n),
         time=time[order],
         label=1.0 + sweep[order],
-        up=_find_direction(sweep, time, omega)[order],
-        rate=RAD_S_PER_HZ * rate,
+        up=find_direction(record)[order],
+        rate=RAD_S_PER_HZ * list_rates(record, mode.rig.rate)[order],
         added=record.added_masses[order],
         state=np.zeros(n),
         ratio=np.ones(n),
@@ -199,15 +199,6 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         has_phase=record.has_phase,
         channels=tuple(name for name, phasor in (("third", third), ("cross", cross)) if np.isfinite(phasor).any()),
     )
-
-
-def _find_direction(sweep: IntArray, time: FloatArray, omega: FloatArray) -> FloatArray:
-    """1 in sweeps whose frequency rises in the order measured, -1 where it falls."""
-    up = np.ones(len(sweep))
-    for number in range(int(sweep.max()) + 1):
-        at = sweep == number
-        up[at] = np.sign(np.sum((time[at] - time[at].mean()) * (omega[at] - omega[at].mean()))) or 1.0
-    return up
 
 
 def is_same_structure(mode: Mode, first: Mode) -> bool:
@@ -237,7 +228,9 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     parts = [first]
     for number, (further, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
-            raise AnalysisError(f"{mode.source}: simulates other damping forces than {base.source}: none can be shared")
+            own, first_own = (", ".join(of.damping) or "no damping" for of in (mode, base))
+            shared = f"{base.source}: {first_own}; states share their damping forces: give each model the same ones"
+            raise AnalysisError(f"{mode.source}: simulates {own}, but {shared}")
         n = len(further)
         changed: dict[str, FloatArray] = {"state": np.full(n, float(number))}
         if is_same_structure(mode, base):
@@ -262,15 +255,6 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         has_phase=any(rows.has_phase for rows in parts),
         channels=tuple(name for name in ("third", "cross") if any(name in rows.channels for rows in parts)),
     )
-
-
-def _order_taken(record: Record) -> FloatArray:
-    """Time of each row, -1/2 to 1/2 over the record; the order of the rows where no time is given."""
-    time = np.arange(len(record), dtype=float)
-    if "time" in record.frame.columns and np.isfinite(record.column("time")).all():
-        time = record.column("time")
-    span = float(np.ptp(time))
-    return np.asarray((time - time.min()) / span - 0.5) if span > 0.0 else np.zeros(len(record))
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from inspect import signature
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -168,6 +170,8 @@ Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 class Simulator:
     """A user's own simulation, as the difference of its complex stiffness from that of the mode that stands for it.
 
+    The function is of the first state without added mass; masses and further states change Z as they change the mode's.
+
     Z = F exp(i phase)/A is smooth in the parameters even where the resonance is not. Z is evaluated at the nominal
     values and, for differences, one tolerance away in each.
 
@@ -236,7 +240,8 @@ class Simulator:
             }
             steps = [(changed[name] - Z) / free[name] if name in free else np.zeros_like(Z) for name in self.values]
             mode = Simulation(self.mode).terms(np.zeros((1, 2 + len(self.mode.damping))))
-            self._known[key] = Z - complex_stiffness(mode, A, drive)[0][0], np.asarray(steps).reshape(-1, len(Z))
+            bare = Drive(drive.F, drive.omega)  # the function knows no state: what a state adds stays
+            self._known[key] = Z - complex_stiffness(mode, A, bare)[0][0], np.asarray(steps).reshape(-1, len(Z))
         return self._known[key]
 
     def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
@@ -268,10 +273,22 @@ class Simulator:
         """Amplitude and phase of the simulation with some parameters changed; errors as of `_stiffness`."""
         expected = "(amplitude, phase), one number each per row"
         try:
-            function = self.function(force, frequency, **{**self.values, **changed})
+            answer = self.function(force, frequency, **{**self.values, **changed})
+            parts = [np.asarray(part) for part in answer] if isinstance(answer, tuple) else []
         except (Exception, SystemExit) as error:
-            raise InputError(f"the simulator fails with {error!r}", expected=expected) from error
-        pair = [np.asarray(part, dtype=float) for part in function] if isinstance(function, tuple) else []
-        if len(pair) != 2 or any(part.shape != force.shape or not np.isfinite(part).all() for part in pair):
-            raise InputError("the simulator's answer", expected=expected)
-        return pair[0], pair[1]
+            *_, at = extract_tb(error.__traceback__)
+            where = "" if at.filename == __file__ else f" in line {at.lineno} of {Path(at.filename).name}"
+            raise InputError(f"the simulator ends with {error!r}{where}", expected=expected) from error
+        if len(parts) != 2:
+            count = f" of {len(answer)}" if isinstance(answer, tuple) else ""
+            raise InputError(f"the simulator returns a {type(answer).__name__}{count}", expected=expected)
+        for name, part in zip(("amplitude", "phase"), parts, strict=True):
+            said = f"the {name} that the simulator returns"
+            if part.dtype.kind not in "iuf" or part.shape != force.shape:
+                given = f"is of type {part.dtype} and shape {part.shape}, for {force.size} rows"
+                raise InputError(f"{said} {given}", expected=expected)
+            if len(bad := np.flatnonzero(~np.isfinite(part))):
+                row = f"at force {force[bad[0]]:.4g} and {frequency[bad[0]]:.5g} Hz"
+                raise InputError(f"{said} is {part[bad[0]]:g} {row}", expected=expected)
+        A, phase = (part.astype(np.float64) for part in parts)
+        return A, phase

@@ -19,6 +19,8 @@ from damping.gap.search import Search
 
 #: Deviation of a sweep, in units of repeatability, from which it is outlying: one in a thousand sweeps.
 OUTLYING = 3.3
+#: Range of deviations within each state, over that of the states' means, below which a state deviates as a whole.
+AGREEING = 0.25
 #: Most levels held out, the highest first.
 MOST_FOLDS = 3
 #: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
@@ -147,18 +149,29 @@ def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
 
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     """Cautions about deviations of sweeps: outlying levels, and estimates at the edge of their grid."""
-    repeatability, levels = [], list_levels(fit)
-    for level in levels:
-        for what, size, sigma in (
-            ("readings", level.gain, level.gain_sigma),
-            ("frequency", level.frequency, level.frequency_sigma),
-        ):
-            if abs(sigma) > OUTLYING:
-                repeatability.append(
-                    f"sweep {level.sweep} deviates: its {what} by {size:+.2%}, {abs(sigma):.1f} sigma of repeatability"
-                )
+    repeatability = [
+        f"{name} deviates: its {what} by {size:+.2%}, {sigma:.1f} sigma of repeatability"
+        for what, field in (("readings", "gain"), ("frequency", "frequency"))
+        for size, name, sigma in _list_deviations(fit, field)
+        if sigma > OUTLYING
+    ]
     hidden = "the upper limit of usual repeatability, {}: it may hide a fault of one level, or another cause"
     return repeatability + _describe_scatters(setting, fit, 1, hidden)
+
+
+def _list_deviations(fit: ModelFit, field: str) -> list[tuple[float, str, float]]:
+    """Size, name and |sigma| of the deviation of every sweep, smallest first; of every state if its sweeps agree."""
+    levels, rows = list_levels(fit), fit.model.problem.rows
+    sizes, sigmas = np.array([(getattr(level, field), getattr(level, f"{field}_sigma")) for level in levels]).T
+    of_state = np.array([int(rows.state[run[0]]) for run in rows.runs])
+    states = [(f"every sweep of state {number + 1}", of_state == number) for number in np.unique(of_state)]
+    means = [float(sizes[own].mean()) for _, own in states]
+    widest = max(float(np.ptp(sizes[own])) for _, own in states)
+    if not (1 < len(states) < len(levels) and widest < AGREEING * np.ptp(means)):
+        states, means = [(f"sweep {name}", np.array([k])) for k, name in enumerate(rows.sweeps)], sizes.tolist()
+    return sorted(
+        (mean, name, float(np.abs(sigmas[own]).max())) for mean, (name, own) in zip(means, states, strict=True)
+    )
 
 
 def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
@@ -169,13 +182,14 @@ def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
 
 def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) -> list[str]:
     """Cautions for gain and frequency with the ``rank``-th largest scatter tried; ``ending`` formats the span."""
-    levels, fitted, tried = list_levels(fit), fit.model.scatter, np.transpose(setting.unknowns.scatters)
+    fitted, tried = fit.model.scatter, np.transpose(setting.unknowns.scatters)
     of_kinds = (("readings", "gain", fitted.amplitude), ("frequencies", "frequency", fitted.frequency))
     scatters = []
     for (what, name, scatter), sizes in zip(of_kinds, map(np.unique, tried), strict=True):
         if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
-            first, *_, last = sorted((getattr(level, name), level.sweep) for level in levels)
-            span = f"from {first[0]:+.2%} in sweep {first[1]} to {last[0]:+.2%} in sweep {last[1]}"
+            first, *_, last = _list_deviations(fit, name)
+            span = f"from {first[0]:+.2%} in {first[1]} to {last[0]:+.2%} in {last[1]}"
+            span += ", as if the mass or frequency of a state were not as stated" * first[1].startswith("every")
             side = "above" if first[0] > 0.0 else "below"
             lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
             scatters.append(f"the {what} of the levels {lie} {scatter:.2%}, {ending.format(span)}")

@@ -1,4 +1,4 @@
-"""States of one structure, converted to force excitation in one unit of mass; checks for copies and unused channels.
+"""States of one structure as driven by forces in one unit of mass; refusal of copies and other units; unused channels.
 
 States of one stiffness are the same structure with known masses added. Those that a base shakes share one participation
 p, a free parameter beside the generalized mass m; a state of another stiffness has its own. If a base shakes the first
@@ -122,9 +122,17 @@ def _name(group: Sequence[int], states: Sequence[State]) -> str:
 #: copy, since rounded peaks may agree once.
 _MEASURED = ("force", "frequency", "amplitude", "phase")
 _COPIED = 0.5
+#: Reading across the axis, over that along it, that motion along it alone may leave: cross sensitivity of a sensor.
+_CROSS_READING = 0.05
 
 
-def refuse_copies(states: Sequence[State]) -> None:
+def refuse_states(states: Sequence[State]) -> None:
+    """InputError for a state that is a copy of another, or names other units than the first."""
+    _refuse_copies(states)
+    _refuse_other_units(states)
+
+
+def _refuse_copies(states: Sequence[State]) -> None:
     """InputError for two states of which the shorter repeats rows of the other, identical in every column."""
     for (j, (first, _)), (k, (other, _)) in combinations(enumerate(states, 1), 2):
         columns = first.frame.columns.tolist()
@@ -133,6 +141,31 @@ def refuse_copies(states: Sequence[State]) -> None:
         ):
             message = f"the rows of states {j} and {k} are identical in every column"
             raise InputError(message, file=other.source or None, expected="each measured state once")
+
+
+def _refuse_other_units(states: Sequence[State]) -> None:
+    """InputError for a further state that names other units than the first: masses and coefficients are shared."""
+    first = states[0][1]
+    for number, (_, mode) in enumerate(states[1:], 2):
+        for what, unit in vars(mode.units).items():
+            named = getattr(first.units, what)
+            if unit and named and unit != named:
+                message = f"state {number} has its {what} in {unit}, the first in {named}"
+                raise InputError(message, file=mode.source or None, expected="states in the same units")
+
+
+def list_crossing(states: Sequence[State]) -> list[str]:
+    """Cautions about motion across the measured axis where the rig is stated to have one plane."""
+    cautions = []
+    for number, (record, mode) in enumerate(states, 1):
+        share = record.column("amplitude_y", 0.0).max() / record.column("amplitude").max()
+        if mode.rig.planes == 1 and share > _CROSS_READING:
+            of_state = f" of state {number}" if len(states) > 1 else ""
+            cautions.append(
+                f"amplitude_y{of_state} reaches {share:.0%} of the amplitude, while [rig] planes = 1 says that nothing "
+                "moves across: no explanation with a second plane was tried"
+            )
+    return cautions
 
 
 def list_repeated(states: Sequence[State]) -> list[str]:

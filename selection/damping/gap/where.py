@@ -1,9 +1,10 @@
 """Where the gap lies: cells of contiguous rows of one sweep, by residual and by footprint of the explanation.
 
 Local estimates are natural frequency and damping ratio from each row alone, averaged by sweep and band of amplitude.
-A row with a phase measures Y = F exp(i phase)/A = K - M omega^2 + (S + i C)/A. With the simulation's mass it gives
+A row with a phase and an added mass m measures Y = F exp(i phase)/A = K - (M + m) omega^2 + (S + i C)/A. With the
+simulation's mass it gives, of the structure without m,
 
-    omega_local^2 = (Re Y)/M + omega^2,    zeta_local = Im Y/(2 M omega omega_n)
+    omega_local^2 = (Re Y)/M + (1 + m/M) omega^2,    zeta_local = Im Y/(2 M omega omega_n)
 
 for any law. Constant zeta is viscous damping; zeta ~ A^p is a force C ~ A^(p + 1), and likewise for the stiffness:
 p = -1 friction, 1 velocity squared, 2 q^2 q' or a cubic spring.
@@ -158,7 +159,7 @@ def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
     M = mode.mass * rows.mass
     size = rows.F / rows.A
     Y = size * np.exp(1j * rows.phase)
-    squared, zeta = Y.real / M + rows.omega**2, Y.imag / (2.0 * M * rows.omega * mode.omega_n)
+    squared, zeta = Y.real / M + (1.0 + rows.added / M) * rows.omega**2, Y.imag / (2.0 * M * rows.omega * mode.omega_n)
     cos, sin = np.cos(rows.phase), np.sin(rows.phase)
     sd_real = size * np.hypot(cos * rows.sd_amplitude, sin * sd_phase)
     sd_imaginary = size * np.hypot(sin * rows.sd_amplitude, cos * sd_phase)

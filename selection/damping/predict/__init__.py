@@ -17,6 +17,7 @@ from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
 from damping.records.base_drive import Participation, find_participation, shake
 from damping.records.mode import Mode
+from damping.records.order import list_rates
 from damping.records.record import Record
 from damping.records.view import View, take_median
 
@@ -49,7 +50,7 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
             mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
         driven = record
         if mode.rig.rate and "sweep_rate" not in record.frame.columns:
-            record = Record(record.frame.assign(sweep_rate=mode.rig.rate), record.source)
+            record = Record(record.frame.assign(sweep_rate=list_rates(record, mode.rig.rate)), record.source)
         mass, frequency = mode.mass, mode.frequency
     elif "sweep_rate" not in record.frame.columns:
         return Measured(record, None, record)

@@ -21,6 +21,7 @@ from damping.records.implied import (
 )
 from damping.records.mode import Mode
 from damping.records.odd_levels import WILD, OddLevel, find_odd_level
+from damping.records.order import list_rates
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import (
@@ -160,11 +161,12 @@ class View:
     @cached_property
     def rates(self) -> dict[str, float]:
         """(df/dt)/(2 zeta f)^2 of each sweep at its resonance, if the sweep rate is stated."""
-        table = self.record.frame
-        if "sweep_rate" not in table.columns:
+        of_rig = self.mode.rig.rate if self.mode else None
+        if "sweep_rate" not in self.record.frame.columns and not of_rig:
             return {}
         width = 2.0 * (self.implied["damping_ratio"] * self.implied["frequency"])
-        fastest = table["sweep_rate"].abs().groupby(table["sweep"]).max().fillna(0.0)
+        rates = pd.Series(np.abs(list_rates(self.record, of_rig)))
+        fastest = rates.groupby(self.record.frame["sweep"].to_numpy()).max()
         etas = self.implied["sweep"].map(fastest) / width**2
         return {
             str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], etas, width, strict=True) if w > 0.0

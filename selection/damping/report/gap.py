@@ -55,6 +55,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "trend_seen": TREND_SEEN,
         "trend_fits": TREND_FITS,
         "test": next(iter(diagnosis.next_tests), None),
+        "drive": diagnosis.units.drive,
         "settles": diagnosis.next_test is not None,
         "apart": apart,
         "known": KNOWN,
@@ -94,7 +95,7 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
             value = values[effect][name]
             digits = int(np.clip(2 + int(np.log10(abs(value) / np.ptp(ends) + 1.0)), 3, _MOST_DIGITS))
             shape = shapes.get(name, Shape(name))
-            unit = words.format_dimension_text(shape.unit, diagnosis.mode.units)
+            unit = words.format_dimension_text(shape.unit, diagnosis.units)
             low, high = (words.number(end, digits) for end in ends)
             own = words.format_quantity(value, unit, digits)
             label = (shape.label or name.replace("_", " ")).removeprefix(f"{effect} ")

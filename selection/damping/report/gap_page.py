@@ -111,7 +111,7 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
     from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
 
-    leading, units = diagnosis.leading.best, diagnosis.mode.units
+    leading, units = diagnosis.leading.best, diagnosis.units
     rows = leading.model.problem.rows
     measured = _tabulate_measured(leading)
     if rows.at_resonance:
