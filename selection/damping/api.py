@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Numbers
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import list_asked, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
@@ -79,10 +79,10 @@ def rank(
 def extrapolate(
     record: Record,
     mode: Mode,
-    forces: float | Sequence[float] = (),
+    forces: Numbers = (),
     level: float = 0.9,
     *,
-    amplitudes: float | Sequence[float] = (),
+    amplitudes: Numbers = (),
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -118,8 +118,8 @@ def extrapolate(
 def curve(
     record: Record,
     mode: Mode,
-    amplitudes: float | Sequence[float] = (),
-    forces: float | Sequence[float] = (),
+    amplitudes: Numbers = (),
+    forces: Numbers = (),
     level: float = 0.9,
     *,
     seed: int = SEED,
@@ -156,7 +156,7 @@ def diagnose(
     record: Record,
     mode: Mode,
     *,
-    states: Sequence[State] = (),
+    states: Iterable[State] = (),
     simulate: Simulate | None = None,
     posterior: bool = False,
     compare: bool = True,
@@ -184,6 +184,7 @@ def diagnose(
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     progress = watch(progress)
+    states = tuple(states) if isinstance(states, Iterable) else (states,)  # an iterator can be read once only
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
@@ -265,7 +266,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
 def sweep(
     mode: Mode,
     *,
-    force: float | Sequence[float],
+    force: Numbers,
     frequency: Sequence[float] | FloatArray,
     direction: Direction = "up",
     method: Method = "ritz",

@@ -98,3 +98,42 @@ def test_laws_are_told_apart_beside_their_bars():
     axes = Figure().add_subplot()
     ranking(table, axes=axes)
     assert [" ".join(label.get_text().split()) for label in axes.get_yticklabels()] == laws
+
+
+def test_further_columns_hold_anything():
+    """Lists, dictionaries and arrays are kept; rows that differ in them alone are no copies."""
+    for cells in ([[1], [2], [3], [4], [5]], [{"a": k} for k in range(5)], [np.arange(k) for k in range(5)]):
+        record = dp.Record(TABLE.assign(channels=cells))
+        assert [str(cell) for cell in record.table["channels"]] == [str(cell) for cell in cells]
+    twice = pd.concat([TABLE.iloc[:1]] * 2)
+    assert len(dp.Record(twice.assign(channels=[[1], [2]]))) == 2
+    with pytest.raises(dp.InputError, match="identical in every column to row 0 in row 1"):
+        dp.Record(twice.assign(channels=[[1], [1]]))
+
+
+def test_a_whole_number_beyond_any_float():
+    with pytest.raises(dp.InputError, match="column force: a number too large; expected a finite number"):
+        dp.Record(TABLE.assign(force=[10**400, 2, 3, 4, 5]))
+
+
+def test_keys_of_a_mode_are_texts():
+    with pytest.raises(dp.InputError, match="column 3: unknown key in"):
+        dp.Mode(name="m", frequency=25.0, mass=0.04, damping={3: 1.0})
+
+
+def test_states_are_read_once_whatever_holds_them(monkeypatch):
+    """An iterator of states is no empty list of them."""
+    seen = []
+    record, mode = dp.Record(TABLE), dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
+    monkeypatch.setattr("damping.gap.diagnose.diagnose", lambda *_, states, **__: seen.append(states) or 1 / 0)
+    for states in ([(record, mode)], iter([(record, mode)])):
+        with pytest.raises(ZeroDivisionError):
+            dp.diagnose(record, mode, states=states)
+    assert [list(states) for states in seen] == [[(record, mode)]] * 2
+    with pytest.raises(dp.InputError, match="states are no pairs"):
+        dp.diagnose(record, mode, states=3)
+
+
+def test_forces_of_a_sweep_are_numbers():
+    with pytest.raises(dp.InputError, match=r"force \[2.0, 3.0\]; expected positive numbers"):
+        dp.sweep(dp.Mode(name="m", frequency=25.0, mass=0.04), force=[[2.0, 3.0]], frequency=[24.0, 26.0])

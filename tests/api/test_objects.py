@@ -128,6 +128,7 @@ def test_a_mode_does_not_change():
                 with pytest.raises(TypeError, match="a mode does not change"):
                     change(table)
         assert again == mode
+        assert hash(again) == hash(mode)
         assert again.damping["viscous"] == {"coefficient": 2.0}
     assert json.loads(json.dumps(mode.damping)) == dataclasses.asdict(mode)["damping"] == mode.damping
     assert dataclasses.replace(mode, damping={**mode.damping, "viscous": 5.0}).damping["viscous"]["coefficient"] == 5.0

@@ -73,7 +73,7 @@ def simulate_sweeps(
 
 def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, method: str) -> None:
     """InputError for the first invalid argument."""
-    bad = next((force for force in forces if not (math.isfinite(force) and force > 0.0)), None)
+    bad = next((force for force in forces if not (isinstance(force, int | float) and 0.0 < force < math.inf)), None)
     if not forces or bad is not None:
         raise InputError(f"force {bad}" if forces else "no force", expected="positive numbers")
     if len(set(forces)) < len(forces):
