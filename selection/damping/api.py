@@ -232,8 +232,9 @@ def regress(
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
     table = frame.frame if isinstance(frame, Record) else frame
-    check_kind(table, pd.DataFrame, "table")
-    if not isinstance(terms, str | Sequence):
+    for name, value, kind in (("table", table, pd.DataFrame), ("response", response, str), ("source", source, str)):
+        check_kind(value, kind, name)
+    if not (isinstance(terms, str | Sequence) and all(isinstance(term, str) for term in terms)):
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)

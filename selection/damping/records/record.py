@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +66,9 @@ class Record:
     frame: pd.DataFrame = field(init=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.source, str | PathLike):
+            raise InputError(f"source is of type {type(self.source).__name__}", expected="a text or a path")
+        vars(self)["source"] = str(self.source)
         table = _tabulate_typed(self.frame, self.source)
         problems = find_problems(table)
         if problems:
