@@ -144,7 +144,7 @@ def test_forces_of_a_sweep_are_numbers():
 def test_where_a_record_is_from():
     assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
     for source in (None, 3):
-        with pytest.raises(dp.InputError, match="source is of type .*; expected a text or a path"):
+        with pytest.raises(dp.InputError, match="source is of type"):
             dp.Record(TABLE, source)
 
 
