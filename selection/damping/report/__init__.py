@@ -89,7 +89,7 @@ def end_sentence(text: str) -> str:
 
 
 def start_sentence(text: str) -> str:
-    """Text with a capital first letter, unless it begins with a name, of a file or a run: one with digits, ``_`` or ``.``."""
+    """Text with a capital first letter, unless it begins with the name of a file or a run (digits, ``_`` or ``.``)."""
     first = text.partition(" ")[0]
     return text if re.search(r"[\d_.]", first) else text[:1].upper() + text[1:]
 
