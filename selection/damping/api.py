@@ -214,13 +214,14 @@ def regress(
     criterion: str = "bic",
     nonnegative: bool = False,
     t_stop: float | None = None,
-    source: str = "table",
+    source: str = "",
 ) -> RegressionResult:
     """The regression program of 1970 on any table, or on that of a record, as ``damping regress`` runs it.
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
-            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: of the table, for messages.
+            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: file of the table,
+            by default that of the record.
 
     Raises:
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
@@ -231,14 +232,14 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    table = frame.frame if isinstance(frame, Record) else frame
+    table, of = (frame.frame, frame.source) if isinstance(frame, Record) else (frame, "table")
     for name, value, kind in (("table", table, pd.DataFrame), ("response", response, str), ("source", source, str)):
         check_kind(value, kind, name)
     if not (isinstance(terms, str | Sequence) and all(isinstance(term, str) for term in terms)):
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    names = list_columns_for(response, parsed)
+    names, source = list_columns_for(response, parsed), source or of
     table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
     return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))

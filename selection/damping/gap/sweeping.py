@@ -123,7 +123,7 @@ def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tupl
                 f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass or nothing limits it"
             )
     columns = [[label] * len(rows), [level] * len(rows), hertz, *zip(*rows, strict=True)]
-    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True))).astype({"sweep": object})  # as a record has it
 
 
 def _label(number: int) -> str:
