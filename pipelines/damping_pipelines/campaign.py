@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Collection, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -31,6 +32,8 @@ from damping_pipelines.terminal import (
     report_findings,
 )
 
+#: A frequency in the five digits of the terminal: a resonance moves little from level to level.
+_hertz = partial(number_whole, digits=5, mark="#")
 #: Outputs of every campaign.
 PAGES = ("campaign.json", "report.html", "study.toml")
 
@@ -150,16 +153,17 @@ def _frequencies(text: str | None) -> list[float]:
 def _write_page(answer: Campaign) -> list[Section]:
     """Write the page: modes, their damping against level, and the response of every sensor at the design levels."""
     parts: dict[str, Block] = {
-        "modes": Table(_tabulate_modes(answer), ""),
+        "modes": Table(_tabulate_modes(answer), "", {"frequency, Hz": _hertz}),
         "limits": Table(_tabulate_notches(answer), ""),
         "outcomes": Table(_tabulate_outcomes(answer), ""),
         "files": Table(answer.summary.table, ""),
     }
     for mode in answer.modes:
-        parts |= _draw_levels(mode, answer.unit)
+        parts |= _draw_levels(mode, answer.input_name, answer.unit)
         parts[f"{mode.name} peaks"] = Table(_tabulate_peaks(mode, answer.unit), "")
     cautions = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
-    return write_sections(Path(__file__).with_suffix(".txt"), vars(answer) | {"cautions": cautions}, parts)
+    values = vars(answer) | {"cautions": cautions, "input": answer.input_name, "tested": answer.tested, "hertz": _hertz}
+    return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
 
 
 def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
@@ -167,7 +171,7 @@ def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "level": _describe_level(at, unit),
-            "": "measured" if at.tested else "predicted",
+            "kind": "measured" if at.tested else "predicted",
             "sensor": peak.sensor,
             **dict(zip(("median", "low", "high"), peak.band, strict=True)),
             "unit": peak.unit,
@@ -241,7 +245,8 @@ def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
 
 def _describe_ratio(at: At, unit: str) -> str:
     """A damping ratio in per cent with its level, which may differ between modes, and with the notched input."""
-    band = "{:.3g} ({:.3g} to {:.3g})".format(*(100.0 * part for part in at.ratio)) if at.ratio else "no answer"
+    ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio or ()]
+    band = "{} ({} to {})".format(*ratio) if ratio else "no answer"
     return f"{band} at {_describe_level(at, unit)}"
 
 
@@ -250,7 +255,7 @@ def _describe_level(at: At, unit: str) -> str:
     return f"{at.level:.4g} {unit}{notched}"
 
 
-def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
+def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none if only one level has a result."""
     levels = pd.DataFrame(
         {"level": at.input, "tested": at.tested, "frequency": at.frequency}
@@ -260,10 +265,9 @@ def _draw_levels(mode: ModeAnswer, unit: str) -> dict[str, Block]:
     )
     if len(levels) < 2:
         return {}
-    words = f"Damping ratio and frequency of {mode.name} against the input at the mode in {unit}."
-    return {
-        mode.name: FigureBlock(to_svg(mode_over_level(levels, unit), f"{mode.name}-levels", mode.name, words), words)
-    }
+    words = f"Damping ratio and frequency of {mode.name} against the {input_name} in {unit}."
+    figure = mode_over_level(levels, f"{input_name}, {unit}")
+    return {mode.name: FigureBlock(to_svg(figure, f"{mode.name}-levels", mode.name, words), words)}
 
 
 def _show(answer: Campaign, out: Path) -> None:

@@ -6,7 +6,7 @@
 import os
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
 
@@ -33,11 +33,30 @@ if "numpy" not in sys.modules:
         os.environ.setdefault(_name, "1")
 
 
-def __getattr__(name: str) -> Any:
-    """Load a name of the public interface."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+if TYPE_CHECKING:  # a type checker follows no __getattr__
+    from damping.api import check as check
+    from damping.api import condition as condition
+    from damping.api import curve as curve
+    from damping.api import diagnose as diagnose
+    from damping.api import extrapolate as extrapolate
+    from damping.api import rank as rank
+    from damping.api import regress as regress
+    from damping.api import sweep as sweep
+    from damping.errors import AnalysisError as AnalysisError
+    from damping.errors import InputError as InputError
+    from damping.errors import Refused as Refused
+    from damping.infer.law import Law as Law
+    from damping.records.mode import Mode as Mode
+    from damping.records.mode import read_mode as read_mode
+    from damping.records.reading import read_record as read_record
+    from damping.records.record import Record as Record
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Load a name of the public interface."""
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

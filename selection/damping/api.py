@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Numbers
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import list_asked, predict_record
 from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
@@ -80,10 +80,10 @@ def rank(
 def extrapolate(
     record: Record,
     mode: Mode,
-    forces: float | Sequence[float] = (),
+    forces: Numbers = (),
     level: float = 0.9,
     *,
-    amplitudes: float | Sequence[float] = (),
+    amplitudes: Numbers = (),
     seed: int = SEED,
     despite: Collection[str] = (),
     progress: Progress = silent,
@@ -119,8 +119,8 @@ def extrapolate(
 def curve(
     record: Record,
     mode: Mode,
-    amplitudes: float | Sequence[float] = (),
-    forces: float | Sequence[float] = (),
+    amplitudes: Numbers = (),
+    forces: Numbers = (),
     level: float = 0.9,
     *,
     seed: int = SEED,
@@ -157,7 +157,7 @@ def diagnose(
     record: Record,
     mode: Mode,
     *,
-    states: Sequence[State] = (),
+    states: Iterable[State] = (),
     simulate: Simulate | None = None,
     posterior: bool = False,
     compare: bool = True,
@@ -185,6 +185,7 @@ def diagnose(
     check_kind(mode, Mode, "mode")
     check_seed(seed)
     progress = watch(progress)
+    states = tuple(states) if isinstance(states, Iterable) else (states,)  # an iterator can be read once only
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
@@ -215,13 +216,14 @@ def regress(
     criterion: str = "bic",
     nonnegative: bool = False,
     t_stop: float | None = None,
-    source: str = "table",
+    source: str = "",
 ) -> RegressionResult:
     """The regression program of 1970 on any table, or on that of a record, as ``damping regress`` runs it.
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
-            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: of the table, for messages.
+            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: file of the table,
+            by default that of the record.
 
     Raises:
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
@@ -232,13 +234,14 @@ def regress(
     from damping.regression.program import regression  # noqa: PLC0415 - as above
     from damping.regression.selecting import Choice  # noqa: PLC0415 - as above
 
-    table = frame.frame if isinstance(frame, Record) else frame
-    check_kind(table, pd.DataFrame, "table")
-    if not isinstance(terms, str | Sequence):
+    table, of = (frame.frame, frame.source) if isinstance(frame, Record) else (frame, "table")
+    for name, value, kind in (("table", table, pd.DataFrame), ("response", response, str), ("source", source, str)):
+        check_kind(value, kind, name)
+    if not (isinstance(terms, str | Sequence) and all(isinstance(term, str) for term in terms)):
         raise InputError(f"terms is of type {type(terms).__name__}", expected="a text, or a list of terms")
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
-    names = list_columns_for(response, parsed)
+    names, source = list_columns_for(response, parsed), source or of
     table = table.reset_index(drop=True)
     require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
     return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
@@ -267,7 +270,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
 def sweep(
     mode: Mode,
     *,
-    force: float | Sequence[float],
+    force: Numbers,
     frequency: Sequence[float] | FloatArray,
     direction: Direction = "up",
     method: Method = "ritz",

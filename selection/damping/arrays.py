@@ -1,7 +1,7 @@
 """Array types for signatures, unit constants, phase wrapping, and conversion of results to plain Python values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import pi
 from typing import Any, TypeAlias
 
@@ -12,6 +12,8 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+#: A number or several, as arguments of the interface take them.
+Numbers: TypeAlias = float | Sequence[float] | FloatArray
 #: A number, or an array that broadcasts with the other arguments.
 Floats: TypeAlias = float | FloatArray
 

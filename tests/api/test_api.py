@@ -235,7 +235,8 @@ def test_a_base_that_shakes_drives_by_its_acceleration_times_the_mass(method):
 
 def test_regress_takes_a_record_as_its_table():
     record = dp.read_record(SATURN / "records" / "config-2-mode-1.csv")
-    of_record, of_table = (dp.regress(x, response="energy", terms="A^2*omega") for x in (record, record.table))
+    asked = {"response": "energy", "terms": "A^2*omega"}
+    of_record, of_table = dp.regress(record, **asked), dp.regress(record.table, **asked, source=record.source)
     assert of_record.to_json() == of_table.to_json()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ import damping as dp
 from damping.extrapolation import check_loads
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
+from damping_reed1970 import data_folder
 
 FORCE = np.array([4.0, 8.0, 12.0, 18.0, 25.0])
 TABLE = pd.DataFrame(
@@ -98,3 +100,75 @@ def test_laws_are_told_apart_beside_their_bars():
     axes = Figure().add_subplot()
     ranking(table, axes=axes)
     assert [" ".join(label.get_text().split()) for label in axes.get_yticklabels()] == laws
+
+
+def test_further_columns_hold_anything():
+    """Lists, dictionaries and arrays are kept; rows that differ in them alone are no copies."""
+    for cells in ([[1], [2], [3], [4], [5]], [{"a": k} for k in range(5)], [np.arange(k) for k in range(5)]):
+        record = dp.Record(TABLE.assign(channels=cells))
+        assert [str(cell) for cell in record.table["channels"]] == [str(cell) for cell in cells]
+    twice = pd.concat([TABLE.iloc[:1]] * 2)
+    assert len(dp.Record(twice.assign(channels=[[1], [2]]))) == 2
+    with pytest.raises(dp.InputError, match="identical in every column to row 0 in row 1"):
+        dp.Record(twice.assign(channels=[[1], [1]]))
+
+
+def test_a_whole_number_beyond_any_float():
+    with pytest.raises(dp.InputError, match="column force: a number too large; expected a finite number"):
+        dp.Record(TABLE.assign(force=[10**400, 2, 3, 4, 5]))
+
+
+def test_keys_of_a_mode_are_texts():
+    with pytest.raises(dp.InputError, match="column 3: unknown key in"):
+        dp.Mode(name="m", frequency=25.0, mass=0.04, damping={3: 1.0})
+
+
+def test_states_are_read_once_whatever_holds_them(monkeypatch):
+    """An iterator of states is no empty list of them."""
+    seen = []
+    record, mode = dp.Record(TABLE), dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
+    monkeypatch.setattr("damping.gap.diagnose.diagnose", lambda *_, states, **__: seen.append(states) or 1 / 0)
+    for states in ([(record, mode)], iter([(record, mode)])):
+        with pytest.raises(ZeroDivisionError):
+            dp.diagnose(record, mode, states=states)
+    assert [list(states) for states in seen] == [[(record, mode)]] * 2
+    with pytest.raises(dp.InputError, match="states are no pairs"):
+        dp.diagnose(record, mode, states=3)
+
+
+def test_forces_of_a_sweep_are_numbers():
+    with pytest.raises(dp.InputError, match=r"force \[2.0, 3.0\]; expected positive numbers"):
+        dp.sweep(dp.Mode(name="m", frequency=25.0, mass=0.04), force=[[2.0, 3.0]], frequency=[24.0, 26.0])
+
+
+def test_where_a_record_is_from():
+    assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
+    for source in (None, 3):
+        with pytest.raises(dp.InputError, match="source is of type"):
+            dp.Record(TABLE, source)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"source": 3}, "source is of type int; expected str"),
+        ({"response": 3}, "response is of type int; expected str"),
+        ({"terms": [3]}, "terms is of type list; expected a text, or a list of terms"),
+        ({"frame": pd.DataFrame()}, "no column 'amplitude'; expected a table with columns"),
+    ],
+)
+def test_arguments_of_a_regression(changed, said):
+    with pytest.raises(dp.InputError, match=said):
+        dp.regress(**{"frame": TABLE, "response": "amplitude", "terms": "force", **changed})
+
+
+def test_a_raw_table_is_checked_like_a_file():
+    """Numbers as text are numbers; a table without rows is none."""
+    folder = data_folder() / "saturn-v"
+    raw, config = pd.read_csv(folder / "raw" / "config-1-mode-2.csv"), folder / "condition.toml"
+    asked, texts = dp.condition(raw, config).table, dp.condition(raw.astype(str), config).table
+    np.testing.assert_allclose(
+        texts.drop(columns=["sweep", "point"]), asked.drop(columns=["sweep", "point"]), rtol=1e-12
+    )
+    with pytest.raises(dp.InputError, match="no data rows"):
+        dp.condition(raw.iloc[:0], config)

@@ -62,6 +62,18 @@ def test_records_are_equal_whose_rows_are(record):
     assert dp.check(record) != dp.check(again)  # results are themselves alone, and no ValueError of pandas
 
 
+def test_a_sweep_is_the_record_of_its_rows(mode):
+    swept = dp.sweep(mode, force=20.0, frequency=[1.6, 1.7]).record
+    assert dp.Record(swept.table, swept.source) == swept
+
+
+def test_a_regression_is_of_the_record_it_was_given(record):
+    asked = {"response": "amplitude", "terms": "force"}
+    assert dp.regress(record, **asked).to_json()["data"] == "config-2-mode-1.csv"
+    assert dp.regress(record.table, **asked).to_json()["data"] == "table"
+    assert dp.regress(record, **asked, source="x/y.csv").to_json()["data"] == "y.csv"
+
+
 def test_objects_are_shown_in_a_few_lines(record, mode):
     for shown in (record, mode, dp.check(record, mode)):
         assert len(repr(shown)) < 1000
@@ -128,6 +140,7 @@ def test_a_mode_does_not_change():
                 with pytest.raises(TypeError, match="a mode does not change"):
                     change(table)
         assert again == mode
+        assert hash(again) == hash(mode)
         assert again.damping["viscous"] == {"coefficient": 2.0}
     assert json.loads(json.dumps(mode.damping)) == dataclasses.asdict(mode)["damping"] == mode.damping
     assert dataclasses.replace(mode, damping={**mode.damping, "viscous": 5.0}).damping["viscous"]["coefficient"] == 5.0

@@ -317,7 +317,12 @@ def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypat
     assert "dB from the 0.4 g tested at this mode" in said
     form = json.loads((out / "campaign.json").read_text())
     page = (out / "report.html").read_text()
+    assert '<th scope="col"></th>' not in page  # every column has a name
     for mode in form["modes"]:
+        lowest = min((at for at in mode["at"] if at["tested"]), key=lambda at: at["level"])["damping_ratio"]
+        median, low, high = (f"{100.0 * lowest[name]:#.3g}" for name in ("median", "low", "high"))
+        assert f"{median} ({low} to {high}) at {form['levels'][0]:g} g" in page  # 3.40, as in the terminal
+        assert f"{mode['frequency']:#.5g} Hz. First law" in page
         folder = out / "modes" / mode["name"]
         ranked = rank(read_record(folder / "record.csv"), read_mode(folder / "mode.toml"))
         assert mode["law"] == ranked.ranking.candidates[0].name
@@ -466,6 +471,21 @@ def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
     assert runs[0].names == runs[1].names == ["größe"]
     np.testing.assert_array_equal(runs[0].channels[0].samples, runs[1].channels[0].samples)
     np.testing.assert_allclose(np.abs(runs[1].channels[0].samples), 3.0, rtol=1e-4)  # six digits are written
+
+
+def test_page_of_decays_names_no_input(tmp_path, damping):
+    """Levels of one mode are no levels of the other, and names of runs are those of the files."""
+    files = [decayed(tmp_path / f"d_{k}.csv", start) for k, start in enumerate((0.005, 0.02))]
+    damping("campaign", *files, "--out", tmp_path / "out", "--quiet")
+    form, page = (
+        json.loads((tmp_path / "out" / "campaign.json").read_text()),
+        (tmp_path / "out" / "report.html").read_text(),
+    )
+    assert len(form["levels"]) > 2
+    assert f"{len(form['modes'])} modes at 2 levels." in page
+    assert "input at the mode" not in page
+    assert "against the amplitude of the sensor that moves most in m/s^2" in page
+    assert "<li>d_0: the decay after" in page
 
 
 def test_times_of_a_decay_may_be_in_ms(tmp_path):
@@ -874,12 +894,12 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
     notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
     (said,) = _tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
-    assert said == "1 (0.9 to 1.1) at 12 N, notched: 7.82 N at the mode"
+    assert said == "1.00 (0.900 to 1.10) at 12 N, notched: 7.82 N at the mode"
     table = _tabulate_modes(Campaign(modes, (), (), "g"))
     assert not table.isna().any(axis=None)
     assert list(table["damping ratio at the last design level, %"]) == [
-        "1 (0.9 to 1.1) at 10 g",
-        "1 (0.9 to 1.1) at 20 g",
+        "1.00 (0.900 to 1.10) at 10 g",
+        "1.00 (0.900 to 1.10) at 20 g",
     ]
 
 

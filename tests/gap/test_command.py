@@ -14,6 +14,8 @@ import pytest
 
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.text import AGREED
+from damping.report.gap import name_parameter
+from damping.report.gap_page import tabulate_posterior
 from damping_pipelines.cli import main
 
 KEYS = {
@@ -80,6 +82,30 @@ def constants(text):
         raise AssertionError(f"{name} is no JSON")
 
     return json.loads(text, parse_constant=refuse)
+
+
+def test_tables_of_the_page(answered, case):
+    """Frequencies in the five digits of the sentences; parameters in words; a posterior told apart from its ends."""
+    page = answered[1].read_text()
+    first = constants(answered[0].read_text())["where"][0]
+    for end in ("frequency_low", "frequency_high"):
+        assert f'<td class="number">{first[end]:#.5g}</td>' in page
+    assert '<th scope="col" class="number">from, Hz</th>' in page
+    assert '<th scope="col" class="number">degrees of freedom</th>' in page
+    cautions = re.findall(
+        "<p>(.*)</p>", page.partition('<p class="callout-title">Cautions</p>')[2].partition("</div>")[0]
+    )
+    assert len(cautions) == len(constants(answered[0].read_text())["cautions"])
+    assert all(caution[0].isupper() and caution.endswith(".") for caution in cautions)
+    units = read_mode(case / "model.toml").units
+    assert name_parameter("planar-coupling", "frequency_ratio", units) == ("frequency ratio", "")
+    names = ("simulation: mass", "planar-coupling: frequency_ratio")
+    draws = np.column_stack([np.linspace(-0.02, 0.03, 101), np.linspace(1.0248, 1.0252, 101)])
+    table = tabulate_posterior(SimpleNamespace(names=names, draws=draws), units)
+    assert list(table["parameter"]) == ["simulation: mass, relative", "planar-coupling: frequency ratio"]
+    # quantiles of evenly spaced draws: 0.05, 0.5 and 0.95 of the way
+    assert list(table.iloc[0, 1:4]) == ["−0.0175", "0.00500", "0.0275"]
+    assert list(table.iloc[1, 1:4]) == ["1.0248", "1.0250", "1.0252"]
 
 
 def test_the_form(answered):

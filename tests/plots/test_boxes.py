@@ -86,6 +86,20 @@ def test_design_loads(rows):
     check(design_loads(band.assign(linear=grid / 3.0), tested, band.iloc[[-1]], 0.9, "lbf", "in", 60.0))
 
 
+@pytest.mark.parametrize("force", [[0.03, 0.13, 0.14, 0.26, 0.49, 0.5], [19.4, 25.0, 29.0]])
+def test_design_loads_far_beyond_the_test(force):
+    """Points close beside one another: the names of those that have room, the topmost among them."""
+    names, force = ("R5", "F0.2", "R20", "R30", "R40", "F0.5")[-len(force) :], np.array(force)
+    tested = pd.DataFrame({"sweep": names, "force": force, "amplitude": force**0.7})
+    grid = np.linspace(0.8 * force[0], 16.0 * force[-1], 40)
+    band = pd.DataFrame({"force": grid, "median": grid**0.7, "low": 0.8 * grid**0.7, "high": 1.4 * grid**0.7})
+    figure = design_loads(band.assign(linear=grid**0.75), tested, band.iloc[[-1]], 0.9, "N", "mm")
+    check(figure)
+    names = figure.axes[0].texts
+    assert "F0.5" in [name.get_text() for name in names]
+    assert all(name.get_window_extent().y0 >= figure.axes[0].get_window_extent().y0 - TOUCHING for name in names)
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 3e4])
 @pytest.mark.parametrize("rows", [1, 3, 500])
 def test_damping_curve(rows, scale):

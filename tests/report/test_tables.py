@@ -30,6 +30,7 @@ from damping.report import (
     format_share,
     format_signed,
     number,
+    start_sentence,
 )
 from damping.report.figures import leading, record_figures, trace_sweep
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
@@ -179,6 +180,26 @@ def test_fitted_curve_reaches_its_resonance_where_no_row_is(swept) -> None:
         np.testing.assert_allclose(A.max(), force / (c * 2.0), rtol=1e-9, atol=0.0)
         # the backbone is known by bisection; a square root of that on either side of the top
         np.testing.assert_allclose(f[A.max() == A], f_n, rtol=1e-5, atol=0.0)
+
+
+def test_a_curve_ends_where_the_force_of_its_sweep_does() -> None:
+    """A response held at one amplitude: the force, smallest at resonance, reaches A = F/(C omega) there, no more."""
+    c, mass, f_n, held = 0.04, 1.0, 1.0, 2.0
+    w_n = RAD_S_PER_HZ * f_n
+    bone = Backbone(np.array([1.0, 2.0, 3.0]), np.full(3, w_n), np.full(3, mass), 0.0)
+    f = np.linspace(0.9, 1.1, 41)
+    w = RAD_S_PER_HZ * f
+    force = held * np.hypot(mass * (w_n**2 - w**2), c * w)
+    rows = pd.DataFrame({"frequency": f, "amplitude": held * (1.0 - 0.01 * np.abs(f - 0.9)), "force": force})
+    drawn_f, drawn = trace_sweep(Viscous(c), bone, mass, rows)
+    assert drawn.max() <= 1.001 * held
+    assert np.ptp(drawn_f[drawn > 0.999 * held]) < 0.05
+
+
+def test_names_keep_their_letters_where_a_sentence_begins() -> None:
+    assert start_sentence("three levels say little") == "Three levels say little"
+    assert start_sentence("decay_0: the decay after 141 s is not used") == "decay_0: the decay after 141 s is not used"
+    assert start_sentence("run.csv: a gap") == "run.csv: a gap"
 
 
 def test_lengths_are_said_as_people_say_them() -> None:

@@ -232,6 +232,17 @@ class Campaign:
     outcomes: tuple[Outcome, ...] = ()
     level_name: str = "amplitude"  #: quantity of a level
 
+    @property
+    def tested(self) -> tuple[int, int]:
+        """The fewest and the most levels that a mode was tested at: free decays give each mode levels of its own."""
+        numbers = [sum(at.tested for at in mode.places) for mode in self.modes]
+        return min(numbers, default=0), max(numbers, default=0)
+
+    @property
+    def input_name(self) -> str:
+        """What levels are at a mode: in free decays nothing drives the structure."""
+        return "input at the mode" if self.level_name != "amplitude" else "amplitude of the sensor that moves most"
+
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""
         return {

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, Numbers
 from damping.errors import InputError
 from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
@@ -211,7 +211,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     return np.array(forces, dtype=float)
 
 
-def list_asked(values: float | Sequence[float], what: str, level: float) -> FloatArray:
+def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)

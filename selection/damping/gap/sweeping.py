@@ -73,7 +73,7 @@ def simulate_sweeps(
 
 def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, method: str) -> None:
     """InputError for the first invalid argument."""
-    bad = next((force for force in forces if not (math.isfinite(force) and force > 0.0)), None)
+    bad = next((force for force in forces if not (isinstance(force, int | float) and 0.0 < force < math.inf)), None)
     if not forces or bad is not None:
         raise InputError(f"force {bad}" if forces else "no force", expected="positive numbers")
     if len(set(forces)) < len(forces):
@@ -123,7 +123,7 @@ def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tupl
                 f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass, or nothing limits it"
             )
     columns = [[label] * len(rows), [level] * len(rows), hertz, *zip(*rows, strict=True)]
-    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True)))
+    return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True))).astype({"sweep": object})  # as a record has it
 
 
 def _label(number: int) -> str:

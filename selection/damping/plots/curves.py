@@ -3,6 +3,7 @@
 A line is solid within the test and dashed beyond it, where the background is also hatched.
 """
 
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,10 @@ def _build_measured_mark(n: int) -> Artist:
 
 #: Sweeps named beside their curves; more hide them.
 MOST_NAMED = 6
+#: Width of a letter of a name beside a tested point, as a share of the axes.
+LETTER_WIDTH = 0.014
+#: Height of such a name, as a share of the axes.
+NAME_HEIGHT = 0.05
 
 
 @styled
@@ -154,12 +159,12 @@ def fitted_sweeps(
 
 
 @styled
-def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
+def mode_over_level(table: pd.DataFrame, label: str) -> Figure:
     """Two panels over the level: damping ratio with its band, and frequency on the scale of its half-power bandwidth.
 
     Args:
         table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
-        unit: of the level.
+        label: of the level, with its unit.
     """
     figure, (left, right) = build_panels(4.4, 2, sharex=True)
     level = table["level"].to_numpy(dtype=float)
@@ -174,7 +179,7 @@ def mode_over_level(table: pd.DataFrame, unit: str) -> Figure:
     for axes, values in ((left, 100.0 * ratio), (right, frequency)):
         axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
         axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
-        axes.set_xlabel(f"input at the mode, {unit}")
+        axes.set_xlabel(label)
     left.set_ylabel("damping ratio, %")
     right.set_ylabel("frequency, Hz")
     bands, marks = (axes.get_legend_handles_labels() for axes in (left, right))
@@ -230,12 +235,23 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     axes.plot(force[inside], band["median"][inside], **_MEDIAN)
     axes.plot(force[~inside], band["median"][~inside], **_MEDIAN_BEYOND)
     axes.plot(tested["force"], tested["amplitude"], "o", color=look.MEASURED, ms=5, mec="white", mew=0.6, zorder=5)
-    if len(tested) <= MOST_NAMED:
-        for label, f, amplitude in zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True):
-            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", fontsize=7.5)
     axes.vlines(design["force"], design["low"], design["high"], color=look.AVERAGE, linewidth=1.2, zorder=4)
     axes.plot(design["force"], design["median"], "D", color="white", mec=look.AVERAGE, markersize=5, zorder=6)
     axes.set_xlim(force[0], force[-1])
     # the linear line stays in sight, a band that runs away sets no scale
     values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
     axes.set_ylim(0.0, 1.12 * np.nanmax([*values, np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])]))
+    if len(tested) <= MOST_NAMED:
+        _name_tested(axes, tested)
+
+
+def _name_tested(axes: Axes, tested: pd.DataFrame) -> None:
+    """Name the tested points from the largest force down, but for names that would lie on another or on the axis."""
+    rows = zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True)
+    right, top = np.inf, np.inf  # of the name before
+    for label, f, amplitude in sorted(rows, key=itemgetter(1), reverse=True):
+        x, y = axes.transLimits.transform((f, amplitude))
+        beside = x + LETTER_WIDTH * (len(label) + 1) < right or y + NAME_HEIGHT < top
+        if beside and y > NAME_HEIGHT:
+            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", fontsize=7.5)
+            right, top = x, y

@@ -39,6 +39,11 @@ BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"]
 #: Expected content of a numeric cell, and of an empty cell in columns that must be complete.
 A_NUMBER = "a finite number"
 IN_BLANK = {"phase": "a finite number: leave out the sweep that has none, or the column for all"}
+#: Kinds of values that pandas would convert to numbers with another meaning, and what is expected instead.
+NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
+    "complex": "real numbers: of a complex response its size in amplitude and the lag of its angle in phase",
+    **dict.fromkeys(("datetime64", "datetime", "timedelta64", "timedelta"), "numbers, times in s"),
+}
 
 #: Magnitudes that a nonzero number of a record or mode may have: products and powers of a few stay finite.
 SMALLEST = 1e-50
@@ -102,7 +107,7 @@ class TomlTable:
         for key in self.values:
             if key not in known:
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
-                raise self.error(key, f"unknown key{where}", list_nearest(key, known))
+                raise self.error(str(key), f"unknown key{where}", list_nearest(str(key), known))
 
     def table(self, key: str, *known: str, required: bool = False, expected: str = "a table") -> TomlTable:
         """The table under ``key``; if ``known`` keys are given, others are refused.

@@ -90,6 +90,9 @@ class FixedTable(dict[str, Any]):
 
     __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
 
+    def __hash__(self) -> int:  # type: ignore[override]  # a dict has none
+        return hash(frozenset(self.items()))
+
     def __reduce__(self) -> tuple[type, tuple[dict[str, Any]]]:
         return FixedTable, (dict(self),)  # as a whole: setting single items is refused
 
@@ -160,9 +163,8 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     """The mode in a TOML file, checked.
 
     Raises InputError, naming file, line and key, for a file that cannot be read or is not TOML; a missing or unknown
-    key (the nearest known key is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
-    frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or an effect out of its
-    bounds.
+    key (the nearest known is named); a value of the wrong type, NaN, infinite or of a magnitude beyond 1e-50..1e50;
+    frequency or mass <= 0; a negative tolerance or repeatability; a parameter of a force or effect out of its bounds.
     """
     return Mode(**_checked(read_toml(path, max_size), Path(path).stem), source=str(path))
 

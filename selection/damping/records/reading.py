@@ -222,7 +222,8 @@ def require_column(
 ) -> None:
     """Raise InputError for a missing column; ``file`` and ``line`` of the header, ``why`` the column is needed."""
     if name not in table.columns:
-        expected = f"{describe_nearest(name, map(str, table.columns))} or another column"
+        nearest = describe_nearest(name, map(str, table.columns))
+        expected = f"{nearest} or another column" if nearest else "a table with columns"
         raise InputError(f"no column {name!r}{why}", file=file, line=line, expected=expected)
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
+from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from damping.records.keys import (
     BLANK_COLUMNS,
     COLUMN_TESTS,
     IN_BLANK,
+    NO_NUMBERS,
     OPTIONAL_COLUMNS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
@@ -56,9 +58,8 @@ class Record:
     messages. Records are equal if rows and source are equal.
 
     A record is immutable: ``table`` is a copy at each access; an edited copy makes another record. The library reads
-    ``frame``, the checked rows, and never writes to it.
-
-    InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
+    ``frame``, the checked rows, and never writes to it. InputError: a problem found by :func:`find_problems`, a column
+    that is missing or not numbers, or no rows.
     """
 
     table: _CopiedRows = _CopiedRows()
@@ -66,6 +67,9 @@ class Record:
     frame: pd.DataFrame = field(init=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.source, str | PathLike):
+            raise InputError(f"source is of type {type(self.source).__name__}", expected="a text or a path")
+        vars(self)["source"] = str(self.source)
         table = _tabulate_typed(self.frame, self.source)
         problems = find_problems(table)
         if problems:
@@ -183,7 +187,11 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
         if failing:
             row, wanted = min(failing, key=itemgetter(0))
             problems.append(CellProblem(row, name, f"{float(cells[row]):g}", wanted))
-    repeats = table.duplicated().to_numpy()
+    try:
+        repeats = table.duplicated().to_numpy()
+    except TypeError:  # lists in a further column have no hash: compared as text
+        table = table.astype(str)
+        repeats = table.duplicated().to_numpy()
     if repeats.any():
         second = int(np.argmax(repeats))
         twin = int(np.argmax(table.iloc[: second + 1].duplicated(keep="last").to_numpy()))
@@ -204,13 +212,6 @@ def require_columns(
         hint = " (the header is separated by semicolons or tabs: damping import reads such files)"
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
-
-
-#: Kinds of values that pandas would convert to numbers with another meaning, and what is expected instead.
-_NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
-    "complex": "real numbers: of a complex response its size in amplitude and the lag of its angle in phase",
-    **dict.fromkeys(("datetime64", "datetime", "timedelta64", "timedelta"), "numbers, times in s"),
-}
 
 
 def _name_row(index: pd.Index, row: int) -> str:
@@ -240,9 +241,12 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
         else:
             kind = pd.api.types.infer_dtype(cells)
-            if kind in _NO_NUMBERS:
-                raise InputError(f"holds {kind} values", file=file, column=name, expected=_NO_NUMBERS[kind])
-            typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), A_NUMBER
+            if kind in NO_NUMBERS:
+                raise InputError(f"holds {kind} values", file=file, column=name, expected=NO_NUMBERS[kind])
+            try:
+                typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), A_NUMBER
+            except OverflowError:
+                raise InputError("a number too large", file=file, column=name, expected=A_NUMBER) from None
             good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
         if not good.all():
             row = int(np.argmin(good))

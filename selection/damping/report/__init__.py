@@ -1,5 +1,6 @@
 """The report: results in, tables, figures and one self-contained HTML page out. This module formats text."""
 
+import re
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from math import isfinite, isnan
@@ -85,6 +86,12 @@ def format_decimals(value: float, digits: int) -> str:
 def end_sentence(text: str) -> str:
     """Text with a full stop unless it ends as a question."""
     return text if text.endswith("?") else f"{text}."
+
+
+def start_sentence(text: str) -> str:
+    """Text with a capital first letter, unless it begins with the name of a file or a run (digits, ``_`` or ``.``)."""
+    first = text.partition(" ")[0]
+    return text if re.search(r"[\d_.]", first) else text[:1].upper() + text[1:]
 
 
 def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
@@ -229,7 +236,17 @@ def _format_power(power: float) -> str:
 
 
 _IN_TEXTS: tuple[Callable[..., str], ...] = (
-    *(count, end_sentence, number, format_between, format_counted, format_force_text, format_joined, format_numbers),
+    *(
+        count,
+        end_sentence,
+        start_sentence,
+        number,
+        format_between,
+        format_counted,
+        format_force_text,
+        format_joined,
+        format_numbers,
+    ),
     *(format_percent, format_points_text, format_quantity, format_share, format_signed),
 )
 #: Functions that the texts of a page may use, without ``format_``: numbers and lists in words.

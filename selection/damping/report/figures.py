@@ -28,6 +28,8 @@ MOST_SWEEPS = 8
 MOST_BARS = 12
 #: Points of a fitted curve between the ends of a sweep.
 POINTS = 120
+#: Share of a squared force that rounding may take from the one that holds the resonance.
+ROUNDING = 1e-9
 
 
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
@@ -116,11 +118,10 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     measured backbone, so that a folded curve is complete.
     """
     force, frequency, amplitude = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
-    top = int(np.argmax(amplitude))
-    largest = float(amplitude[top])
+    largest = float(amplitude.max())
     for _ in range(3):  # the resonance moves little from where the largest motion was read
-        omega = RAD_S_PER_HZ * backbone.frequency_at(np.array([largest]), 0.9).median
-        peak = float(resonant_amplitude(law, force[top : top + 1], float(omega[0]))[0])
+        hertz = backbone.frequency_at(np.array([largest]), 0.9).median
+        peak = float(resonant_amplitude(law, np.interp(hertz, frequency, force), RAD_S_PER_HZ * float(hertz[0]))[0])
         largest = peak if np.isfinite(peak) else largest
     least = min(0.5 * amplitude.min() / largest, 0.5)
     A = largest * np.sin(np.linspace(np.arcsin(least), 0.5 * np.pi, POINTS))  # dense at the resonance
@@ -130,10 +131,12 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     omega = omega_n
     for _ in range(3):  # the force of the shaker changes little along the curve
         F = np.interp(omega / RAD_S_PER_HZ, frequency, force)
-        beside = np.sqrt(np.maximum(F**2 - law.quadrature(A, omega_n) ** 2, 0.0)) / (mass * A)
-        omega = np.sqrt(np.maximum(omega_n**2 + sides * beside, 0.0))
+        beyond = F**2 - law.quadrature(A, omega_n) ** 2
+        omega = np.sqrt(np.maximum(omega_n**2 + sides * np.sqrt(np.maximum(beyond, 0.0)) / (mass * A), 0.0))
     f = omega / RAD_S_PER_HZ
-    kept = (f >= frequency[0]) & (f <= frequency[-1])
+    kept = (
+        (f >= frequency[0]) & (f <= frequency[-1]) & (beyond >= -ROUNDING * F**2)
+    )  # a smaller force does not reach the amplitude
     return f[kept], A[kept]
 
 

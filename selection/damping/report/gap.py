@@ -17,6 +17,7 @@ from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
 from damping.gap.size import describe_repeatability
 from damping.gap.weighing import KNOWN
+from damping.records.mode import Units
 from damping.records.text import Disagreement
 from damping.report.page import Block, List, Text, write_sections
 
@@ -90,17 +91,28 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
     fit, sizes = diagnosis.leading.best, list[str]()
     values = describe_effects(fit)[0]
     for effect, intervals in effect_intervals(fit).items():
-        shapes = {shape.name: shape for shape in CATALOGUE[effect].shapes} if effect in CATALOGUE else {}
-        for name, ends in intervals.items() if shapes else ():
+        for name, ends in intervals.items() if effect in CATALOGUE else ():
             value = values[effect][name]
-            digits = int(np.clip(2 + int(np.log10(abs(value) / np.ptp(ends) + 1.0)), 3, _MOST_DIGITS))
-            shape = shapes.get(name, Shape(name))
-            unit = words.format_dimension_text(shape.unit, diagnosis.units)
+            digits = count_digits(value, *ends)
+            label, unit = name_parameter(effect, name, diagnosis.units)
             low, high = (words.number(end, digits) for end in ends)
-            own = words.format_quantity(value, unit, digits)
-            label = (shape.label or name.replace("_", " ")).removeprefix(f"{effect} ")
-            sizes.append(f"{effect}, {label}: {own} ({low} to {high})")
+            sizes.append(f"{effect}, {label}: {words.format_quantity(value, unit, digits)} ({low} to {high})")
     return sizes
+
+
+def count_digits(value: float, low: float, high: float) -> int:
+    """Digits in which a value and the ends of its interval are told apart."""
+    return int(np.clip(2 + int(np.log10(abs(value) / (high - low) + 1.0)), 3, _MOST_DIGITS))
+
+
+def name_parameter(effect: str, name: str, units: Units) -> tuple[str, str]:
+    """A parameter of an effect in words, and its unit; those of the simulation are relative to the given ones."""
+    if effect == "simulation":
+        return f"{name}, relative", ""
+    shapes = CATALOGUE[effect].shapes if effect in CATALOGUE else ()
+    shape = next((shape for shape in shapes if shape.name == name), Shape(name))
+    label = (shape.label or name.replace("_", " ")).removeprefix(f"{effect} ")
+    return label, words.format_dimension_text(shape.unit, units)
 
 
 def list_sentences(block: Block) -> list[str]:

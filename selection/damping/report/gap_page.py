@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,8 +24,17 @@ from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import Rows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
+from damping.records.mode import Units
 from damping.records.text import Disagreement
-from damping.report.gap import MOST_BARS, describe_diagnosis, list_sentences, order_cautions, tabulate_hypotheses
+from damping.report.gap import (
+    MOST_BARS,
+    count_digits,
+    describe_diagnosis,
+    list_sentences,
+    name_parameter,
+    order_cautions,
+    tabulate_hypotheses,
+)
 from damping.report.page import FigureBlock, Footer, Table, render_page, write_sections
 
 if TYPE_CHECKING:
@@ -65,17 +75,15 @@ def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> di
     """Tables by name; their captions are in the text."""
     explanations = tabulate_hypotheses(diagnosis).drop(columns="listed")
     tables = {
-        "cells": _tabulate(diagnosis.where[:_MOST_CELLS]),
+        "cells": _tabulate_cells(diagnosis.where),
         "explanations": Table(explanations, "", {"probability": words.format_share}),
         "parameters": Table(_tabulate_parameters(diagnosis), ""),
-        "tests": replace(_tabulate(diagnosis.tests), headings={"gain": "chi-square"}),
+        "tests": replace(_tabulate(diagnosis.tests), headings={"gain": "chi-square", "freedom": "degrees of freedom"}),
     }
     if diagnosis.footprint:
-        tables["marks"] = _tabulate(diagnosis.footprint[:_MOST_CELLS])
+        tables["marks"] = _tabulate_cells(diagnosis.footprint)
     if posterior is not None:
-        low, median, high = pd.DataFrame(posterior.draws).quantile([0.05, 0.5, 0.95]).to_numpy()
-        interval = pd.DataFrame({"parameter": posterior.names, "5 %": low, "median": median, "95 %": high})
-        tables["posterior"] = Table(interval, "")
+        tables["posterior"] = Table(tabulate_posterior(posterior, diagnosis.units), "")
     if diagnosis.held_out is not None:
         tables["levels"] = Table(_tabulate_folds(diagnosis.held_out.folds), "")
     if diagnosis.next_tests:
@@ -87,16 +95,37 @@ def _tabulate(rows: Sequence[Any]) -> Table:
     return Table(pd.DataFrame([asdict(row) for row in rows]), "")
 
 
+def _tabulate_cells(cells: Sequence[Any]) -> Table:
+    """The first cells, their frequencies in the five digits of the sentences."""
+    headings = {"frequency_low": "from, Hz", "frequency_high": "to, Hz", "size": "size, sigma"}
+    formats = dict.fromkeys(("frequency_low", "frequency_high"), partial(words.number, digits=5))
+    return replace(_tabulate(cells[:_MOST_CELLS]), headings=headings, formats=formats)
+
+
 def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
     leading = diagnosis.leading.best
     rows = [
-        {"of": effect, "parameter": name, "value": value}
-        for effect, values in describe_effects(leading)[0].items()
+        (effect, label, value, unit)
+        for effect, values in {**describe_effects(leading)[0], "simulation": refitted_values(leading)}.items()
         for name, value in values.items()
+        if name != "instead"  # the verdict says what it replaces
+        for label, unit in [name_parameter(effect, name, diagnosis.units)]
     ]
-    corrections = refitted_values(leading).items()
-    rows += [{"of": "simulation", "parameter": f"{name}, relative", "value": value} for name, value in corrections]
-    return pd.DataFrame(rows, columns=["of", "parameter", "value"])
+    return pd.DataFrame(rows, columns=["of", "parameter", "value", "unit"])
+
+
+def tabulate_posterior(posterior: EffectPosterior, units: Units) -> pd.DataFrame:
+    """Medians and intervals, each row in digits that tell its three numbers apart."""
+    rows = []
+    for full, quantiles in zip(
+        posterior.names, np.percentile(posterior.draws, (5.0, 50.0, 95.0), axis=0).T, strict=True
+    ):
+        effect, _, name = full.partition(": ")
+        label, unit = name_parameter(effect, name, units)
+        low, median, high = map(float, quantiles)
+        digits = count_digits(median, low, high)
+        rows.append((f"{effect}: {label}", *(words.number(value, digits) for value in (low, median, high)), unit))
+    return pd.DataFrame(rows, columns=["parameter", "5 %", "median", "95 %", "unit"])
 
 
 def _tabulate_folds(folds: Sequence[HeldOutFold]) -> pd.DataFrame:

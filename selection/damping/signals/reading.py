@@ -126,13 +126,15 @@ def read_raw(path: Path, description: Description, max_size: int = DEFAULT_MAX_S
 def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     """A raw table from memory, checked like a file; rows are renumbered.
 
-    InputError: a column that is missing or not finite numbers, or a number out of range.
+    InputError: a column that is missing or not finite numbers, a number out of range, or no rows.
     """
     d = description
     require_numbers(table, d.columns)
     for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
         require_column(table, name)
-    raw = table.reset_index(drop=True)
+    if table.empty:
+        raise InputError("no data rows", expected="at least one row")
+    raw = table.reset_index(drop=True).assign(**{name: pd.to_numeric(table[name]).to_numpy() for name in d.columns})
     for row, name, expected in _find_out_of_range(raw, d):
         raise InputError(f"{raw[name].iloc[row]:g} in row {row}", column=name, expected=expected)
     return raw
