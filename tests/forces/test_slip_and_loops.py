@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
+from damping.forces.joints import SmoothJoint, SmoothSlip
 from damping_reed1970.chapter_2 import (
     equivalence_error,
     equivalent_coefficient,
@@ -96,3 +100,54 @@ def test_viscous_loop_is_an_ellipse() -> None:
     drawn = loop(Viscous(1.3), 1.2, 3.0)
     # (q/A)^2 + (g/(C A omega))^2 = 1 (Fig. 2.4a)
     np.testing.assert_allclose((drawn.q / 1.2) ** 2 + (drawn.force / (1.3 * 1.2 * 3.0)) ** 2, 1.0, rtol=1e-13)
+
+
+def yield_smoothly(z: float, q: np.ndarray) -> np.ndarray:
+    """Stretch at rising displacements q (n,) from z on: dz/dq = 1 - (1 + sgn z) |z|/(2 L), L = 1, integrated."""
+    stretched = solve_ivp(lambda _, z: 1.0 - np.maximum(z, 0.0), q[[0, -1]], [z], t_eval=q, rtol=1e-10, atol=1e-12)
+    return np.asarray(stretched.y[0])
+
+
+@pytest.mark.parametrize("a", [0.05, 0.4, 1.5, 6.0, 60.0])
+def test_averages_of_a_smooth_joint_are_those_of_its_loop(a: float) -> None:
+    """The loop closes where half a cycle from -Z ends at Z."""
+    Z = brentq(lambda Z: yield_smoothly(-Z, np.array([-a, a]))[-1] - Z, 1e-6, 1.0, xtol=1e-12)
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4_001)
+    q = a * np.sin(theta)
+    g = 6.0 * A1 * (yield_smoothly(-Z, q) - q)
+    C, S, sine, cosine = (2 / np.pi * np.trapezoid(g * wave, theta) for wave in (
+        np.cos(theta), np.sin(theta), np.sin(3 * theta), np.cos(3 * theta)
+    ))  # fmt: skip
+    joint, omega = SmoothSlip(6.0, A1), np.array([7.0])
+    A = np.array([a * A1])
+    own = joint.averages(A, omega)
+    # the trapezoid of 4000 points, and a table with steps of 1 % that is interpolated along lines
+    np.testing.assert_allclose([own[0][0], own[2][0]], [C, S], rtol=2e-5)
+    np.testing.assert_allclose(joint.third(A, omega)[0], sine + 1j * cosine, rtol=1e-4)
+    before, after = (joint.averages(by * A, omega) for by in (1 / 1.02, 1.02))
+    slopes = [(after[k][0] - before[k][0]) / (2 * np.log(1.02)) for k in (0, 2)]
+    np.testing.assert_allclose([own[1][0], own[3][0]], slopes, rtol=1e-3, atol=1e-3 * C)  # steps of 2 %, of the table
+    np.testing.assert_allclose(joint.cycle(theta, A, omega), g, rtol=0.0, atol=1e-8)  # the integrator's
+    np.testing.assert_allclose(joint.cycle(theta + np.pi, A, omega), -g, rtol=0.0, atol=1e-8)  # and the way back
+
+
+def test_a_smooth_joint_beyond_its_table() -> None:
+    """Energy 4 k A1 A and no stiffness left at large amplitudes; averages in proportion to A^2 at small ones."""
+    joint, omega = SmoothSlip(6.0, A1), 7.0
+    C, _, S, _ = joint.averages(np.array([2000.0]), omega)
+    np.testing.assert_allclose(
+        [C[0], S[0] / 2000.0], [4.0 * 6.0 * A1 / np.pi, -6.0], rtol=0.01
+    )  # the end's power of A goes on
+    small, twice = (joint.averages(np.array([A]), omega) for A in (1e-5, 2e-5))
+    np.testing.assert_allclose([twice[k][0] / small[k][0] for k in (0, 2)], 4.0, rtol=1e-3)  # A/A1 of the end
+
+
+@pytest.mark.parametrize(("start", "travel"), [(0.2, 0.5), (-0.25, 0.1), (-0.25, 0.9), (0.1, -0.6), (0.1, 0.0)])
+def test_a_smooth_joint_follows_its_differential_equation(start: float, travel: float) -> None:
+    joint, way = SmoothJoint(6.0, A1), -1.0 if travel < 0.0 else 1.0
+    expected = start
+    if travel:
+        expected = way * A1 * yield_smoothly(way * start / A1, np.array([0.0, abs(travel) / A1]))[-1]
+    np.testing.assert_allclose(joint.stretch(start, travel), expected, rtol=1e-8)  # the integrator's
+    halfway = joint.stretch(start, 0.5 * travel)
+    np.testing.assert_allclose(joint.stretch(halfway, 0.5 * travel), joint.stretch(start, travel), rtol=EXACT)

@@ -20,7 +20,10 @@ from damping.gap.size import fitted_terms
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_validation.generator import draw
+from damping_validation.generator.effects import TrueEffect
 from damping_validation.generator.plan import columns, describe_data_text, describe_model_text, force_unit
+from damping_validation.generator.refit import applied
+from damping_validation.generator.steady import true_record
 
 #: Largest root mean square, in sigma of 1 %, that an effect may leave of its own noise-free record. The forms are first
 #: harmonics: at the lowest level friction is 0.4 of the force, and its third harmonic a few tenths of a per cent of the
@@ -127,6 +130,19 @@ def test_parameters_of_springs_and_joints(lab, fitted):
     found = effect_values(fitted["slip"][frozenset({"slip"})].best)["slip"]
     np.testing.assert_allclose(found["stiffness"], size * 2 * lab.xi * lab.mass * lab.omega**2, rtol=0.005)  # as above
     np.testing.assert_allclose(found["limit"], limit * lab.A, rtol=0.005)  # as above
+
+
+def test_parameters_of_a_joint_that_yields_gradually(lab):
+    """Of Bouc and Wen's law: no joints of distributed limits stand in for it, nor do two."""
+    size, limit = 2.0, 0.3
+    rows = lab.bench().rows
+    cells = lab.cells(*true_record(*applied((TrueEffect("slip:smooth", size, (limit,)),), lab.bench())))
+    own = alone("slip", lab.record(rows, cells), lab.mode())[frozenset({"slip"})].best
+    assert np.sqrt(np.mean(own.r**2)) < EXACT
+    found = effect_values(own)["slip"]
+    assert found.keys() == {"stiffness", "limit", "smooth"}
+    np.testing.assert_allclose(found["stiffness"], size * 2 * lab.xi * lab.mass * lab.omega**2, rtol=0.01)  # as above
+    np.testing.assert_allclose(found["limit"], limit * lab.A, rtol=0.01)  # as above
 
 
 def test_parameters_of_the_second_plane(lab, fitted):

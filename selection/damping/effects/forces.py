@@ -21,8 +21,9 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
+from damping.errors import InputError
 from damping.forces.contract import Force, GrowingForce, Joint, spread
-from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, lose_stiffness
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, SmoothSlip, lose_stiffness
 from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,
@@ -173,10 +174,14 @@ class ManyJoints(GrowingForce):
 def joint_force(table: Mapping[str, Floats]) -> Force:
     """One joint, whose ``stiffness`` is lost beyond ``limit``; with ``kappa`` many joints with distributed limits.
 
-    Unbounded limits make a smooth backbone (Iwan 1966): that of Bouc and Wen for kappa = 1, steeper above. With
-    ``bounded`` no limit exceeds ``limit`` (Segalman 2005). See `ManyJoints`.
+    Unbounded limits make a smooth backbone (Iwan 1966). With ``bounded`` no limit exceeds ``limit`` (Segalman 2005).
+    See `ManyJoints`. ``smooth``: one joint that yields gradually, see `SmoothSlip`; it has no ``kappa`` (InputError).
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
+    if np.any(table.get("smooth", 0.0)):
+        if np.any(kappa):
+            raise InputError("slip cannot be smooth and have a kappa: it is one joint, or many", expected="either")
+        return SmoothSlip(stiffness, limit)
     if not np.any(kappa):
         return Slip(stiffness, limit)
     return ManyJoints(stiffness, limit, kappa, bool(table.get("bounded", 0.0)))
@@ -185,7 +190,7 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
 def joint_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the total stiffness lost. Shapes: the amplitude at which slip starts, about the measured ones; kappa.
 
-    One joint, or many with unbounded or bounded limits. Where a joint is simulated, also less of it.
+    One joint, many with unbounded or bounded limits, or one that yields gradually; less of a simulated one.
     """
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
     spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
@@ -193,15 +198,16 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     return (
         _joint_form((limit,), scales),
         _joint_form((spread, kappa), scales),
-        _joint_form((spread, kappa), scales, bounded=True),
+        _joint_form((spread, kappa), scales, "bounded"),
+        _joint_form((spread,), scales, "smooth"),
         *less_forms(SLIP, scales),
     )
 
 
-def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, bounded: bool = False) -> Form:
+def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = "") -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
         spread = {"kappa": kappa[0]} if kappa else {}
-        return {"stiffness": stiffness, "limit": limit} | spread | ({"bounded": 1.0} if bounded else {})
+        return {"stiffness": stiffness, "limit": limit} | spread | ({switch: 1.0} if switch else {})
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness)
 
@@ -213,7 +219,7 @@ SLIP = Effect(
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=adds_force(joint_force),
-    shapes=(*Slip.shapes, _KAPPA, Shape("bounded", default=0.0, switch=True)),
+    shapes=(*Slip.shapes, _KAPPA, *(Shape(name, default=0.0, switch=True) for name in ("bounded", "smooth"))),
     force=joint_force,
     damping=Slip.name,
 )

@@ -29,8 +29,9 @@ _LEAST_SLOPE = 0.05
 _CLIPPED_SLOPE = np.maximum(np.gradient(_CLIPPED, _OVER), 0.0)
 _TURN = int(np.argmax(_CLIPPED_SLOPE < _LEAST_SLOPE))
 #: Nodes and weights of the integral over a/A from 0 to 1.
-_NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(16)
-_PARTS, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _NODE_WEIGHTS
+_GAUSS = np.polynomial.legendre.leggauss(16)
+_PARTS = 0.5 * (_GAUSS[0] + 1.0)
+_WEIGHTS = 0.5 * _GAUSS[1]
 
 
 AMPLITUDE_SCALE: Effect = Effect(
