@@ -51,9 +51,7 @@ def rank(
     despite: Collection[str] = (),
     progress: Progress = silent,
 ) -> RankingResult:
-    """Every candidate damping law of a record, best first, as ``damping rank`` lists them.
-
-    A phase offset that the audit finds is subtracted first, as for loads.
+    """Every candidate damping law of a record without the phase offset that an audit finds, as ``damping rank`` does.
 
     Args:
         mode: if given, cautions name its contradictions with the record and, where no law fits, the objections of the
@@ -222,8 +220,7 @@ def regress(
 
     Args:
         response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
-            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: file of the table,
-            by default that of the record.
+            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: the file, as of a record.
 
     Raises:
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.

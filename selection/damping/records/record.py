@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from os import PathLike
 from typing import NamedTuple
 
@@ -18,12 +17,12 @@ from damping.errors import InputError
 from damping.records.keys import (
     A_NUMBER,
     BLANK_COLUMNS,
-    COLUMN_TESTS,
     IN_BLANK,
     NO_NUMBERS,
     OPTIONAL_COLUMNS,
     REQUIRED_COLUMNS,
     TEXT_COLUMNS,
+    find_refused,
 )
 from damping.records.text import (
     MOST_SHOWN,
@@ -180,13 +179,7 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     Problems are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
     uncertainty (zero means none is stated), magnitudes beyond 1e-50..1e50, and rows identical in every column.
     """
-    problems = []
-    for name in filter(table.columns.__contains__, COLUMN_TESTS):
-        cells, tests = table[name].dropna(), COLUMN_TESTS[name]
-        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
-        if failing:
-            row, wanted = min(failing, key=itemgetter(0))
-            problems.append(CellProblem(row, name, f"{float(cells[row]):g}", wanted))
+    problems = [CellProblem(*cell) for cell in find_refused(table)]
     try:
         repeats = table.duplicated().to_numpy()
     except TypeError:  # lists in a further column have no hash: compared as text
