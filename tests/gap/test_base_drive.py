@@ -195,7 +195,7 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     record = shaken((0.05, 0.1, 0.2, 0.4), c2=c2)
     if heavier:
         record = together(record, shaken((0.2,), added=ADDED, c2=c2, seed=4))
-    found = diagnose(record, mode, {"velocity-squared": EFFECTS["velocity-squared"]})
+    found = limited({"velocity-squared": EFFECTS["velocity-squared"]}, diagnose, record, mode)
     run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.0}
     found.__dict__["next_tests"] = (NextTest("it", "why", 9.0, 0.99, ("force",), (run,), "damping gap"),)
     assert "40 points from 20.00 to 30.00 Hz at base acceleration 0.200;" in describe_diagnosis(found)["following"][0]

@@ -405,7 +405,8 @@ def test_states_of_other_units_are_refused(lab):
     with pytest.raises(InputError, match="state 2 has its length in mm, the first in m; expected states in the same"):
         explain(plain, first, states=[(heavier(lab, 2.0, VISCOUS), other)])
     unnamed = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))  # of one system with the first
-    assert explain(plain, first, {}, states=[(heavier(lab, 2.0, VISCOUS), unnamed)]).leading.effects == ()
+    pair = [(heavier(lab, 2.0, VISCOUS), unnamed)]
+    assert limited({}, explain, plain, first, states=pair).leading.effects == ()
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.3, True), (0.01, False)])
@@ -533,7 +534,7 @@ def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wr
 def test_an_answer_of_a_simulator_that_is_none_names_its_fault(lab, answer, said):
     rows = lab.bench(levels=2, points=12).rows
     force, frequency = rows.force, rows.omega / (2 * np.pi)
-    with pytest.raises(InputError, match=f"{said}.*a number each for every row"):
+    with pytest.raises(InputError, match=f"{said}.*one number each per row"):
         Simulator.read(lambda force, frequency: answer(force * frequency), lab.mode())._answer(force, frequency, {})
 
 
