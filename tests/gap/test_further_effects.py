@@ -265,6 +265,7 @@ CASES = (
     ("sensor-saturation", {"level": 0.02}),
     ("background", {"amplitude": 0.002, "angle": 0.8}),
     ("sweep-rate", {"rate": 5e-4}),
+    ("slip", {"stiffness": 200.0, "limit": 0.01, "smooth": 1.0}),
 )
 
 
@@ -292,6 +293,7 @@ def test_an_effect_is_found_and_sized(lab, name, table):
     (sizes,) = describe_diagnosis(found)["sizes"]
     assert not re.search(r"[0-9] ?1?/", sizes)  # no unit of a mode that names none
     assert name != "sweep-rate" or "ringing (reading: 0 of the motion, 1 of its envelope)" in sizes
+    assert name != "slip" or sizes.endswith("slip: yields gradually (Bouc and Wen).")
     again = with_effects(TERMS, {name: values})
     assert isinstance(again, Terms)  # a corrected model holds it
 

@@ -213,13 +213,15 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = 
 
 
 _KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
+_BOUNDED = Shape("bounded", default=0.0, switch=True, label="many joints, none with a larger limit")
+_SMOOTH = Shape("smooth", default=0.0, switch=True, label="yields gradually (Bouc and Wen)")
 SLIP = Effect(
     name="slip",
     kind="force",
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=adds_force(joint_force),
-    shapes=(*Slip.shapes, _KAPPA, *(Shape(name, default=0.0, switch=True) for name in ("bounded", "smooth"))),
+    shapes=(*Slip.shapes, _KAPPA, _BOUNDED, _SMOOTH),
     force=joint_force,
     damping=Slip.name,
 )

@@ -87,7 +87,7 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
 
 
 def _list_sizes(diagnosis: Diagnosis) -> list[str]:
-    """Every free parameter of the leading effects with its interval, with as many digits as the interval justifies."""
+    """Free parameters of the leading effects with intervals, in the digits that these justify; switches that are on."""
     fit, sizes = diagnosis.leading.best, list[str]()
     values = describe_effects(fit)[0]
     for effect, intervals in effect_intervals(fit).items():
@@ -97,6 +97,8 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
             label, unit = name_parameter(effect, name, diagnosis.units)
             low, high = (words.number(end, digits) for end in ends)
             sizes.append(f"{effect}, {label}: {words.format_quantity(value, unit, digits)} ({low} to {high})")
+        switches = [shape for shape in CATALOGUE[effect].shapes if shape.switch] if effect in CATALOGUE else []
+        sizes += [f"{effect}: {shape.label}" for shape in switches if values[effect].get(shape.name)]
     return sizes
 
 
