@@ -393,7 +393,7 @@ def test_states_share_what_is_wrong(lab):
 def test_states_of_different_forces_are_refused_by_the_names_of_both(lab):
     rows = lab.bench(levels=2, points=12).rows
     plain, corrected = lab.record(rows, lab.linear(rows), 4), {"viscous": VISCOUS, "velocity-squared": 20.0}
-    said = "simulates viscous, but .*: viscous, velocity-squared; .* give each model the same ones"
+    said = "simulates viscous, but .* simulates viscous, velocity-squared; .* give each model the same ones"
     with pytest.raises(AnalysisError, match=said):
         explain(plain, lab.mode(damping=corrected), states=[(heavier(lab, 2.0, VISCOUS), lab.mode())])
 
