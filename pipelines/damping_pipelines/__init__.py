@@ -63,7 +63,7 @@ def end_with_parent(without_pyarrow: bool = False) -> None:
 
     def watch() -> None:
         parent.join()
-        os._exit(1)  # nobody is left who could be told
+        os._exit(1)  # no parent is left for an error
 
     threading.Thread(target=watch, daemon=True, name="end-with-parent").start()
 

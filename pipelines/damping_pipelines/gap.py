@@ -127,10 +127,10 @@ def _describe_use(result: DiagnosisResult) -> list[str]:
     if diagnosis.simulate is not None:
         own = diagnosis.setting.problem.simulation.simulator
         values = {name: own.values[name] * (1.0 + fitted[name]) for name in own.values} if own else {}
-        told = format_joined([f"{name} = {value:.5g}" for name, value in values.items()])
+        parameters = format_joined([f"{name} = {value:.5g}" for name, value in values.items()])
         sentences.append(
             "The mode of this file only stands for the simulator, so `damping sweep` does not reproduce the test: "
-            f"add the effects to the simulator{', with ' + told if told else ''}."
+            f"add the effects to the simulator{', with ' + parameters if parameters else ''}."
         )
     return sentences
 

@@ -1,6 +1,6 @@
 """Whether ranking and diagnosis agree: on the load at the requested force, and on the rows.
 
-The ranked laws predict a band of amplitude. Every explanation that the diagnosis keeps alive gives a corrected
+The ranked laws predict a band of amplitude. Every explanation that the diagnosis keeps gives a corrected
 simulation with a resonant amplitude. If that lies outside the band, both commands report it before their results. If
 only one of the two finds the rows explained, both report it after their results.
 """
@@ -29,8 +29,8 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import AGREED, Disagreement
 
-#: Probability from which an explanation counts as alive, if the library probably holds the cause.
-ALIVE = 0.1
+#: Probability from which the diagnosis keeps an explanation, if the library probably holds the cause.
+KEPT = 0.1
 #: Effects whose damping force is hysteretic, such as a joint that softens as it slips.
 WITH_MEMORY = {
     name for name, effect in CATALOGUE.items() if effect.damping and FORCES[effect.damping].joints is not Force.joints
@@ -140,14 +140,14 @@ def describe_fall(joint: JointEvidence, explained: Explained) -> tuple[str, ...]
 
 
 def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]:
-    """Describe the most probable live explanation whose corrected simulation leaves the band; empty if there is none.
+    """Describe the most probable kept explanation whose corrected simulation leaves the band; empty if there is none.
 
     Also empty where the diagnosis doubts that the cause is in the library: an effect that merely imitates the test
     proves nothing beyond it.
     """
     units, band = explained.units, loads.average
     for explanation in explained.hypotheses if explained.in_library >= KNOWN else ():
-        if explanation.probability < ALIVE:
+        if explanation.probability < KEPT:
             break
         rows = explanation.hypothesis.best.model.problem.rows
         corrected = corrected_mode(explanation.hypothesis.best)

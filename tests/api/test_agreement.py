@@ -1,4 +1,4 @@
-"""Ranking and diagnosis say in their first line where one holds alive what leaves the other's band."""
+"""Ranking and diagnosis report in their first line an explanation of one that leaves the band of the other."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -59,28 +59,28 @@ def made_once():
 
 
 @pytest.fixture
-def unlikely_alive(monkeypatch):
-    """What is one in twelve counts as alive: slip or no effect, which leave the flagship's band at 90 lb."""
-    monkeypatch.setattr(agreement, "ALIVE", 0.05)
+def unlikely_kept(monkeypatch):
+    """Explanations of one in twelve are kept: slip or no effect, which leave the flagship's band at 90 lb."""
+    monkeypatch.setattr(agreement, "KEPT", 0.05)
 
 
-def test_what_is_alive_on_the_flagship_stays_within_the_band(flagship):
+def test_what_is_kept_on_the_flagship_stays_within_the_band(flagship):
     """Force over a power of amplitude in the place of the simulated viscous one: the ranked laws and effects agree."""
     record, mode = flagship
     loads = dp.extrapolate(record, mode, [90.0])
     assert loads.against == AGREED
     assert dp.diagnose(record, mode).against == AGREED
     explained, band = agreement.explain(record, mode), loads.loads.average
-    alive = [own.hypothesis.best for own in explained.hypotheses if own.probability > agreement.ALIVE]
-    assert len(alive) > 1
-    for fit in alive:
+    kept = [own.hypothesis.best for own in explained.hypotheses if own.probability > agreement.KEPT]
+    assert len(kept) > 1
+    for fit in kept:
         (own,) = simulate_resonance(corrected_mode(fit), np.array([90.0]), fit.model.problem.rows.omega)
         assert band.low[0] < own < band.high[0]
 
 
-@pytest.mark.usefixtures("unlikely_alive")
+@pytest.mark.usefixtures("unlikely_kept")
 def test_both_say_where_they_disagree(flagship):
-    """The same values as independent knowledge: what is alive goes where the band does not."""
+    """The same values as independent knowledge: a kept explanation leaves the band."""
     record, mode = flagship
     mode = replace(mode, tolerance=replace(mode.tolerance, from_record=False))
     loads = dp.extrapolate(record, mode, [90.0])
@@ -195,7 +195,7 @@ def test_no_conflict_over_two_planes_but_no_law_fits(two_planes):
     assert f"p = {dp.rank(two_planes[0]).ranking.fit.p_value:.2g}" in loads.headlines[0]
 
 
-@pytest.mark.usefixtures("unlikely_alive")
+@pytest.mark.usefixtures("unlikely_kept")
 def test_a_curve_says_where_the_diagnosis_disagrees(flagship):
     """As loads do, in the first caution, with both numbers."""
     record, mode = flagship
@@ -294,7 +294,7 @@ def test_another_cause_of_a_resonance_that_falls_is_said(joint, effects, at_reso
     assert not said or "rely on neither" in describe_fall(joint, explained)[0]
 
 
-@pytest.mark.usefixtures("unlikely_alive")
+@pytest.mark.usefixtures("unlikely_kept")
 def test_a_cause_that_is_hardly_in_the_library_is_quoted_no_amplitude_of(flagship):
     """Slip leaves the band of the flagship at 90 lb; were the cause in no library as likely as not, it had no say."""
     record, mode = flagship

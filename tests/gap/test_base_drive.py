@@ -224,7 +224,7 @@ def test_local_estimates_are_of_the_mass_that_the_base_shakes(mode, heavier):
     record = shaken((0.05, 0.1, 0.2))
     if heavier:
         record = together(record, shaken((0.2,), added=ADDED, seed=4))
-    local = diagnose(record, mode, {}).local
+    local = limited({}, diagnose, record, mode).local
     # 0.5 % of a row, 0.5 % of the participation
     np.testing.assert_allclose([one.damping for one in local], RATIO, rtol=0.03, atol=0.0)
     np.testing.assert_allclose([one.frequency for one in local], F_N, rtol=1e-3, atol=0.0)

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from damping.records.mode import describe_mode_to_toml, read_mode
+from damping.records.mode import Units, describe_mode_to_toml, read_mode
 from damping.records.text import AGREED
 from damping.report.gap import name_parameter
 from damping.report.gap_page import tabulate_posterior
@@ -106,6 +106,15 @@ def test_tables_of_the_page(answered, case):
     # quantiles of evenly spaced draws: 0.05, 0.5 and 0.95 of the way
     assert list(table.iloc[0, 1:4]) == ["−0.0175", "0.00500", "0.0275"]
     assert list(table.iloc[1, 1:4]) == ["1.0248", "1.0250", "1.0252"]
+
+
+def test_a_parameter_without_tolerance_has_a_row_in_the_posterior():
+    """All of its draws are equal: no interval determines its digits."""
+    draws = np.column_stack([np.zeros(11), np.linspace(1.0, 2.0, 11)])
+    names = ("simulation: mass", "slip: limit")
+    table = tabulate_posterior(SimpleNamespace(names=names, draws=draws), Units())
+    assert list(table.iloc[0, 1:4]) == ["0", "0", "0"]
+    assert list(table.iloc[1, 1:4]) == ["1.05", "1.50", "1.95"]  # of evenly spaced draws
 
 
 def test_the_form(answered):

@@ -190,11 +190,11 @@ def test_a_record_without_phases_is_asked_for_none(lab):
     assert not any("phase" in test.columns for test in found.next_tests)
 
 
-def test_no_test_is_proposed_where_one_explanation_is_alive(lab):
+def test_no_test_is_proposed_where_one_explanation_is_listed(lab):
     assert lab.diagnosed("stiffness-hardening").next_test is None
     found = lab.diagnosed("velocity-squared")
     assert found.hypotheses[1].probability > 0.1
-    assert replace(found, explanations=found.explanations[:1]).next_test is None  # alive is what the answer lists
+    assert replace(found, explanations=found.explanations[:1]).next_test is None
 
 
 def test_where_nothing_is_blamed_only_more_than_first_harmonics_of_one_state_is_proposed(lab):

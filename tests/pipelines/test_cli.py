@@ -305,11 +305,11 @@ def test_loads_form(damping, saturn_data, tmp_path):
 
 @pytest.mark.parametrize("command", [("extrapolate", "--force", 90), ("curve", "--force", 90)])
 def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, damping, saturn_data, tmp_path, monkeypatch):
-    """Ranking and diagnosis disagree on the flagship where slip, one in eleven, counts as alive.
+    """Ranking and diagnosis disagree on the flagship where slip, one in eleven, is kept.
 
     A frequency has the farther end of its band beside it.
     """
-    monkeypatch.setattr(agreement, "ALIVE", 0.05)
+    monkeypatch.setattr(agreement, "KEPT", 0.05)
     name, *options = command
     out = tmp_path / "form.json"
     printed = " ".join(damping(name, *files(saturn_data), *options, "--json", out).out.split())

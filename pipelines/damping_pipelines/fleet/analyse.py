@@ -145,7 +145,7 @@ def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> Fle
         ranking = attempt("rank", lambda: _rank(task, prepared, estimate))
         loads = attempt("extrapolate", lambda: _predict(task, prepared, estimate))
     if diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(task, prepared))):
-        # what diagnosis and laws say against each other
+        # contradictions between diagnosis and laws
         if ranking and ranking.ranking.fit.verdict == "none fits":
             misfit = describe_misfit(ranking.ranking.fit, diagnosis.diagnosis)
             ranking = replace(ranking, against=Disagreement(on_rows=misfit))

@@ -240,7 +240,7 @@ class Campaign:
 
     @property
     def input_name(self) -> str:
-        """What levels are at a mode: in free decays nothing drives the structure."""
+        """The quantity of levels at a mode: the input, or in free decays, which have none, an amplitude."""
         return "input at the mode" if self.level_name != "amplitude" else "amplitude of the sensor that moves most"
 
     def to_json(self) -> dict[str, Any]:

@@ -122,9 +122,9 @@ class Slip(GrowingForce):
         return (Joint(self.stiffness, self.limit),)
 
 
-#: ln(A/A1) of the table of a smooth joint; beyond its ends the averages are powers of A.
+#: ln(A/A1) of the table of a smooth joint: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
 _LN_RATIO = np.linspace(-6.0, 6.0, 1201)
-#: Travel over A1 between which a smooth joint bends, from zero force; nodes of Gauss and Legendre between two of them.
+#: Travel over A1, from zero force, that cuts its bend into parts; nodes of Gauss and Legendre in each, right to 1e-11.
 _BENDS = (1.0, 6.0, 40.0)
 _GAUSS = np.polynomial.legendre.leggauss(20)
 

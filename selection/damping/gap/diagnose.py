@@ -47,8 +47,8 @@ class Weighed:
         in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
         unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
             the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
-        imitations: explanations by causes outside the library that the record does not tell from the leading one.
-        cautions: what the record cannot say.
+        imitations: explanations by causes outside the library that the record does not exclude.
+        cautions: limits of the record.
     """
 
     setting: Setting

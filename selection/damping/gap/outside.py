@@ -42,7 +42,7 @@ QUANTITIES = {
 def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
     """Log odds, against the leading explanation, of causes outside the library, by description.
 
-    Also the explanations by ``IMITATIONS`` that the record does not tell from the leading one.
+    Also the explanations by ``IMITATIONS`` that the record does not exclude.
     """
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
     if foreign:
@@ -98,7 +98,7 @@ class LibraryVerdict:
 
     Attributes:
         outside: log odds, against the leading explanation, of causes outside the library, by description.
-        imitations: explanations by causes outside the library that the record does not tell from the leading one.
+        imitations: explanations by causes outside the library that the record does not exclude.
         doubts: see `damping.gap.weighing.describe_doubts`.
         beyond: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left or an imitation remains.
         probability: that the library holds the cause.

@@ -34,7 +34,7 @@ _BROAD = 0.5
 _BROAD_ROWS = 2
 #: Fewest rows of a sweep that can show a resonance.
 _FEW_ROWS = 3
-_CONSTANT = 0.05  #: Range of ln amplitude of a sweep that a controller held at constant amplitude.
+_CONSTANT = 0.05  #: Largest range of ln amplitude of a sweep that a controller held at constant amplitude.
 
 
 @dataclass(frozen=True)

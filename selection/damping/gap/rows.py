@@ -229,8 +229,8 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     for number, (further, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
             own, first_own = (", ".join(of.damping) or "no damping" for of in (mode, base))
-            shared = f"{base.source}: {first_own}; states share their damping forces: give each model the same ones"
-            raise AnalysisError(f"{mode.source}: simulates {own}, but {shared}")
+            shared = "states share their damping forces: give each model the same ones"
+            raise AnalysisError(f"{mode.source}: simulates {own}, but {base.source} simulates {first_own}; {shared}")
         n = len(further)
         changed: dict[str, FloatArray] = {"state": np.full(n, float(number))}
         if is_same_structure(mode, base):

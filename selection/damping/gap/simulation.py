@@ -283,12 +283,12 @@ class Simulator:
             count = f" of {len(answer)}" if isinstance(answer, tuple) else ""
             raise InputError(f"the simulator returns a {type(answer).__name__}{count}", expected=expected)
         for name, part in zip(("amplitude", "phase"), parts, strict=True):
-            said = f"the {name} that the simulator returns"
+            returned = f"the {name} that the simulator returns"
             if part.dtype.kind not in "iuf" or part.shape != force.shape:
                 given = f"is of type {part.dtype} and shape {part.shape}, for {force.size} rows"
-                raise InputError(f"{said} {given}", expected=expected)
+                raise InputError(f"{returned} {given}", expected=expected)
             if len(bad := np.flatnonzero(~np.isfinite(part))):
                 row = f"at force {force[bad[0]]:.4g} and {frequency[bad[0]]:.5g} Hz"
-                raise InputError(f"{said} is {part[bad[0]]:g} {row}", expected=expected)
+                raise InputError(f"{returned} is {part[bad[0]]:g} {row}", expected=expected)
         A, phase = (part.astype(np.float64) for part in parts)
         return A, phase

@@ -162,8 +162,8 @@ def list_crossing(states: Sequence[State]) -> list[str]:
         if mode.rig.planes == 1 and share > _CROSS_READING:
             of_state = f" of state {number}" if len(states) > 1 else ""
             cautions.append(
-                f"amplitude_y{of_state} reaches {share:.0%} of the amplitude, while [rig] planes = 1 says that nothing "
-                "moves across: no explanation with a second plane was tried"
+                f"amplitude_y{of_state} reaches {share:.0%} of the amplitude, while [rig] planes = 1 excludes "
+                "motion across: no explanation with a second plane was tried"
             )
     return cautions
 

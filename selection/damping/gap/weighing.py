@@ -56,7 +56,7 @@ _PAYS = 10.0
 UNCONFIRMED = 0.4
 #: Probability of a cause in the library from which an explanation is claimed.
 KNOWN = 0.5
-#: Distance below which two predictions are told apart only by chance: expected log odds d^2/2 = 3, one in twenty.
+#: Distance below which two predictions are separated only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
 #: Log odds from which a rival is excluded: those of that distance.
 EXCLUDED = 0.5 * INDISTINCT**2

@@ -131,12 +131,10 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     omega = omega_n
     for _ in range(3):  # the force of the shaker changes little along the curve
         F = np.interp(omega / RAD_S_PER_HZ, frequency, force)
-        beyond = F**2 - law.quadrature(A, omega_n) ** 2
-        omega = np.sqrt(np.maximum(omega_n**2 + sides * np.sqrt(np.maximum(beyond, 0.0)) / (mass * A), 0.0))
+        squared = F**2 - law.quadrature(A, omega_n) ** 2  # of the force that detunes; below 0: A is not reached
+        omega = np.sqrt(np.maximum(omega_n**2 + sides * np.sqrt(np.maximum(squared, 0.0)) / (mass * A), 0.0))
     f = omega / RAD_S_PER_HZ
-    kept = (
-        (f >= frequency[0]) & (f <= frequency[-1]) & (beyond >= -ROUNDING * F**2)
-    )  # a smaller force does not reach the amplitude
+    kept = (f >= frequency[0]) & (f <= frequency[-1]) & (squared >= -ROUNDING * F**2)
     return f[kept], A[kept]
 
 

@@ -21,14 +21,14 @@ from damping.records.mode import Units
 from damping.records.text import Disagreement
 from damping.report.page import Block, List, Text, write_sections
 
-#: Least share of what a constant leaves (chi-square) that a power of amplitude takes where one is told: half.
+#: Least share of the chi-square of a constant that a power of amplitude removes where a trend is reported: half.
 TREND_FITS = 0.5
-#: Chi-square (2 degrees of freedom: power and size) above which a trend is spoken of: one in a thousand by chance.
+#: Chi-square (2 degrees of freedom: power and size) above which a trend is reported: one in a thousand by chance.
 TREND_SEEN = 13.8
-#: Chance that the library holds the cause below which no sizes are told: they are of effects that are not there.
+#: Probability that the library holds the cause below which no sizes are reported: they are of absent effects.
 SIZED = 0.1
-#: Significant digits of a size.
-_MOST_DIGITS = 8
+#: Fewest and most significant digits of a size.
+_DIGITS = (3, 8)
 #: Explanations drawn.
 MOST_BARS = 8
 
@@ -103,8 +103,10 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
 
 
 def count_digits(value: float, low: float, high: float) -> int:
-    """Digits in which a value and the ends of its interval are told apart."""
-    return int(np.clip(2 + int(np.log10(abs(value) / (high - low) + 1.0)), 3, _MOST_DIGITS))
+    """Digits in which a value and the ends of its interval differ; the fewest if the interval has no finite width."""
+    width = high - low
+    needed = 2 + int(np.log10(abs(value) / width + 1.0)) if 0.0 < width < np.inf else 0
+    return int(np.clip(needed, *_DIGITS))
 
 
 def name_parameter(effect: str, name: str, units: Units) -> tuple[str, str]:

@@ -108,14 +108,14 @@ def _tabulate_parameters(diagnosis: Diagnosis) -> pd.DataFrame:
         (effect, label, value, unit)
         for effect, values in {**describe_effects(leading)[0], "simulation": refitted_values(leading)}.items()
         for name, value in values.items()
-        if name != "instead"  # the verdict says what it replaces
+        if name != "instead"  # the verdict names the replaced force
         for label, unit in [name_parameter(effect, name, diagnosis.units)]
     ]
     return pd.DataFrame(rows, columns=["of", "parameter", "value", "unit"])
 
 
 def tabulate_posterior(posterior: EffectPosterior, units: Units) -> pd.DataFrame:
-    """Medians and intervals, each row in digits that tell its three numbers apart."""
+    """Medians and intervals, each row with enough digits to separate its three numbers."""
     rows = []
     for full, quantiles in zip(
         posterior.names, np.percentile(posterior.draws, (5.0, 50.0, 95.0), axis=0).T, strict=True
