@@ -32,6 +32,8 @@ from damping.records.mode import Rig, Tolerance, Units
 from damping.records.record import Record
 from damping.report.forms import gap_form
 from damping.report.gap import describe_diagnosis
+from damping.result import DiagnosisResult
+from damping_pipelines.gap import _describe_model
 from damping_validation.generator.laws import Partner
 from tests.gap.limited import limited
 
@@ -439,6 +441,23 @@ def test_a_simulation_of_the_users_own(lab):
     assert best.effects == ("phase-lag",)
     np.testing.assert_allclose(effect_values(best)["phase-lag"]["lag"], 0.08, rtol=0.0, atol=0.005)  # 56 values at 1 %
     np.testing.assert_allclose(best.y[3], 2.0, rtol=0.0, atol=0.2)  # the stiffness, in tolerances
+
+
+def test_a_parameter_of_a_simulator_may_have_the_name_of_one_of_the_mode(lab):
+    """An effect on the viscous damping of the mode does not remove the simulator's own ``viscous`` from the answer."""
+
+    def simulate(force, frequency, *, viscous=(VISCOUS, 0.001)):
+        omega = 2 * np.pi * frequency
+        Y = MASS * (OMEGA**2 - omega**2) + 1j * viscous * omega
+        return force / np.abs(Y), np.angle(Y)
+
+    rows = lab.bench(levels=2, points=14).rows
+    record, library = lab.record(rows, lab.linear(rows, viscous=1.5 * VISCOUS), 4), "viscous-coefficient"
+    result = DiagnosisResult(limited({library: CATALOGUE[library]}, diagnose, record, lab.mode(), simulate=simulate))
+    assert result.diagnosis.leading.effects == (library,)
+    head = re.search(r"with viscous = ([0-9]+[.][0-9]+)", _describe_model(result).replace("\n# ", " "))
+    np.testing.assert_allclose(float(head.group(1)), VISCOUS, rtol=0.005)  # five tolerances
+    assert result.diagnosis.corrected.damping["viscous"]["coefficient"] > 1.3 * VISCOUS  # that of the effect
 
 
 @pytest.mark.parametrize("states", [False, True])

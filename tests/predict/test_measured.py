@@ -155,6 +155,9 @@ def test_the_rate_of_the_rig_goes_with_the_rows(record, mode):
             for given in (swept, stated)
         )
         assert str(of_rig) == str(of_rows)
+    partly = dp.Record(record.table.assign(sweep_rate=np.where(np.arange(len(record)) < 5, 0.4, np.nan)))
+    stated = prepare(dp.Record(record.table.assign(sweep_rate=0.4)), forced).record.table
+    np.testing.assert_array_equal(prepare(partly, forced).record.table, stated)  # blank cells: the rate of the rig
     upwards = replace(forced, rig=Rig(rate=-0.4))  # as stated
     np.testing.assert_allclose(read_rows(record, upwards).rate, -0.4 * 2.0 * np.pi, rtol=1e-14)
 

@@ -39,11 +39,16 @@ _ACTS_ON = {"frequency": "frequency", "lag": "phases"}
 
 def refitted_values(fit: ModelFit) -> dict[str, float]:
     """Relative corrections of the simulation's parameters at a fit, by name, without those that an effect replaces."""
+    return {name: float(values[0]) for name, values in _refit(fit, fit.y[np.newaxis]).items()}
+
+
+def _refit(fit: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
+    """`refitted_values` at variables x (points, variables), each (points,); effects replace none of a simulator's."""
     simulation = fit.model.problem.simulation
-    replaced = {part.form.replaces for part in fit.model.parts} | {*simulation.swept}
-    x = fit.y[: len(simulation.names)]
-    values = np.exp(within_tolerance(x) * simulation.tolerance) - 1.0
-    return {name: float(v) for name, v in zip(simulation.names, values, strict=True) if name not in replaced}
+    own = () if simulation.simulator is None else simulation.simulator.values.keys()
+    replaced = ({part.form.replaces for part in fit.model.parts} - {*own}) | {*simulation.swept}
+    relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
+    return {name: relative[:, i] for i, name in enumerate(simulation.names) if name not in replaced}
 
 
 def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
@@ -203,10 +208,7 @@ def log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
 
 def parameters(leading: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
     """Parameters at variables x (points, variables), each (points,)."""
-    simulation = leading.model.problem.simulation
-    replaced = {part.form.replaces for part in leading.model.parts} | {*simulation.swept}
-    relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
-    drawn = {f"simulation: {n}": relative[:, i] for i, n in enumerate(simulation.names) if n not in replaced}
+    drawn = {f"simulation: {name}": values for name, values in _refit(leading, x).items()}
     for part, variables in leading.model.own_variables(x):
         reported = part.form.report(*(value[:, 0] for value in part.values(variables)))
         drawn |= {f"{part.form.effect}: {name}": np.asarray(v) for name, v in reported.items() if np.ndim(v) == 1}

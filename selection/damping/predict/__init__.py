@@ -11,6 +11,8 @@ masses too, see :mod:`damping.records.base_drive`.
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from damping.effects import find_effect
 from damping.forces import shapes_of
 from damping.forces.shapes import rescale
@@ -49,7 +51,7 @@ def prepare(record: Record, mode: Mode | None = None) -> Measured:
             record, notes = shake(record, mode, participation), [f"base drive: {participation}"]
             mode = replace(count_in(mode, participation), units=mode.units.of_base_drive)
         driven = record
-        if mode.rig.rate and "sweep_rate" not in record.frame.columns:
+        if mode.rig.rate and np.isnan(record.column("sweep_rate", np.nan)).any():
             record = Record(record.frame.assign(sweep_rate=list_rates(record, mode.rig.rate)), record.source)
         mass, frequency = mode.mass, mode.frequency
     elif "sweep_rate" not in record.frame.columns:
