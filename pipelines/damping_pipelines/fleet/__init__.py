@@ -50,12 +50,7 @@ def fleet(
     are done), or the workers are gone.
     """
     check_loads(force or dataset.MULTIPLES, level)
-    if workers is not None and workers < 0:
-        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
-    if scheduler is not None and workers is not None:
-        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
-    if not time_limit > 0.0:
-        raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
+    _check_workers(scheduler, workers, time_limit)
     require_checks(despite)
     address = None if dashboard == "off" else dashboard
     runners.check_address(address)
@@ -86,6 +81,16 @@ def fleet(
                     book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
+
+
+def _check_workers(scheduler: str | None, workers: int | None, time_limit: float) -> None:
+    """InputError for a number of workers or a time limit that is none, or workers beside a scheduler."""
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers {workers}", expected="0 (none: in this process), 1, 2, ...")
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
+    if not time_limit > 0.0:
+        raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
 
 
 @dataclass
