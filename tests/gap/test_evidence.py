@@ -16,6 +16,7 @@ from scipy.stats import multivariate_normal
 from damping.effects import CATALOGUE
 from damping.gap.corrected import log_density, sample_effects
 from damping.gap.diagnose import explain
+from damping.gap.directed import directed_tests
 from damping.gap.fit import ModelFit, decorrelate, fit_model
 from damping.gap.model import Scatter
 from damping.gap.problem import setting
@@ -182,6 +183,18 @@ def test_values_that_were_not_measured_have_no_neighbours(lab):
     expected = -0.5 * r[unmeasured.seen] @ np.linalg.solve(covariance, r[unmeasured.seen])
     expected -= 0.5 * np.linalg.slogdet(covariance)[1]
     np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
+
+
+def test_neighbours_are_compared_where_both_are_measured(lab):
+    """z = sum of products of measured neighbours over the root of their number: 18 pairs, not 24."""
+    rows = lab.bench(levels=2, points=7).rows
+    start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
+    fit = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
+    unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
+    problem = replace(fit.model.problem, rows=unmeasured)
+    alike = replace(fit, model=replace(fit.model, problem=problem), r=1.0 * unmeasured.seen)
+    (test,) = (test for test in directed_tests(alike) if test.name == "neighbours alike")
+    np.testing.assert_allclose(test.gain, 18.0, rtol=1e-12, atol=0.0)  # (18/sqrt(18))^2, rounding
 
 
 @pytest.fixture(scope="module")

@@ -187,11 +187,11 @@ def _windows(fit: ModelFit) -> Test:
 
 
 def _neighbours(fit: ModelFit) -> Test:
-    """Whether residuals of neighbours along a sweep are positively correlated."""
+    """Whether residuals of neighbours along a sweep, where both are measured, are positively correlated."""
     rows = fit.model.problem.rows
-    r = np.clip(fit.r, -CLIP, CLIP).reshape(-1, len(rows))
-    same = rows.sweep[1:] == rows.sweep[:-1]
-    product = (r[:, 1:] * r[:, :-1])[:, same]
+    r, seen = np.clip(fit.r, -CLIP, CLIP).reshape(-1, len(rows)), rows.seen.reshape(-1, len(rows))
+    pairs = (rows.sweep[1:] == rows.sweep[:-1]) & seen[:, 1:] & seen[:, :-1]
+    product = (r[:, 1:] * r[:, :-1])[pairs]
     z = float(product.sum() / np.sqrt(max(product.size, 1)))
     return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(ndtr(-z)))
 
