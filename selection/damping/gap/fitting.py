@@ -81,7 +81,7 @@ class Fits:
         if not fits:  # the remaining effects may have no steady state: start from zero
             model, x, _ = starts[0]
             fits = fit_roughly(model, np.zeros_like(x))
-        again = self._store(effects, polish_fits(fits), len(self.forms[effects[-1]]))
+        again = self._store(effects, polish_fits(fits), hypothesis.forms // len(self.forms[name]))
         if before is not None and before.log_posterior > again.log_posterior:
             self.hypotheses[before.key] = before
         return self.hypotheses[again.key]
@@ -141,7 +141,7 @@ class Fits:
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
             if worth := polish_fits(worth) if top > known - _LOST else worth:  # polishing may lose the motion
-                self._store((*base.effects, name), worth, len(candidates))
+                self._store((*base.effects, name), worth, base.forms * len(candidates))
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form; none where all are far behind a ln posterior ``rival``."""
@@ -164,7 +164,7 @@ class Fits:
         return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))
 
     def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
-        """Weigh the modes over all ``forms`` of the last effect, and keep the hypothesis."""
+        """Weigh the modes over all ``forms`` of the effects together, and keep the hypothesis."""
         top = max(fit.log_evidence for fit in fits)
         plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
         least = max((hypothesis.log_evidence for hypothesis in self.hypotheses.values()), default=-np.inf) - _WORTH
