@@ -143,6 +143,14 @@ class Fits:
             if worth := polish_fits(worth) if top > known - _LOST else worth:  # polishing may lose the motion
                 self._store((*base.effects, name), worth, base.forms * len(candidates))
 
+    def improve(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
+        """`extend`, unless an earlier fit of the same effects is as probable."""
+        key = base.key | {name}
+        kept = self.hypotheses.get(key)
+        self.extend(base, name, candidates)
+        if kept and kept.log_posterior >= self.hypotheses[key].log_posterior:
+            self.hypotheses[key] = kept
+
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form; none where all are far behind a ln posterior ``rival``."""
         starts = [start.x for start in tried[:_STARTS]]

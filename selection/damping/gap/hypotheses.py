@@ -6,7 +6,7 @@ The derivative of the residuals by a further effect, at an existing fit, gives i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
@@ -25,10 +25,6 @@ NEAR = 4.0  #: A hypothesis within these log odds of the most probable one is ne
 FITTING = 1.6
 MOST_DOUBTING = 4  #: Combinations tried with a hypothesis that is doubted, or first with those that leave only noise.
 _MOST_OF_A_BASE = 4  #: Combinations with one base that are tried before those with others.
-#: An effect that alone gains as much as one of the leading explanation, within this share, is fitted in its place; most
-#: such fits, and most leading explanations that are fitted from other bases too.
-_AS_MUCH = 0.05
-MOST_SWAPPED = 3
 #: Strength, as a share of its natural size, for the derivative by an effect; ln of a strength that is practically zero.
 _SMALL = 1e-3
 _NONE = -60.0
@@ -118,26 +114,6 @@ def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]
         late |= {key} if of_base[base] > _MOST_OF_A_BASE else set()
     first = [key for key in ordered if any(leaves_noise(way.base) for way in ways[key])][:MOST_DOUBTING]
     return sorted(ordered, key=lambda key: (key not in first, key in late))
-
-
-def list_swaps(
-    leading: Hypothesis, hypotheses: Mapping[frozenset[str], Hypothesis]
-) -> Iterator[tuple[frozenset[str], str]]:
-    """Explanations with one effect replaced by another that alone explains about as much; and that other effect.
-
-    Beside a third effect, linear gains of two effects can differ where their fits do not (displacement and viscous
-    damping).
-    """
-    single = {fitted.effects[0]: fitted.log_posterior for fitted in hypotheses.values() if len(fitted.effects) == 1}
-    null, swaps = hypotheses[frozenset()].log_posterior, []
-    for replaced, other in product(leading.effects, single.keys() - leading.key):
-        rest = leading.key - {replaced}
-        if replaced in single and rest in hypotheses and rest | {other} not in hypotheses:
-            difference = abs(single[other] - single[replaced])
-            if difference < NEAR + _AS_MUCH * (single[replaced] - null):
-                swaps.append((difference, other, rest))
-    for _, other, rest in sorted(swaps, key=lambda swap: swap[:2])[:MOST_SWAPPED]:
-        yield rest | {other}, other
 
 
 def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:

@@ -15,14 +15,12 @@ from damping.gap.fit import fit_model
 from damping.gap.fitting import Fits
 from damping.gap.hypotheses import (
     MOST_DOUBTING,
-    MOST_SWAPPED,
     NEAR,
     SURE,
     Hypothesis,
     Way,
     leaves_noise,
     list_starts,
-    list_swaps,
     order_ways,
 )
 from damping.gap.model import Model
@@ -41,6 +39,11 @@ ROWS_PER_EFFECT = 15
 #: Most combinations tried for each number of effects beyond one, and most explanations that effects are added to.
 _MOST_FITS = 10
 _MOST_EXTENDED = 6
+#: An effect whose linear gain beside the rest of the leading explanation exceeds this share of that of an effect in it
+#: is fitted in its place; most such fits for each effect, and most leading explanations that are fitted from each side.
+_AS_MUCH = 0.5
+_MOST_EXCHANGED = 3
+_MOST_NEAR = 3
 #: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
 DISPERSED = 4.0
 MOST_DISPERSIONS = 3
@@ -138,18 +141,41 @@ class Search(Fits):
             twin = base is not shorter and base.log_posterior > shorter.log_posterior - NEAR
             if twin and name in leading.effects[-1:] and key not in self.hypotheses:
                 self.extend(base, name, ways[key][0].starts)
-        for key, name in list_swaps(self.ranked()[0], self.hypotheses):
-            if not self.effects[name].denies & key:
-                self.extend(self.hypotheses[key - {name}], name)
+        self._exchange()
         self._try_other_laws()
-        leading, *others = self.ranked()[:MOST_SWAPPED]
+        leading, *others = self.ranked()[:_MOST_NEAR]
         for near in (leading, *(other for other in others if other.log_posterior > leading.log_posterior - NEAR)):
-            for way in ways.get(near.key, []):  # another way may lead to a better mode
-                kept = self.hypotheses[near.key]
-                if (*way.base.effects, way.name) != kept.effects:
-                    self.extend(way.base, way.name, way.starts)
-                    if kept.log_posterior >= self.hypotheses[near.key].log_posterior:
-                        self.hypotheses[near.key] = kept
+            self._fit_from_each_side(near.key)
+
+    def _exchange(self) -> None:
+        """Fit the leading explanation with each of its effects replaced by others of about the same linear gain.
+
+        Beside another effect, linear gains can differ where fits do not (displacement and viscous damping), and a fit
+        from one side may stop far from the best mode.
+        """
+        leading = self.ranked()[0]
+        for replaced in leading.effects if len(leading.effects) > 1 else ():
+            base = self.hypotheses.get(leading.key - {replaced})
+            if base is None:
+                continue
+            allowed = [name for name in self.forms if not self.effects[name].denies & base.key and name not in base.key]
+            starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in allowed}
+            gains = {name: max(start.gain for start in chain.from_iterable(of)) for name, of in starts.items()}
+            others = [name for name in allowed if name not in leading.key]
+            for name in sorted(others, key=lambda name: -gains[name])[:_MOST_EXCHANGED]:
+                key = base.key | {name}
+                if gains[name] > _AS_MUCH * gains[replaced]:
+                    if key not in self.hypotheses:
+                        self.extend(base, name, starts[name])
+                    if key in self.hypotheses and self.hypotheses[key].log_posterior < leading.log_posterior - NEAR:
+                        self._fit_from_each_side(key)
+
+    def _fit_from_each_side(self, key: frozenset[str]) -> None:
+        """Fit a combination of several effects from each base of one effect fewer, and keep the best."""
+        for name in sorted(key) if len(key) > 1 else ():
+            base, kept = self.hypotheses.get(key - {name}), self.hypotheses.get(key)
+            if base and (kept is None or kept.effects[-1] != name):
+                self.improve(base, name)
 
     def _try_other_laws(self) -> None:
         """Where the leading explanation has several effects, fit another law of damping in the place of each.
@@ -163,10 +189,7 @@ class Search(Fits):
             starts = list_starts(base.plain, self.forms[name], self.units)
             gain = max(start.gain for start in chain.from_iterable(starts) if start.part.form.whole)
             if gain > _PROMISES * (leading.log_posterior - base.log_posterior):
-                kept = self.hypotheses.get(base.key | {name})
-                self.extend(base, name, starts)
-                if kept and kept.log_posterior >= self.hypotheses[kept.key].log_posterior:
-                    self.hypotheses[kept.key] = kept
+                self.improve(base, name, starts)
 
     def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
         """The ways to each combination that is worth a fit, those of the largest expected log posterior first."""
