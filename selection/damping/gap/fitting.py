@@ -17,7 +17,7 @@ from damping.arrays import BoolArray
 from damping.effects import list_forms
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, drop_effect, fit_roughly, polish_fits
-from damping.gap.hypotheses import Hypothesis, Start, at_gap, choose_forms, list_starts
+from damping.gap.hypotheses import NEAR, Hypothesis, Start, at_gap, choose_forms, list_starts
 from damping.gap.model import SPREAD, Problem
 from damping.gap.unknowns import Unknowns, marginalise_scatter
 
@@ -74,7 +74,7 @@ class Fits:
         """A hypothesis without one of its effects, fitted from its modes unless a fit not far behind it exists."""
         effects = tuple(other for other in hypothesis.effects if other != name)
         before = self.hypotheses.get(frozenset(effects))
-        if before is not None and before.log_evidence > hypothesis.log_evidence - _LOST:
+        if before is not None and before.log_evidence > hypothesis.log_evidence - NEAR:
             return before
         starts = [drop_effect(fit, name) for fit in hypothesis.near]
         fits = list(chain.from_iterable(fit_roughly(*start) for start in starts))

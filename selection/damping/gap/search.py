@@ -98,7 +98,7 @@ class Search(Fits):
         An effect that was added early may have stood in for later ones.
         """
         leading = self.ranked()[0]
-        for name in leading.effects[:-1]:
+        for name in leading.effects if len(leading.effects) > 1 else ():
             self.drop(leading, name)
         if len(self.ranked()[0].effects) < len(leading.effects):
             self._shorten()
