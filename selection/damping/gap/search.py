@@ -158,11 +158,10 @@ class Search(Fits):
             base = self.hypotheses.get(leading.key - {replaced})
             if base is None:
                 continue
-            allowed = [name for name in self.forms if not self.effects[name].denies & base.key and name not in base.key]
-            starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in allowed}
+            others = [name for name in self.forms.keys() - leading.key if not self.effects[name].denies & base.key]
+            starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in (replaced, *others)}
             gains = {name: max(start.gain for start in chain.from_iterable(of)) for name, of in starts.items()}
-            others = [name for name in allowed if name not in leading.key]
-            for name in sorted(others, key=lambda name: -gains[name])[:_MOST_EXCHANGED]:
+            for name in sorted(others, key=lambda name: (-gains[name], name))[:_MOST_EXCHANGED]:
                 key = base.key | {name}
                 if gains[name] > _AS_MUCH * gains[replaced]:
                     if key not in self.hypotheses:
