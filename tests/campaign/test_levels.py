@@ -69,7 +69,7 @@ def test_decays_that_change_in_frequency(tmp_path, kind, few_laws):
         assert beyond.ratio[0] == pytest.approx(told.damping_ratio.median[0], rel=2e-3)
 
 
-def test_decays_in_two_units_and_below_the_test(tmp_path):
+def test_decays_in_two_units_and_below_the_test(tmp_path, few_laws):
     """Of m c |v| v the ratio grows by 4 c A/(3 pi), at a fifth of the smallest amplitude too; levels have one unit."""
     w, t, zeta, c = 2 * np.pi * HERTZ, np.arange(0.0, 3.0, 1 / 1024), 0.004, 40.0
 
@@ -99,7 +99,7 @@ def test_decays_in_two_units_and_below_the_test(tmp_path):
         analyse(files, [1e-6])
 
 
-def test_a_level_that_is_read_wrongly_is_named(tmp_path):
+def test_a_level_that_is_read_wrongly_is_named(tmp_path, few_draws):
     """One mode of 1 %: the peak is |1 + H| in closed form, of which one run reads 1.1 times."""
     f = np.geomspace(35.0, 46.0, 300)
     w, w_n, rng = 2 * np.pi * f, 2 * np.pi * 40.0, np.random.default_rng(4)
@@ -173,7 +173,7 @@ def test_a_fast_sweep_gives_the_steady_mode(tmp_path, few_laws):
         assert at.response[0].band[0] == pytest.approx(at.level / M / (2 * ZETA), rel=0.02)
 
 
-def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path):
+def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path, few_laws):
     """Viscous and velocity-squared damping integrated (Runge-Kutta, all levels at once).
 
     At resonance F = c w A + (8/3 pi) d (w A)^2. Rows are steady under some three quarters of the force that swept them.
