@@ -58,18 +58,36 @@ def made_once():
         yield
 
 
+#: Keeps explanations of one in twelve: slip or no effect, which leave the flagship's band at 90 lb.
+UNLIKELY = 0.05
+
+
 @pytest.fixture
 def unlikely_kept(monkeypatch):
-    """Explanations of one in twelve are kept: slip or no effect, which leave the flagship's band at 90 lb."""
-    monkeypatch.setattr(agreement, "KEPT", 0.05)
+    monkeypatch.setattr(agreement, "KEPT", UNLIKELY)
 
 
-def test_what_is_kept_on_the_flagship_stays_within_the_band(flagship):
+@pytest.fixture(scope="module")
+def diagnosed(flagship):
+    return dp.diagnose(*flagship)
+
+
+@pytest.fixture(scope="module")
+def disagreeing(flagship):
+    """The same values as independent knowledge, and the loads where a kept explanation leaves the band."""
+    record, mode = flagship
+    mode = replace(mode, tolerance=replace(mode.tolerance, from_record=False))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(agreement, "KEPT", UNLIKELY)
+        return record, mode, dp.extrapolate(record, mode, [90.0])
+
+
+def test_what_is_kept_on_the_flagship_stays_within_the_band(flagship, diagnosed):
     """Force over a power of amplitude in the place of the simulated viscous one: the ranked laws and effects agree."""
     record, mode = flagship
     loads = dp.extrapolate(record, mode, [90.0])
     assert loads.against == AGREED
-    assert dp.diagnose(record, mode).against == AGREED
+    assert diagnosed.against == AGREED
     explained, band = agreement.explain(record, mode), loads.loads.average
     kept = [own.hypothesis.best for own in explained.hypotheses if own.probability > agreement.KEPT]
     assert len(kept) > 1
@@ -78,12 +96,8 @@ def test_what_is_kept_on_the_flagship_stays_within_the_band(flagship):
         assert band.low[0] < own < band.high[0]
 
 
-@pytest.mark.usefixtures("unlikely_kept")
-def test_both_say_where_they_disagree(flagship):
-    """The same values as independent knowledge: a kept explanation leaves the band."""
-    record, mode = flagship
-    mode = replace(mode, tolerance=replace(mode.tolerance, from_record=False))
-    loads = dp.extrapolate(record, mode, [90.0])
+def test_both_say_where_they_disagree(disagreeing):
+    loads = disagreeing[-1]
     (said,) = loads.against
     assert "velocity-squared, which leads" in said
     assert "stays within the band" in said
@@ -101,11 +115,10 @@ def test_both_say_where_they_disagree(flagship):
         ("neither ranking nor diagnosis explains the rows", False),
     ],
 )
-def test_a_diagnosis_says_where_it_disagrees(monkeypatch, flagship, said, first):
+def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first):
     """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
     against = Disagreement(on_loads=(said,)) if first else Disagreement(on_rows=(said,))
-    monkeypatch.setattr("damping.agreement.compare_with_ranking", lambda *_: against)
-    diagnosis = dp.diagnose(*flagship)
+    diagnosis = replace(diagnosed, against=against)
     assert diagnosis.to_json()["cautions"][0] == said
     capital = f"{said[0].upper()}{said[1:]}."
     assert (diagnosis.sentences[0] == capital) == first
@@ -196,12 +209,11 @@ def test_no_conflict_over_two_planes_but_no_law_fits(two_planes):
 
 
 @pytest.mark.usefixtures("unlikely_kept")
-def test_a_curve_says_where_the_diagnosis_disagrees(flagship):
+def test_a_curve_says_where_the_diagnosis_disagrees(disagreeing):
     """As loads do, in the first caution, with both numbers."""
-    record, mode = flagship
-    mode = replace(mode, tolerance=replace(mode.tolerance, from_record=False))
+    record, mode, loads = disagreeing
     traced = dp.curve(record, mode, forces=[90.0])
-    (said,) = dp.extrapolate(record, mode, [90.0]).against
+    (said,) = loads.against
     assert traced.to_json()["cautions"][0] == said
 
 

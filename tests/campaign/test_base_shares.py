@@ -20,15 +20,18 @@ LEVELS = (0.1, 0.2, 0.4)
 SIZE = 10_000_000
 
 
-def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0, drive=1.0):
-    """Sensors and ``drive`` of a shaker in their unit times ``factors``; ``axes``: part of the base that each reads."""
+def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0, drive=1.0, levels=1):
+    """Sensors and ``drive`` of a shaker in their unit times ``factors``; ``axes``: part of the base that each reads.
+
+    ``levels``: how many there are; what a sensor reads of the base is the same in each.
+    """
     f = np.geomspace(first, 65.0, 500)
     w, motion = 2 * np.pi * f, np.outer(axes, np.ones(500)).astype(complex)
     for k, hertz in enumerate(HERTZ):
         w_n = 2 * np.pi * hertz
         motion += PART[:, k : k + 1] * w**2 / (w_n**2 - w**2 + 2j * RATIO * w_n * w)
     with h5py.File(path, "w") as file:
-        for seed, level in enumerate(LEVELS):
+        for seed, level in enumerate(LEVELS[:levels]):
             run = file.create_group(f"run_{level}g")
             run["frequency"], run["control"] = f, np.full(len(f), drive * level, complex)
             run["control"].attrs["units"] = "g"
@@ -67,7 +70,7 @@ def test_sensors_that_are_all_in_another_unit_are_refused(tmp_path, factors, uni
 )
 def test_the_sensors_that_are_right_are_answered(tmp_path, factors, unit, left, why, few_laws):
     """Viscous modes: the peak at the design level is the closed form times the level."""
-    path, peak = shaken(tmp_path / "a.h5", factors, unit=unit)
+    path, peak = shaken(tmp_path / "a.h5", factors, unit=unit, levels=3)
     mode = analyse([path], [0.8]).modes[0]
     wrong = {f"acc{s}" for s, factor in enumerate(factors) if factor != 1.0}
     assert set(mode.left_out) == wrong
@@ -98,7 +101,7 @@ def test_rms_beside_peak_is_told(tmp_path, factors, told):
 
 def test_sensors_that_are_stated_are_not_doubted(tmp_path, few_laws):
     """A campaign has the caution once, and none where the sensors are stated to be right."""
-    path, _ = shaken(tmp_path / "a.h5", (RMS,) * 4)
+    path, _ = shaken(tmp_path / "a.h5", (RMS,) * 4, levels=3)
     (note,) = [note for note in analyse([path], [0.8]).summary.notes if "caution" in note]
     assert "rms of the drive for peak?" not in note
     assert "read 0.70" in note
@@ -119,7 +122,7 @@ def test_sensors_that_are_stated_are_not_doubted(tmp_path, few_laws):
 @pytest.mark.parametrize("first", [25.0, 36.0])
 def test_right_sensors_are_not_doubted(tmp_path, axes, first):
     """Sweeps that begin far below the first mode, and 10 % below it."""
-    path, _ = shaken(tmp_path / "a.h5", (1.0,) * 4, axes, first=first)
+    path, _ = shaken(tmp_path / "a.h5", (1.0,) * 4, axes, first=first, levels=2)
     levels, misread = fit_right_levels(read_runs([path], SIZE)[0])
     assert misread == find_bad_sensors(levels) == {}
     assert describe_shares(levels) == []

@@ -300,7 +300,7 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
     assert max(widths) <= 1.6  # what is asked of a campaign
 
 
-def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch):
+def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch, few_laws):
     """80 columns: each row with its level and whole; the page with limits, every level, the law of a ranking."""
     monkeypatch.setenv("COLUMNS", "80")
     out, source = tmp_path / "out", written(tmp_path / "c.h5", "hdf5")
@@ -473,7 +473,7 @@ def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
     np.testing.assert_allclose(np.abs(runs[1].channels[0].samples), 3.0, rtol=1e-4)  # six digits are written
 
 
-def test_page_of_decays_names_no_input(tmp_path, damping):
+def test_page_of_decays_names_no_input(tmp_path, damping, few_laws):
     """Levels of one mode are no levels of the other, and names of runs are those of the files."""
     files = [decayed(tmp_path / f"d_{k}.csv", start) for k, start in enumerate((0.005, 0.02))]
     damping("campaign", *files, "--out", tmp_path / "out", "--quiet")

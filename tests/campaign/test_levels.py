@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import cache
 
 import h5py
 import numpy as np
@@ -27,6 +28,31 @@ G = 9.80665
 M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
 
 
+def write_columns(path, head, *columns):
+    """A table with columns (n,), or several (m, n), under the names of ``head``."""
+    np.savetxt(path, np.vstack(columns).T, delimiter=",", header=head, comments="")
+    return path
+
+
+def write_levels(path, f, readings):
+    """Runs on a shaker: what sensors read in g, (sensors, n), by level."""
+    with h5py.File(path, "w") as file:
+        for level, read in readings.items():
+            run = file.create_group(f"run_{level}g")
+            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
+            run["accelerations"] = read
+            run["accelerations"].attrs["units"] = "g"
+    return path
+
+
+@cache
+def sweep_mode():
+    """Time, force and acceleration (n,) of a viscous mode swept from rest under 1 N, integrated."""
+    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
+    F, row = np.sin(2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)), [-(w**2), -2 * ZETA * w]
+    return t, F, lsim(([[0.0, 1.0], row], [[0.0], [1.0 / M]], [row], [[1.0 / M]]), F, t)[1]
+
+
 def hardening(path, start, kind):
     """A decay with viscous damping on a spring that hardens with A^2, read as displacement or acceleration."""
     w, t = 2 * np.pi * HERTZ, np.arange(0.0, 3.0, 1 / 1024)
@@ -37,8 +63,7 @@ def hardening(path, start, kind):
     y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
     x = 1e3 * y[0] if kind == "mm" else accelerate(*y)
     x = x + 3e-4 * np.max(np.abs(x)) * np.random.default_rng(2).normal(size=len(t))
-    np.savetxt(path, np.column_stack([t, x]), delimiter=",", header=f"time [s],tip [{kind}]", comments="")
-    return path
+    return write_columns(path, f"time [s],tip [{kind}]", t, x)
 
 
 def backbone(A):
@@ -69,7 +94,7 @@ def test_decays_that_change_in_frequency(tmp_path, kind, few_laws):
         assert beyond.ratio[0] == pytest.approx(told.damping_ratio.median[0], rel=2e-3)
 
 
-def test_decays_in_two_units_and_below_the_test(tmp_path):
+def test_decays_in_two_units_and_below_the_test(tmp_path, few_laws):
     """Of m c |v| v the ratio grows by 4 c A/(3 pi), at a fifth of the smallest amplitude too; levels have one unit."""
     w, t, zeta, c = 2 * np.pi * HERTZ, np.arange(0.0, 3.0, 1 / 1024), 0.004, 40.0
 
@@ -81,8 +106,7 @@ def test_decays_in_two_units_and_below_the_test(tmp_path):
         y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
         a = accelerate(*y)
         mid, tip = (part * a + 3e-4 * np.max(np.abs(a)) * rng.normal(size=len(t)) for part in (0.6, 1.0))
-        table = np.column_stack([t, mid / G, tip])
-        np.savetxt(path, table, delimiter=",", header="time [s],mid [g],tip [m/s^2]", comments="")
+        write_columns(path, "time [s],mid [g],tip [m/s^2]", t, mid / G, tip)
     (decay,) = decay_modes(read_runs(files, 100_000_000)[0])
     lowest = decay.record.table["amplitude"].min()
     answer = analyse(files, [0.2 * lowest * w**2 / G])
@@ -99,20 +123,16 @@ def test_decays_in_two_units_and_below_the_test(tmp_path):
         analyse(files, [1e-6])
 
 
-def test_a_level_that_is_read_wrongly_is_named(tmp_path):
+def test_a_level_that_is_read_wrongly_is_named(tmp_path, few_draws):
     """One mode of 1 %: the peak is |1 + H| in closed form, of which one run reads 1.1 times."""
     f = np.geomspace(35.0, 46.0, 300)
     w, w_n, rng = 2 * np.pi * f, 2 * np.pi * 40.0, np.random.default_rng(4)
     steady = 1 + 1.2 * w**2 / (w_n**2 - w**2 + 0.02j * w_n * w)
     for name, wrong in (("right", 1.0), ("wrong", 1.1)):
-        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
-            for level in (0.1, 0.2, 0.4, 0.8):
-                run = file.create_group(f"run_{level}g")
-                run["frequency"], run["control"] = f, np.full(len(f), level, complex)
-                read = level * steady * (wrong if level == 0.4 else 1.0) * (1 + 0.005 * rng.normal(size=len(f)))
-                run["accelerations"] = read[np.newaxis]
-                run["accelerations"].attrs["units"] = "g"
-        answer = analyse([tmp_path / f"{name}.h5"], [1.6])
+        gains = {0.1: 1.0, 0.2: 1.0, 0.4: wrong, 0.8: 1.0}
+        noise = 1 + 0.005 * rng.normal(size=(len(gains), 1, len(f)))
+        read = {level: level * steady * gain * of for (level, gain), of in zip(gains.items(), noise, strict=True)}
+        answer = analyse([write_levels(tmp_path / f"{name}.h5", f, read)], [1.6])
         for at in answer.modes[0].places:
             if at.tested:
                 factor = wrong if at.level == 0.4 else 1.0
@@ -153,18 +173,10 @@ def test_decays_in_files_of_one_name_are_two(tmp_path, few_laws):
 
 def test_a_fast_sweep_gives_the_steady_mode(tmp_path, few_laws):
     """A viscous mode swept from rest, integrated: its ringing at the start is no mode, and tested levels are steady."""
-    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
-    phase = 2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)
-    files = []
+    files, (t, F, a) = [], sweep_mode()
     for k, force in enumerate((5.0, 10.0, 20.0)):
-        F = force * np.sin(phase)
-        rates = np.array([[0.0, 1.0], [-(w**2), -2 * ZETA * w]])
-        read = ([[0.0], [1.0 / M]], [rates[1]], [[1.0 / M]])  # the acceleration
-        a = lsim((rates, *read), F, t)[1]
-        a = a + 1e-3 * np.max(np.abs(a)) * np.random.default_rng(k).normal(size=len(t))
-        files.append(tmp_path / f"s{k}.csv")
-        head = "time [s],force [N],tip [m/s2]"
-        np.savetxt(files[-1], np.column_stack([t, F, a]), delimiter=",", header=head, comments="")
+        read = force * (a + 1e-3 * np.max(np.abs(a)) * np.random.default_rng(k).normal(size=len(t)))
+        files.append(write_columns(tmp_path / f"s{k}.csv", "time [s],force [N],tip [m/s2]", t, force * F, read))
     answer = analyse(files, [40.0])
     (mode,) = answer.modes
     for at in mode.places:
@@ -173,7 +185,7 @@ def test_a_fast_sweep_gives_the_steady_mode(tmp_path, few_laws):
         assert at.response[0].band[0] == pytest.approx(at.level / M / (2 * ZETA), rel=0.02)
 
 
-def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path):
+def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path, few_laws):
     """Viscous and velocity-squared damping integrated (Runge-Kutta, all levels at once).
 
     At resonance F = c w A + (8/3 pi) d (w A)^2. Rows are steady under some three quarters of the force that swept them.
@@ -193,11 +205,11 @@ def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path):
         a3 = accelerate(x + h / 2 * v2, v3, 2 * k + 1)
         v4, a4 = v + h * a3, accelerate(x + h * v3, v + h * a3, 2 * k + 2)
         x, v = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    files = [tmp_path / f"s{k}.csv" for k in range(3)]
-    for k, file in enumerate(files):
+    files, times = [], np.arange(n // 2) * 2 * h
+    for k, force in enumerate(forces):
         noisy = a[::2, k] + 1e-3 * np.ptp(a[:, k]) * np.random.default_rng(k).normal(size=n // 2)
-        rows = np.column_stack([np.arange(n // 2) * 2 * h, forces[k] * drive[: 2 * n : 4], noisy])
-        np.savetxt(file, rows, delimiter=",", header="time [s],force [N],tip [m/s2]", comments="")
+        columns = (times, force * drive[: 2 * n : 4], noisy)
+        files.append(write_columns(tmp_path / f"s{k}.csv", "time [s],force [N],tip [m/s2]", *columns))
     (mode,) = analyse(files, [40.0]).modes
     quadratic = 8 / (3 * np.pi) * d
     assert mode.frequency == mode.places[0].frequency == pytest.approx(HERTZ, rel=2e-4)
@@ -222,13 +234,9 @@ def test_only_a_reversed_sensor_is_called_so(tmp_path, sign):
     """Its real part below resonance has the sign of the base where it is mounted rightly."""
     f, motion = close_modes(sign)
     assert np.all(np.sign(motion[1, f < 35.0].real) == sign)
-    with h5py.File(tmp_path / "close.h5", "w") as file:
-        for k, level in enumerate((0.1, 0.2, 0.4)):
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
-            run["accelerations"] = level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))
-            run["accelerations"].attrs["units"] = "g"
-    (mode,) = tie_modes(fit_levels(read_runs([tmp_path / "close.h5"], 10_000_000)[0]))
+    noise = {level: np.random.default_rng(k).normal(size=motion.shape) for k, level in enumerate((0.1, 0.2, 0.4))}
+    read = {level: level * motion * (1 + 0.005 * own) for level, own in noise.items()}
+    (mode,) = tie_modes(fit_levels(read_runs([write_levels(tmp_path / "close.h5", f, read)], 10_000_000)[0]))
     assert ("reversed" in mode.left_out.get("accelerations[1]", "")) == (sign < 0)
 
 
@@ -259,9 +267,7 @@ def test_decays_tell_neighbours_apart(tmp_path, upper):
             size = 1 / ((1 / first + growth) * np.exp(ratio * w * t) - growth)
             q.append(-(w**2) * size * np.cos(w * t))
         a = shapes @ np.array(q) + 0.01 * np.random.default_rng(k).normal(size=(3, len(t)))
-        files.append(tmp_path / f"d{k}.csv")
-        head = "time [s],a1 [m/s2],a2 [m/s2],a3 [m/s2]"
-        np.savetxt(files[-1], np.column_stack([t, *a]), delimiter=",", header=head, comments="")
+        files.append(write_columns(tmp_path / f"d{k}.csv", "time [s],a1 [m/s2],a2 [m/s2],a3 [m/s2]", t, a))
     summary = Summary()
     modes = decay_modes(read_runs(files, 100_000_000)[0], (), summary)
     assert [round(mode.mode.frequency, 1) for mode in modes] == ([12.0, 19.0] if upper < 25.0 else [12.0])
@@ -309,18 +315,13 @@ def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path, 
 @pytest.mark.parametrize("stated", [False, True])
 def test_a_clipped_sensor_is_left_out(tmp_path, stated, few_laws):
     """A viscous mode integrated; the tip stands at 40 % of its top peak there, the root does not."""
-    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
-    phase = 2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)
-    files, row = [], [-(w**2), -2 * ZETA * w]
+    files, (t, F, a) = [], sweep_mode()
+    top, head = np.max(np.abs(a)), "time [s],force [N],tip [m/s2],root [m/s2]"
     for k, force in enumerate((5.0, 10.0, 20.0)):
-        F = force * np.sin(phase)
-        a = lsim(([[0.0, 1.0], row], [[0.0], [1.0 / M]], [row], [[1.0 / M]]), F, t)[1]
-        top = np.max(np.abs(a))
-        a = a + 1e-3 * top * np.random.default_rng(k).normal(size=len(t))
-        tip = np.clip(a, -0.4 * top, 0.4 * top) if k == 2 else a
-        files.append(tmp_path / f"s{k}.csv")
-        head = "time [s],force [N],tip [m/s2],root [m/s2]"
-        np.savetxt(files[-1], np.column_stack([t, F, tip, 0.3 * a]), delimiter=",", header=head, comments="")
+        read = a + 1e-3 * top * np.random.default_rng(k).normal(size=len(t))
+        tip = np.clip(read, -0.4 * top, 0.4 * top) if k == 2 else read
+        columns = (t, force * F, force * tip, 0.3 * force * read)
+        files.append(write_columns(tmp_path / f"s{k}.csv", head, *columns))
     corrections = Corrections(channels={"tip": ChannelCorrection("sensor")}) if stated else None
     answer = analyse(files, [40.0], corrections=corrections)
     places = answer.modes[0].places
@@ -359,12 +360,8 @@ def test_a_clipped_spectrum_is_left_out(tmp_path, kind):
 def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     """Noise alone at frequencies that are stated: no mode, and what to do."""
     f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)
-    with h5py.File(tmp_path / "noise.h5", "w") as file:
-        run = file.create_group("run_0.1g")
-        run["frequency"], run["control"] = f, np.full(len(f), 0.1, complex)
-        run["accelerations"] = 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)
-        run["accelerations"].attrs["units"] = "g"
-    levels = fit_levels(read_runs([tmp_path / "noise.h5"], 10_000_000)[0], [40.0])
+    path = write_levels(tmp_path / "noise.h5", f, {0.1: 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)})
+    levels = fit_levels(read_runs([path], 10_000_000)[0], [40.0])
     with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
         tie_modes(levels)
 

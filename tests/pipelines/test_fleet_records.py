@@ -19,6 +19,7 @@ from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import FleetResult, FleetSettings, find_cases, tasks_of
 from damping_reed1970 import data_folder
 
+pytestmark = pytest.mark.usefixtures("no_layout")
 #: A linear mode: Hz, kg, damping ratio, and its viscous coefficient, N/(m/s).
 FREQUENCY, MASS, RATIO = 10.0, 2.0, 0.01
 VISCOUS = 4.0 * np.pi * FREQUENCY * RATIO * MASS
@@ -149,7 +150,7 @@ def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, mon
     assert analyse_only(tmp_path).row["reason"].startswith("c1.csv: level-offset (refuse)")
 
 
-def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws, no_layout):
+def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws):
     """Millimetres are no 0.00501 m, and the figure says its numbers in words, as that of a study."""
     scale = 0.1
     units = '[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'

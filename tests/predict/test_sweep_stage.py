@@ -190,7 +190,8 @@ def test_a_sweep_is_of_the_structure_and_of_no_fault_of_one_test(
     """F/|Z| of every level; without --structure what the rig makes of it, and never what was off in one test alone."""
     model.write_text(MODEL.replace("displacement-velocity = 0.6\n", "") + f"\n[effects.{table}\n")
     mode, name = read_mode(model), table.partition("]")[0]
-    words = ("--force", 5, "--force", 20, "--frequency", "1.65:1.68:4", "--method", method, "--quiet", "--out")
+    frequency = f"1.65:1.68:{4 if method == 'ritz' else 2}"  # one in time takes as long as ten
+    words = ("--force", 5, "--force", 20, "--frequency", frequency, "--method", method, "--quiet", "--out")
     for structure in (True, *([False] if method == "ritz" else [])):
         out = tmp_path / f"{structure}.csv"
         run = damping("sweep", model, *words, out, *(["--structure"] if structure else []))

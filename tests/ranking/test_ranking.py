@@ -205,10 +205,8 @@ def test_weights_do_not_depend_on_the_order_of_rows_or_on_rounding(swept):
     shuffled = Record(record.table.sample(frac=1.0, random_state=1), "shuffled")
     scale = {"force": 3.7e-9, "amplitude": 2.1e-6}
     scaled = Record(record.table.assign(**{k: record.table[k] * v for k, v in scale.items()}), "scaled")
-    weights = [
-        [rank_laws(observe(one), laws=laws, hold_out=False).find(law).weight for law in laws]
-        for one in (record, shuffled, scaled)
-    ]
+    rankings = [rank_laws(observe(one), laws=laws, hold_out=False) for one in (record, shuffled, scaled)]
+    weights = [[ranking.find(law).weight for law in laws] for ranking in rankings]
     np.testing.assert_allclose(weights[1:], [weights[0]] * 2, atol=1e-6)
 
 

@@ -50,7 +50,7 @@ def test_development_sees_no_blind_case():
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("made")
-    return folder, make_cases(folder / "cases", folder / "labels.json", 6, DEVELOPMENT_SEED, KINDS, jobs=1)
+    return folder, make_cases(folder / "cases", folder / "labels.json", 3, DEVELOPMENT_SEED, KINDS, jobs=1)
 
 
 def test_cases_are_models_and_records_that_can_be_read(made):
@@ -70,16 +70,16 @@ def test_the_seal_is_that_of_the_labels(made):
 
 def test_the_seed_alone_decides_the_cases(made, tmp_path):
     folder, sealed = made
-    again = make_cases(tmp_path / "cases", tmp_path / "labels.json", 6, DEVELOPMENT_SEED, KINDS, jobs=2)
+    again = make_cases(tmp_path / "cases", tmp_path / "labels.json", 3, DEVELOPMENT_SEED, KINDS, jobs=2)
     assert again == sealed
     assert contents(tmp_path / "cases") == contents(folder / "cases")
-    other = make_cases(tmp_path / "other", tmp_path / "other.json", 6, DEVELOPMENT_SEED + 1, KINDS, jobs=1)
+    other = make_cases(tmp_path / "other", tmp_path / "other.json", 3, DEVELOPMENT_SEED + 1, KINDS, jobs=1)
     assert other != sealed
     assert not set(contents(tmp_path / "other")) & set(contents(folder / "cases"))
 
 
 @pytest.fixture
-def diagnosis(monkeypatch) -> list[dict[str, object]]:
+def diagnosis(monkeypatch, no_layout) -> list[dict[str, object]]:
     """A diagnosis that finds nothing, and what it was given."""
     calls: list[dict[str, object]] = []
 

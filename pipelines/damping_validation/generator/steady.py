@@ -83,22 +83,25 @@ class TrueMotion:
         a[0] = force / self._mass
         return a
 
-    def moved(self, z: tuple[Array, ...], dq: Array) -> tuple[Array, ...]:
-        """The stretches of the joints after the main coordinate moved by ``dq``."""
+    def moved(self, z: tuple[Array, ...], before: Array, after: Array) -> tuple[Array, ...]:
+        """The stretches of the joints after the main coordinate moved."""
+        if not z:
+            return z
+        dq = after - before
         return tuple(joint.move(part, dq) for joint, part in zip(self.structure.joints, z, strict=True))
 
     def step(self, state: TrueState, drive: Sequence[float]) -> TrueState:
         """The state one step later; ``drive`` at its start, middle and end."""
-        q, v, z, h = state.q, state.v, state.z, self._h
+        q, v, z, h, half, sixth = state.q, state.v, state.z, self._h, self._h / 2, self._h / 6
         k1 = self.acceleration(q, v, z, drive[0])
-        q2, v2 = q + (h / 2) * v, v + (h / 2) * k1
-        k2 = self.acceleration(q2, v2, self.moved(z, q2[0] - q[0]), drive[1])
-        q3, v3 = q + (h / 2) * v2, v + (h / 2) * k2
-        k3 = self.acceleration(q3, v3, self.moved(z, q3[0] - q[0]), drive[1])
+        q2, v2 = q + half * v, v + half * k1
+        k2 = self.acceleration(q2, v2, self.moved(z, q[0], q2[0]), drive[1])
+        q3, v3 = q + half * v2, v + half * k2
+        k3 = self.acceleration(q3, v3, self.moved(z, q[0], q3[0]), drive[1])
         q4, v4 = q + h * v3, v + h * k3
-        k4 = self.acceleration(q4, v4, self.moved(z, q4[0] - q[0]), drive[2])
-        end = q + (h / 6) * (v + 2 * (v2 + v3) + v4)
-        return TrueState(end, v + (h / 6) * (k1 + 2 * (k2 + k3) + k4), self.moved(z, end[0] - q[0]))
+        k4 = self.acceleration(q4, v4, self.moved(z, q[0], q4[0]), drive[2])
+        end = q + sixth * (v + 2 * (v2 + v3) + v4)
+        return TrueState(end, v + sixth * (k1 + 2 * (k2 + k3) + k4), self.moved(z, q[0], end[0]))
 
     def cycle(self, state: TrueState, samples: Array | None = None) -> tuple[TrueState, tuple[Array, ...]]:
         """The state one cycle later, and the stretches half a cycle before.
@@ -141,7 +144,7 @@ def shoot(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Mask]:
     """States (one copy) that a cycle reproduces, from ``state``, and at which rows a stable one was found."""
     if motion.structure.joints:  # one cycle driven by the guess, so that they remember a full loop
         after, half = motion.cycle(state)
-        stretches = motion.moved(_list_odd(after.z, half), (state.q - after.q)[0])
+        stretches = motion.moved(_list_odd(after.z, half), after.q[0], state.q[0])
         state = TrueState(state.q, state.v, stretches)
     todo = np.ones(motion.rows.omega.size, bool)
     stable = np.zeros(todo.size, bool)
@@ -176,7 +179,7 @@ def _correct(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Ar
     for i in range(n):
         q[i, 1 + i] += _PROBE * size[i]
         v[i, 1 + n + i] += _PROBE * size[i] * omega
-    z = motion.moved(tuple(np.repeat(part, 2 * n + 1, axis=1) for part in state.z), q[0] - state.q[0])
+    z = motion.moved(tuple(np.repeat(part, 2 * n + 1, axis=1) for part in state.z), state.q[0], q[0])
     end, half = motion.cycle(TrueState(q, v, z))
     after = np.concatenate([end.q / size[:, None], end.v / omega / size[:, None]])  # (2 n, copies, rows)
     before = np.concatenate([state.q / size[:, None], state.v / omega / size[:, None]])
@@ -187,7 +190,7 @@ def _correct(motion: TrueMotion, state: TrueState) -> tuple[TrueState, Array, Ar
     step = np.moveaxis(np.linalg.solve(np.eye(2 * n) - map_, miss)[..., 0], 0, -1)  # (2 n, rows)
     new_q, new_v = state.q[:, 0] + step[:n] * size, state.v[:, 0] + step[n:] * size * omega
     odd = _list_odd(tuple(part[:, :1] for part in end.z), tuple(part[:, :1] for part in half))
-    corrected = TrueState(new_q[:, None], new_v[:, None], motion.moved(odd, (new_q[0] - end.q[0, 0])[None]))
+    corrected = TrueState(new_q[:, None], new_v[:, None], motion.moved(odd, end.q[0, :1], new_q[:1]))
     growth = np.abs(np.linalg.eigvals(map_)).max(axis=1)
     change = np.where(lost, np.nan, np.abs(step).max(axis=0))
     return corrected, growth, change

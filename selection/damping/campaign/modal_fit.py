@@ -144,10 +144,11 @@ def _fit_cluster(
     f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray, *, friction: bool = False
 ) -> Poles:
     """The poles with one cluster fitted, the others held; ``friction``: whether its share is free, else 0."""
-    sd, count, parts = _evaluate_sd(H, noise), len(cluster), 3 + friction
+    sd, count, parts, columns = _evaluate_sd(H, noise), len(cluster), 3 + friction, poles.columns(f)
 
     def misfit(x: FloatArray) -> FloatArray:
-        rest = _solve_residues(poles.with_cluster(cluster, *np.split(x, parts)).columns(f), H, sd)[1].ravel()
+        columns[:, 2 + np.array(cluster)] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
+        rest = _solve_residues(columns, H, sd)[1].ravel()
         return np.concatenate([rest.real, rest.imag])
 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, IntArray
+from damping.arrays import ComplexArray, FloatArray, Floats, IntArray, differs
 
 CLUSTER = 0.15  #: modes closer than this share of their frequency are fitted together
 BAND = 0.12  #: rows within this relative distance of a cluster belong to its band
@@ -35,10 +35,15 @@ class Poles:
 
     def columns(self, f: FloatArray) -> ComplexArray:
         """Columns (n, 2 + modes) at frequencies f (n,); H of a sensor is their sum with real coefficients."""
-        w, modes = 2.0 * pi * f, zip(self.frequency, self.ratio, self.slope, self.friction, strict=True)
-        drive, at_modes = np.interp(f, *self.drive), np.interp(self.frequency, *self.drive)
-        terms = [self.sign * w**2 * receptance(f, *mode, drive / at) for mode, at in zip(modes, at_modes, strict=True)]
-        return np.array([np.ones_like(f), f**2, *terms], dtype=complex).T
+        motions = self.motions(f, range(len(self.frequency)))
+        return np.concatenate([np.array([np.ones_like(f), f**2]), motions]).T
+
+    def motions(self, f: FloatArray, modes: Sequence[int]) -> ComplexArray:
+        """sign w^2 G (modes, n) of some modes at frequencies f (n,): their columns."""
+        of_modes = (self.frequency, self.ratio, self.slope, self.friction)
+        frequency, ratio, slope, friction = (values[modes, np.newaxis] for values in of_modes)
+        drive = np.interp(f, *self.drive) / np.interp(frequency, *self.drive)
+        return self.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, slope, friction, drive)
 
     def with_cluster(
         self,
@@ -79,24 +84,26 @@ class Poles:
 
 def receptance(
     f: FloatArray,
-    frequency: float,
-    ratio: float,
-    slope: float = 0.0,
-    friction: float = 0.0,
-    drive: FloatArray | float = 1.0,
+    frequency: Floats,
+    ratio: Floats,
+    slope: Floats = 0.0,
+    friction: Floats = 0.0,
+    drive: Floats = 1.0,
 ) -> ComplexArray:
-    """G (n,) of a mode with damping ratio z = ratio (1 + slope (rho - 1) + friction (1/rho - 1)).
+    """G (n,) of a mode, or (modes, n) for parameters (modes, 1).
 
-    rho = |G| ``drive`` over |G| at the peak is the amplitude over that at the peak; ``drive`` (n,): drive of each row
-    over that at the peak.
+    The damping ratio is z = ratio (1 + slope (rho - 1) + friction (1/rho - 1)).
+    rho = |G| ``drive`` over |G| at the peak is the amplitude over that at the peak; ``drive`` (n,) or (modes, n):
+    drive of each row over that at the peak.
     """
     w, w_k = 2.0 * pi * f, 2.0 * pi * frequency
     elastic = w_k**2 - w**2
     peak = 1.0 / (2.0 * ratio * w_k**2)
-    z = np.full_like(f, ratio)
-    if slope != 0.0 or friction != 0.0:
+    z: Floats = ratio
+    if differs(slope, 0.0) or differs(friction, 0.0):
         # loss rho z = ratio (friction + linear rho + slope rho^2)
         linear, per_ratio = 1.0 - slope - friction, 2.0 * ratio * w_k * w
+        squared, target = elastic**2, (drive / peak) ** 2
         low, high = np.zeros_like(f), 1.5 * np.maximum(drive, np.ones_like(f))
         for _ in range(_HALVINGS):
             rho = 0.5 * (low + high)
@@ -105,9 +112,9 @@ def receptance(
             low, high = np.where(above, low, rho), np.where(above, rho, high)
         for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = (drive/peak)^2, from a close bracket
             loss = per_ratio * (friction + (linear + slope * rho) * rho)
-            excess = (elastic * rho) ** 2 + loss**2 - (drive / peak) ** 2
-            rate = 2.0 * rho * elastic**2 + 2.0 * loss * per_ratio * (linear + 2.0 * slope * rho)
-            rho = np.clip(rho - excess / rate, low, high)
+            excess = (elastic * rho) ** 2 + loss**2 - target
+            rate = 2.0 * rho * squared + 2.0 * loss * per_ratio * (linear + 2.0 * slope * rho)
+            rho = np.minimum(np.maximum(rho - excess / rate, low), high)  # np.clip takes twice the time
         rho = np.maximum(rho, _STILL)
         z = np.maximum(ratio * (friction / rho + linear + slope * rho), 0.0)
     return np.asarray(1.0 / (elastic + 2j * z * w_k * w))
