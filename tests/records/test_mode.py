@@ -239,7 +239,7 @@ def tables(effect):
     return st.fixed_dictionaries(
         {name: fit for name, fit in fits.items() if name in needed},
         optional={name: fit for name, fit in fits.items() if name not in needed},
-    )
+    ).filter(lambda table: not any(table.get(s.name) and table.get(s.excludes) for s in effect.shapes))
 
 
 def build(frequency, mass, damping, **rest):
@@ -331,3 +331,11 @@ def test_a_switch_is_on_or_off(scratch):
     assert read_mode(scratch(MODE + slip + "1\n", "mode.toml")).effects["slip"]["bounded"] == 1.0
     with pytest.raises(InputError, match=r"bounded: is 0\.5; expected 0 or 1"):
         read_mode(scratch(MODE + slip + "0.5\n", "mode.toml"))
+
+
+def test_a_joint_that_yields_gradually_is_one_joint(scratch):
+    slip = "\n[effects.slip]\nstiffness = 1.0\nlimit = 0.1\nsmooth = {}\nkappa = 1.0\n"
+    assert read_mode(scratch(MODE + slip.format("0"), "mode.toml")).effects["slip"]["kappa"] == 1.0
+    place = r"mode\.toml, line 9, column smooth: stands beside kappa; expected one of the two"
+    with pytest.raises(InputError, match=place):
+        read_mode(scratch(MODE + slip.format("1"), "mode.toml"))

@@ -238,10 +238,9 @@ def _force(damping: TomlTable, name: str) -> dict[str, float]:
     expected = f"{{{', '.join(f'{shape.name} = ...' for shape in shapes)}}}"
     table = damping.table(name, expected=expected)
     of_effect = {shape.name for shape in effects.CATALOGUE[name].shapes} if name in effects.CATALOGUE else set()
-    for key in table.values:
-        if key in of_effect - {shape.name for shape in shapes}:
-            where = f"[effects.{name}]"
-            raise table.error(key, f"a key of {where}, not of [damping.{name}]", f"{expected}, or all of it in {where}")
+    if keys := [key for key in table.values if key in of_effect - {shape.name for shape in shapes}]:
+        where = f"[effects.{name}]"
+        raise table.error(keys[0], f"a key of {where}, not of [damping.{name}]", f"{expected}, or all of it in {where}")
     return _parameters(table, shapes)
 
 
@@ -256,6 +255,8 @@ def _number(table: TomlTable, key: str, shape: Shape) -> float:
     number = table.number(key, above=shape.above, least=shape.least, below=shape.below)
     if shape.switch and number not in (0.0, 1.0):
         raise table.error(key, f"is {number:g}", "0 or 1")
+    if number and table.values.get(shape.excludes):
+        raise table.error(key, f"stands beside {shape.excludes}", "one of the two")
     return number
 
 
