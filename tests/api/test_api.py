@@ -171,6 +171,8 @@ def test_other_kinds_of_arguments_are_refused(record, mode):
         dp.sweep(mode, force=2.0, frequency=[2.0, 1.0])
     with pytest.raises(dp.InputError, match="force or frequency is no number"):
         dp.sweep(mode, force="strong", frequency=[1.0, 2.0])
+    with pytest.raises(dp.InputError, match="200000 rows; expected 100000 rows"):
+        dp.sweep(mode, force=[2.0, 3.0], frequency=np.linspace(1.0, 2.0, 100_000))
     with pytest.raises(dp.InputError, match=r"states are no pairs; expected \(record, mode\)"):
         dp.diagnose(record, mode, states=[record])
     with pytest.raises(dp.InputError, match="path 5; expected the name of a file"):

@@ -315,3 +315,12 @@ def test_rivals_that_different_tests_tell_are_told_by_both(monkeypatch, blamed, 
         monkeypatch.setattr(next_test, name, value)
     tests = next_test.rank_tests(rivals, rivals, 0.8, "command")
     assert [(test.what, test.expected_log_odds) for test in tests] == ([("2", pytest.approx(50.0))] if told else [])
+
+
+def test_tests_that_are_joined_are_different_runs():
+    """A sweep is not joined with the same sweep whose third harmonic is measured too, but with every other."""
+    again, third = (test for test in DESIGNS if test.what.startswith("a sweep at the highest force"))
+    near = next(test for test in DESIGNS if "near resonance" in test.what and not test.channel)
+    across = next(test for test in DESIGNS if test.channel == "cross")
+    assert [test.joins(again) for test in (third, across, near)] == [False, False, True]
+    assert [third.joins(test) for test in (again, across, near)] == [False, True, True]

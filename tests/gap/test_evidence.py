@@ -18,7 +18,7 @@ from damping.gap.corrected import log_density, sample_effects
 from damping.gap.diagnose import explain
 from damping.gap.directed import directed_tests
 from damping.gap.fit import ModelFit, decorrelate, fit_model
-from damping.gap.model import Scatter
+from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
 from damping.gap.rows import UNSEEN
@@ -355,3 +355,16 @@ def test_noise_that_is_stated_too_large_is_said(lab, factor):
     assert [said.split(":")[0] for said in describe_noise(known, search.ranked()[0].best)] == (
         ["the stated noise is too large"] if factor > 1.0 else []
     )
+
+
+def test_the_evidence_of_two_effects_is_averaged_over_the_forms_of_both(lab):
+    """In either order: a mode of p(data | forms) counts 1/(number of pairs of forms)."""
+    rows = lab.bench(levels=2, points=16).rows
+    start = setting(lab.record(rows, lab.linear(rows), 3), lab.mode())
+    search = Search(start.problem, CATALOGUE, start.unknowns)
+    model = Model(start.problem, (), start.unknowns.first)
+    fit = fit_model(model, np.zeros((1, model.size)))[0]
+    alone = marginalise_scatter(fit, start.unknowns, -np.inf).log_evidence
+    expected = alone - np.log(len(search.forms["slip"]) * len(search.forms["drift"]))
+    found = [search._store(effects, [fit]).log_evidence for effects in (("slip", "drift"), ("drift", "slip"))]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

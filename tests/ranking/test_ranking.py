@@ -18,6 +18,7 @@ from damping.forces.shapes import Shape
 from damping.infer.best_fit import BestFit, _remember_fits, fit_law, fit_laws
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
+from damping.infer.likelihood import log_likelihood
 from damping.infer.observations import observe
 from damping.ranking import NEGLIGIBLE, prior_masses, rank_laws, weigh_laws
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
@@ -235,6 +236,25 @@ def test_a_standard_error_that_few_draws_make_is_said(peaks):
     ratio = {row.name: max(3.29 * c.std_error / (c.high - c.low) for c in row.coefficients) for row in rows}
     assert said
     assert said == {name for name, most in ratio.items() if most > 2.0}
+
+
+@pytest.mark.parametrize("seed", [1, 5, 7])
+def test_a_power_law_has_the_interval_of_its_posterior(peaks, seed):
+    """The interval on three levels is that of 2 million prior draws weighted by the likelihood, for any seed."""
+    A = (np.array([1.0, 2.0, 4.0]) / 30.0) ** (1.0 / 1.5) / 125.7
+    A *= np.exp(0.05 * np.random.default_rng(0).standard_normal(3))
+    data, law = peaks(A, np.array([1.0, 2.0, 4.0]), 125.7), Law(("velocity-power",))
+    coordinates, rng = Coordinates.of(law, data), np.random.default_rng(2)
+    p, log_p = [], []
+    for _ in range(20):
+        x = rng.standard_normal((100_000, coordinates.dimension))
+        log_p.append(log_likelihood(x, coordinates, data))
+        p.append(coordinates.parameters(x)["velocity-power"])
+    values, weights = np.concatenate(p), np.exp(np.concatenate(log_p))
+    order = np.argsort(values)
+    expected = np.interp([0.05, 0.5, 0.95], np.cumsum(weights[order]) / weights.sum(), values[order])
+    row = rank_laws(data, seed, [law], hold_out=False).candidates[0].coefficients[0]
+    np.testing.assert_allclose(np.log([row.low, row.value, row.high]), np.log(expected), rtol=0.0, atol=0.12)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import pi
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from damping import effects
 from damping.errors import InputError
 from damping.forces import CATALOGUE, list_parameter_names
+from damping.predict import in_unit
 from damping.records.keys import MAX_TOML_SIZE
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, describe_mode_to_toml, read_mode
 
@@ -141,6 +143,11 @@ REFUSED = {
         ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
         "(2 pi frequency)^2",
     ),
+    "all of the stiffness lost by an effect": (
+        MODE + "[effects.slip]\nlimit = 0.1\nstiffness = 741\n",
+        ", line 7, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
+        "(2 pi frequency)^2",
+    ),
     "effect": (MODE + '[effects.phase-lag]\nlag = "c"\n', ", line 6, column lag: is text; expected a finite number"),
     "key of an effect": (
         MODE + "[effects.stiffness-hardening]\ncoefficient = 1\nexponant = 2\n",
@@ -239,15 +246,16 @@ def tables(effect):
     return st.fixed_dictionaries(
         {name: fit for name, fit in fits.items() if name in needed},
         optional={name: fit for name, fit in fits.items() if name not in needed},
-    )
+    ).filter(lambda table: not any(table.get(s.name) and table.get(s.excludes) for s in effect.shapes))
 
 
 def build(frequency, mass, damping, **rest):
     """A mode whose joint loses no more stiffness than there is; none where that is too small a number."""
     K = mass * (2.0 * pi * frequency) ** 2
-    slip = damping.pop("slip", None)
-    added = {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
-    return Mode(frequency=frequency, mass=mass, damping=damping | added, **rest)
+    for forces in (damping, rest["effects"]):
+        slip = forces.pop("slip", None)
+        forces |= {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
+    return Mode(frequency=frequency, mass=mass, damping=damping, **rest)
 
 
 MODES = st.builds(
@@ -331,3 +339,19 @@ def test_a_switch_is_on_or_off(scratch):
     assert read_mode(scratch(MODE + slip + "1\n", "mode.toml")).effects["slip"]["bounded"] == 1.0
     with pytest.raises(InputError, match=r"bounded: is 0\.5; expected 0 or 1"):
         read_mode(scratch(MODE + slip + "0.5\n", "mode.toml"))
+
+
+def test_a_joint_that_yields_gradually_is_one_joint(scratch):
+    slip = "\n[effects.slip]\nstiffness = 1.0\nlimit = 0.1\nsmooth = {}\nkappa = 1.0\n"
+    assert read_mode(scratch(MODE + slip.format("0"), "mode.toml")).effects["slip"]["kappa"] == 1.0
+    place = r"mode\.toml, line 9, column smooth: stands beside kappa; expected one of the two"
+    with pytest.raises(InputError, match=place):
+        read_mode(scratch(MODE + slip.format("1"), "mode.toml"))
+
+
+def test_a_joint_that_loses_all_the_stiffness_keeps_it_in_other_units():
+    """The last digit of mass times (2 pi frequency)^2 depends on the unit of mass."""
+    for f, mass, unit in np.random.default_rng(0).uniform(0.1, 90.0, (50, 3)):
+        joint = {"slip": {"stiffness": mass * (2.0 * pi * f) ** 2, "limit": 0.1}}
+        for tables in ({"damping": joint}, {"effects": joint}):
+            assert in_unit(Mode(name="m", frequency=f, mass=mass, **tables), unit).mass == mass * (1.0 / unit)

@@ -21,7 +21,6 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
-from damping.errors import InputError
 from damping.forces.contract import Force, GrowingForce, Joint, spread
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, SmoothSlip, lose_stiffness
 from damping.forces.powers import (
@@ -175,12 +174,10 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
     """One joint, whose ``stiffness`` is lost beyond ``limit``; with ``kappa`` many joints with distributed limits.
 
     Unbounded limits make a smooth backbone (Iwan 1966). With ``bounded`` no limit exceeds ``limit`` (Segalman 2005).
-    See `ManyJoints`. ``smooth``: one joint that yields gradually, see `SmoothSlip`; it has no ``kappa`` (InputError).
+    See `ManyJoints`. ``smooth``: one joint that yields gradually, see `SmoothSlip`; it has no ``kappa``.
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if np.any(table.get("smooth", 0.0)):
-        if np.any(kappa):
-            raise InputError("slip cannot be smooth and have a kappa: it is one joint, or many", expected="either")
         return SmoothSlip(stiffness, limit)
     if not np.any(kappa):
         return Slip(stiffness, limit)
@@ -214,7 +211,7 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = 
 
 _KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
 _BOUNDED = Shape("bounded", default=0.0, switch=True, label="many joints, none with a larger limit")
-_SMOOTH = Shape("smooth", default=0.0, switch=True, label="yields gradually (Bouc and Wen)")
+_SMOOTH = Shape("smooth", default=0.0, switch=True, excludes="kappa", label="yields gradually (Bouc and Wen)")
 SLIP = Effect(
     name="slip",
     kind="force",

@@ -123,7 +123,7 @@ class Slip(GrowingForce):
 
 
 #: ln(A/A1) of the table of a smooth joint: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
-_LN_RATIO = np.linspace(-6.0, 6.0, 1201)
+_LN_RATIO = np.linspace(-6.0, 12.0, 1801)
 #: Travel over A1, from zero force, that cuts its bend into parts; nodes of Gauss and Legendre in each, right to 1e-11.
 _BENDS = (1.0, 6.0, 40.0)
 _GAUSS = np.polynomial.legendre.leggauss(20)
@@ -136,7 +136,7 @@ def _stretch_at_turn(a: Floats) -> FloatArray:
 
 @cache
 def _tabulate_smooth() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """ln C, its slope, ln(-S) and its slope, each (1201,), and the third harmonic over C (2, 1201): see `SmoothSlip`.
+    """ln C, its slope, ln(-S) and its slope, each (1801,), and the third harmonic over C (2, 1801): see `SmoothSlip`.
 
     Of unit k A. From the turn at q = -A1 a, the force over k A1 is travel - Z up to a travel Z, then
     1 - exp(Z - travel), which is Z at the other turn. Differences are formed without cancellation.

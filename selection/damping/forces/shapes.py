@@ -125,6 +125,7 @@ class Shape:
         default: value where a file does not name it; None where a file must.
         prior: of a parameter that is free in a law, other than the coefficient.
         label: for people, such as ``slip limit``; the name where empty.
+        excludes: parameter that must be 0 or absent where this one is not 0.
     """
 
     name: str
@@ -136,6 +137,7 @@ class Shape:
     prior: Uniform | OfAmplitude | None = None
     label: str = ""
     switch: bool = False
+    excludes: str = ""
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
         """The parameter at standard normal ``x``. InputError: without a prior it cannot be free in a law."""

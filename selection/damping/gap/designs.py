@@ -41,8 +41,10 @@ class ProposedTest:
     change: Callable[[Terms], Terms] = lambda terms: terms
 
     def joins(self, other: "ProposedTest") -> bool:
-        """Whether both can be rows of one table: a change of the terms holds for all rows."""
-        return "sweep_rate" not in {*self.columns, *other.columns}
+        """Whether both can be rows of one table, since a change of the terms holds for all, and are different runs."""
+        runs = [(test.width, test.factor, test.lowest, test.heavier) for test in (self, other)]
+        one_run = runs[0] == runs[1] and (not self.channel or not other.channel)
+        return not one_run and "sweep_rate" not in {*self.columns, *other.columns}
 
     def plan(self, problem: Problem) -> Rows:
         """The rows of the test, taken after the record, with amplitudes of the repeated sweep at equal detuning.

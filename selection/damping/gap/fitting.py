@@ -81,9 +81,8 @@ class Fits:
         if not fits:  # the remaining effects may have no steady state: start from zero
             model, x, _ = starts[0]
             fits = fit_roughly(model, np.zeros_like(x))
-        again = self._store(effects, polish_fits(fits), hypothesis.forms // len(self.forms[name]))
-        if before is not None and before.log_posterior > again.log_posterior:
-            self.hypotheses[before.key] = before
+        again = self._store(effects, polish_fits(fits))
+        self._restore(before)
         return self.hypotheses[again.key]
 
     def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
@@ -120,7 +119,7 @@ class Fits:
             z = fit.y[model.size :].reshape(2, -1)[:, sweeps].reshape(1, -1)
             fits += fit_roughly(model, x, z)
         if fits:  # none where it has no steady state at the rows of this problem
-            self._store(hypothesis.effects, fits, hypothesis.forms)
+            self._store(hypothesis.effects, fits)
 
     def ranked(self) -> list[Hypothesis]:
         """All hypotheses, most probable first."""
@@ -141,15 +140,18 @@ class Fits:
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
             if worth := polish_fits(worth) if top > known - _LOST else worth:  # polishing may lose the motion
-                self._store((*base.effects, name), worth, base.forms * len(candidates))
+                self._store((*base.effects, name), worth)
 
     def improve(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """`extend`, unless an earlier fit of the same effects is as probable."""
-        key = base.key | {name}
-        kept = self.hypotheses.get(key)
+        earlier = self.hypotheses.get(base.key | {name})
         self.extend(base, name, candidates)
-        if kept and kept.log_posterior >= self.hypotheses[key].log_posterior:
-            self.hypotheses[key] = kept
+        self._restore(earlier)
+
+    def _restore(self, earlier: Hypothesis | None) -> None:
+        """Keep the ``earlier`` fit of a hypothesis if it is at least as probable as the present one."""
+        if earlier and earlier.log_posterior >= self.hypotheses[earlier.key].log_posterior:
+            self.hypotheses[earlier.key] = earlier
 
     def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
         """Modes of a fit's model with one more form; none where all are far behind a ln posterior ``rival``."""
@@ -171,20 +173,21 @@ class Fits:
             x, z = np.concatenate([x, x]), np.concatenate([z, z + fit.y[fit.model.size :]])
         return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))
 
-    def _store(self, effects: tuple[str, ...], fits: list[ModelFit], forms: int) -> Hypothesis:
-        """Weigh the modes over all ``forms`` of the effects together, and keep the hypothesis."""
+    def _store(self, effects: tuple[str, ...], fits: list[ModelFit]) -> Hypothesis:
+        """Weigh the modes over all forms of the effects, and keep the hypothesis."""
         top = max(fit.log_evidence for fit in fits)
         plain = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
         least = max((hypothesis.log_evidence for hypothesis in self.hypotheses.values()), default=-np.inf) - _WORTH
         marginal = [marginalise_scatter(fit, self.unknown, least) for fit in plain]
         first = int(np.argmax([fit.log_evidence for fit in marginal]))
-        evidence = float(logsumexp([fit.log_evidence for fit in marginal])) - float(np.log(forms))
+        forms = float(np.sum(np.log([len(self.forms.get(name, ())) or 1 for name in effects])))
+        evidence = float(logsumexp([fit.log_evidence for fit in marginal])) - forms
         prior = np.log(PRIOR_NULL) if not effects else -(len(effects) - 1) * np.log(self.choices + 1.0)
         prior += sum(np.log(self.effects[name].prior) for name in effects)
         best = plain[first]
         least = best.log_evidence - _CLOSE
         rivals = [fit for fit in plain if fit.model.parts != best.model.parts and fit.log_evidence > least]
         others = tuple(sorted(rivals, key=lambda fit: -fit.log_evidence)[:1])  # the best of other forms
-        hypothesis = Hypothesis(effects, marginal[first], best, others, evidence, evidence + float(prior), forms)
+        hypothesis = Hypothesis(effects, marginal[first], best, others, evidence, evidence + float(prior))
         self.hypotheses[hypothesis.key] = hypothesis
         return hypothesis

@@ -62,7 +62,6 @@ class Hypothesis:
         others: the best plain modes of other forms that are about as good.
         log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
         log_posterior: log_evidence plus ln of the prior of the effects, not normalised.
-        forms: number of combinations of forms of the effects, over which the evidence is averaged.
     """
 
     effects: tuple[str, ...]
@@ -71,7 +70,6 @@ class Hypothesis:
     others: tuple[ModelFit, ...]
     log_evidence: float
     log_posterior: float
-    forms: int
 
     @property
     def near(self) -> tuple[ModelFit, ...]:

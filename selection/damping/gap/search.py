@@ -108,7 +108,7 @@ class Search(Fits):
         null = self.hypotheses.get(frozenset())
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
-            null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1], 1)
+            null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1])
         tried = {name: list_starts(null.plain, forms, {}) for name, forms in self.forms.items()}
         self.units |= {starts[0].part.form: starts[0].part.unit for starts in chain.from_iterable(tried.values())}
         gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}

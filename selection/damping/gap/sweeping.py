@@ -26,6 +26,8 @@ from damping.records.resonance import find_resonance
 Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
+#: Rows of a record that is computed: minutes, and far more than any analysis takes.
+MOST_POINTS = 100_000
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
 #: Most frequencies of a sweep that is read as a test would be: some tens between its half-power points.
 _READ = 400
@@ -76,6 +78,9 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
     bad = next((force for force in forces if not (isinstance(force, int | float) and 0.0 < force < math.inf)), None)
     if not forces or bad is not None:
         raise InputError(f"force {bad}" if forces else "no force", expected="positive numbers")
+    if frequencies.size * len(forces) > MOST_POINTS:
+        expected = f"{MOST_POINTS} rows (points times forces) at most"
+        raise InputError(f"{frequencies.size * len(forces)} rows", expected=expected)
     if len(set(forces)) < len(forces):
         raise InputError("the same force twice", expected="different force levels")
     if not (frequencies.ndim == 1 and frequencies.size >= 2 and np.isfinite(frequencies).all()):
