@@ -87,6 +87,16 @@ def test_what_is_corrected(lab, written):
     np.testing.assert_allclose(corrected.frequency / lab.mode().frequency, 0.995, rtol=0.0, atol=5e-5)
 
 
+@pytest.mark.parametrize("form", [{}, {"smooth": 1.0}])  # of [damping], and of [effects]
+def test_a_corrected_joint_loses_no_more_than_the_stiffness(lab, form, monkeypatch):
+    """Of the corrected mode, which may be softer than the simulated one."""
+    fitted = {"slip": {"stiffness": 1e9, "limit": 0.01} | form}
+    monkeypatch.setattr("damping.gap.corrected.effect_values", lambda fit: fitted)
+    mode = corrected_mode(lab.diagnosed("velocity-squared").leading.best)
+    joint = (mode.effects if form else mode.damping)["slip"]
+    np.testing.assert_allclose(joint["stiffness"], mode.mass * mode.omega_n**2, rtol=1e-12)
+
+
 @pytest.mark.parametrize("name", ["velocity-squared", "stiffness-hardening"])
 def test_the_corrected_model_can_be_swept(lab, written, tmp_path, name):
     out, rows = tmp_path / "swept.csv", lab.bench().rows

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import pi
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from damping import effects
 from damping.errors import InputError
 from damping.forces import CATALOGUE, list_parameter_names
+from damping.predict import in_unit
 from damping.records.keys import MAX_TOML_SIZE
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, describe_mode_to_toml, read_mode
 
@@ -141,6 +143,11 @@ REFUSED = {
         ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
         "(2 pi frequency)^2",
     ),
+    "all of the stiffness lost by an effect": (
+        MODE + "[effects.slip]\nlimit = 0.1\nstiffness = 741\n",
+        ", line 7, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
+        "(2 pi frequency)^2",
+    ),
     "effect": (MODE + '[effects.phase-lag]\nlag = "c"\n', ", line 6, column lag: is text; expected a finite number"),
     "key of an effect": (
         MODE + "[effects.stiffness-hardening]\ncoefficient = 1\nexponant = 2\n",
@@ -245,9 +252,10 @@ def tables(effect):
 def build(frequency, mass, damping, **rest):
     """A mode whose joint loses no more stiffness than there is; none where that is too small a number."""
     K = mass * (2.0 * pi * frequency) ** 2
-    slip = damping.pop("slip", None)
-    added = {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
-    return Mode(frequency=frequency, mass=mass, damping=damping | added, **rest)
+    for forces in (damping, rest["effects"]):
+        slip = forces.pop("slip", None)
+        forces |= {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
+    return Mode(frequency=frequency, mass=mass, damping=damping, **rest)
 
 
 MODES = st.builds(
@@ -339,3 +347,11 @@ def test_a_joint_that_yields_gradually_is_one_joint(scratch):
     place = r"mode\.toml, line 9, column smooth: stands beside kappa; expected one of the two"
     with pytest.raises(InputError, match=place):
         read_mode(scratch(MODE + slip.format("1"), "mode.toml"))
+
+
+def test_a_joint_that_loses_all_the_stiffness_keeps_it_in_other_units():
+    """The last digit of mass times (2 pi frequency)^2 depends on the unit of mass."""
+    for f, mass, unit in np.random.default_rng(0).uniform(0.1, 90.0, (50, 3)):
+        joint = {"slip": {"stiffness": mass * (2.0 * pi * f) ** 2, "limit": 0.1}}
+        for tables in ({"damping": joint}, {"effects": joint}):
+            assert in_unit(Mode(name="m", frequency=f, mass=mass, **tables), unit).mass == mass * (1.0 / unit)

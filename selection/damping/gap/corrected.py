@@ -166,8 +166,9 @@ def corrected_mode(fit: ModelFit) -> Mode:
             del damping[name]
     frequency = mode.frequency * (1.0 + relative.get("frequency", 0.0))
     mass = mode.mass * (1.0 + relative.get("mass", 0.0))
-    if slip := damping.get("slip"):  # a joint cannot lose more stiffness than the mode has
-        slip["stiffness"] = min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)
+    for joints in (damping, others):  # a joint cannot lose more stiffness than the mode has
+        if slip := joints.get("slip"):
+            joints["slip"] = {**slip, "stiffness": min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)}
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
 
 

@@ -17,9 +17,9 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: Range of ln mass over its relative standard uncertainty beyond which masses differ: ten estimates of one mass exceed
-#: it in 1.4 % of cases.
+#: Range of ln mass over its standard uncertainty beyond which masses differ: 1.4 % of tens of estimates of one mass do.
 STATES_APART = 5.0
+ROUNDED = 1.0 + 1e-12  #: largest of a stiffness over an equal one after conversion to other units
 DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the motion of its base
 
 
@@ -184,10 +184,13 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     simulated = {name: _force(damping, name) for name in damping.values}
     frequency = mode.number("frequency", above=0.0)
     mass = mode.number("mass", above=0.0, default=1.0 if drive == "base" else None)
-    whole, lost = mass * (RAD_S_PER_HZ * frequency) ** 2, simulated.get("slip", {}).get("stiffness", 0.0)
-    if lost > whole:
-        expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
-        raise damping.table("slip").error("stiffness", f"is {lost:g}", expected)
+    further = {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values}
+    whole = mass * (RAD_S_PER_HZ * frequency) ** 2
+    for written, read in ((damping, simulated), (others, further)):
+        lost = read.get("slip", {}).get("stiffness", 0.0)
+        if lost > ROUNDED * whole:
+            expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
+            raise written.table("slip").error("stiffness", f"is {lost:g}", expected)
     return {
         "name": mode.text("name", default=name),
         "frequency": frequency,
@@ -201,7 +204,7 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
         "rig": _rig(top.table("rig", "planes", "force", "rate")),
         "damping": simulated,
-        "effects": {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values},
+        "effects": further,
     }
 
 
@@ -274,12 +277,9 @@ def describe_mode_to_toml(mode: Mode) -> str:
         },
         **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
     }
-    written = []
-    for name, values in groups.items():
-        if values or name.startswith("effects."):
-            lines = [f"{_describe_key(key)} = {_describe_value(value)}\n" for key, value in values.items()]
-            written.append(f"[{name}]\n{''.join(lines)}")
-    return "\n".join(written)
+    shown = {name: of for name, of in groups.items() if of or name.startswith("effects.")}
+    lines = ("".join(f"{_describe_key(k)} = {_describe_value(v)}\n" for k, v in of.items()) for of in shown.values())
+    return "\n".join(f"[{name}]\n{text}" for name, text in zip(shown, lines, strict=True))
 
 
 def _describe_value(value: str | float | Mapping[str, float]) -> str:
