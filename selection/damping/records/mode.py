@@ -17,8 +17,7 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: Range of ln mass over its relative standard uncertainty beyond which masses differ: ten estimates of one mass exceed
-#: it in 1.4 % of cases.
+#: Range of ln mass over its standard uncertainty beyond which masses differ: 1.4 % of tens of estimates of one mass do.
 STATES_APART = 5.0
 ROUNDED = 1.0 + 1e-12  #: largest of a stiffness over an equal one after conversion to other units
 DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the motion of its base
@@ -188,7 +187,8 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     further = {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values}
     whole = mass * (RAD_S_PER_HZ * frequency) ** 2
     for written, read in ((damping, simulated), (others, further)):
-        if (lost := read.get("slip", {}).get("stiffness", 0.0)) > ROUNDED * whole:
+        lost = read.get("slip", {}).get("stiffness", 0.0)
+        if lost > ROUNDED * whole:
             expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
             raise written.table("slip").error("stiffness", f"is {lost:g}", expected)
     return {
