@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from damping.campaign import analyse
+from damping.campaign.sources import read_runs
+from damping.formats import read_file
+from damping.formats.series import Stated
 
 LEVELS = (0.5, 1.0, 2.0, 4.0)
 SHAPES = np.array([[1.0, 0.42], [0.5, -0.63]])
@@ -80,3 +83,25 @@ def test_a_stiffening_mode_is_read_at_its_resonance_and_predicted_on_its_backbon
         assert at.ratio[1] < ratio * w_n / w < at.ratio[2], at
         assert at.frequency == pytest.approx(w / (2 * np.pi), rel=2e-3 if at.level < 16.0 else 0.015)
         assert at.response[0].band[1] < w**2 * A < at.response[0].band[2], at
+
+
+@pytest.mark.parametrize(("title", "said"), [("{} N random", True), ("Impact test, {} N", True), ("{} N", False)])
+def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title, said):
+    """The response to noise of 4 N rms at one frequency is not that to a sine of 4 N, and nor is its damping."""
+    f = np.linspace(31.0, 38.0, 60)
+    sets = []
+    for force in (1.0, 2.0):
+        H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
+        head = ["    -1", "    58", title.format(force), *["NONE"] * 4]
+        head.append(f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{3:4d} {'NONE':10s}{1:10d}{3:4d}")
+        head.append(f"{6:10d}{len(f):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
+        axes = ((18, "f", "Hz"), (12, "acceleration", "m/s^2"), (13, "force", "N"), (0, "NONE", "NONE"))
+        head += [f"{code:10d}{0:5d}{0:5d}{0:5d} {name:20s} {unit:20s}" for code, name, unit in axes]
+        sets += [*head, *(f"{x:13.5e}{y.real:20.11e}{y.imag:20.11e}" for x, y in zip(f, H, strict=True)), "    -1"]
+    (tmp_path / "a.uff").write_text("\n".join([*sets, ""]))
+    for notes in (
+        read_runs([tmp_path / "a.uff"], 1_000_000)[1].notes,
+        read_file(tmp_path / "a.uff", Stated(forces=(1.0, 2.0)))[1].notes,
+    ):
+        assert any("with a stepped or swept sine" in note for note in notes)
+        assert any("caution" in note and "not of a sine" in note for note in notes) == said
