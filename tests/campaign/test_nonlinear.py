@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 
 import h5py
@@ -10,6 +11,7 @@ import pytest
 
 from damping.campaign import analyse
 from damping.campaign.sources import read_runs
+from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.series import Stated
 
@@ -105,3 +107,35 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
     ):
         assert any("with a stepped or swept sine" in note for note in notes)
         assert any("caution" in note and "not of a sine" in note for note in notes) == said
+
+
+def dwell(path, *, turned=(), drive=1.0):
+    """Levels in the names of groups; at 4 N the channels ``turned`` are reversed; the force reads ``drive`` times."""
+    f = np.linspace(31.0, 38.0, 120)
+    mode = partial(slide, hertz=34.0, mass=10.0, ratio=0.01, friction=0.05)
+    write(path, f, [mode])
+    with h5py.File(path, "r+") as file:
+        for force in LEVELS:
+            run = file[f"run_{force}N"]
+            run["force"][...] = drive * run["force"][...]
+        for name in turned:
+            file["run_4.0N"][name][...] = -file["run_4.0N"][name][...]
+    return path
+
+
+def test_a_sensor_whose_sign_changes_is_named_so(tmp_path, few_laws):
+    """It has a peak at the resonance at every level: the mean of its residues would hide it."""
+    (mode,) = analyse([dwell(tmp_path / "a.h5", turned=("b",))], [8.0]).modes
+    assert mode.left_out == {"b": "its sign changes: in run 'run_4.0N' it moves the other way"}
+    with pytest.raises(InputError, match=r"in run 'run_4.0N' every sensor moves the other way .*: its drive is rev"):
+        analyse([dwell(tmp_path / "b.h5", turned=("a", "b"))], [8.0])
+
+
+@pytest.mark.parametrize(
+    ("drive", "said"), [(0.01, "0.01 times the level in the label: its"), (0.5**0.5, r"0.707 .* \(rms for peak\?\)")]
+)
+def test_a_drive_in_another_unit_than_all_labels_is_said(tmp_path, drive, said):
+    """An amplifier's volts read as newtons would be answered at a hundredth of the level."""
+    notes = read_runs([dwell(tmp_path / "a.h5", drive=drive)], 10_000_000)[1].notes
+    assert [note for note in notes if re.search(f"caution: in every run the drive reads {said}", note)]
+    assert not any("every run" in note for note in read_runs([dwell(tmp_path / "b.h5")], 10_000_000)[1].notes)
