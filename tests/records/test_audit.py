@@ -139,11 +139,11 @@ def test_levels_under_one_label_are_not_told_to_sweep_on():
 @pytest.mark.parametrize(("simulated", "verdict"), [(0.01, "refuse"), (1e-4, "ok")])
 def test_a_damping_ratio_that_no_simulation_is_so_far_from_is_of_a_unit(simulated, verdict):
     """Peaks 1000 times too large of a ratio of .02; a crystal simulated with a ratio as small has it by right."""
-    table = pd.DataFrame({"sweep": ["a", "b"], "force": [1.0, 2.0], "frequency": 10.0, "amplitude": [1.0, 2.0]})
+    table = pd.DataFrame({"sweep": ["a", "b"], "force": [1.0, 2.0], "frequency": 10.0, "amplitude": [0.1, 0.2]})
     omega = 2.0 * np.pi * 10.0
     mode = Mode(
-        name="made", frequency=10.0, mass=1.0 / (2.0 * 2e-5 * omega**2), units=Units("N", "m", "s"),
-        damping={"viscous": {"coefficient": 2.0 * simulated / (2.0 * 2e-5 * omega)}},
+        name="made", frequency=10.0, mass=10.0 / (2.0 * 2e-5 * omega**2), units=Units("N", "m", "s"),
+        damping={"viscous": {"coefficient": 20.0 * simulated / (2.0 * 2e-5 * omega)}},
     )  # fmt: skip
     found = audit(record_of(table), mode)
     assert found.verdict == verdict
@@ -418,3 +418,13 @@ def test_a_wrong_sign_of_one_sweep_names_it_and_leaves_the_others():
     (sign,) = [finding for finding in every.findings if finding.check == "phase-sign"]
     assert sign.advice == "negate it (lead_deg where the file is imported)"
     assert sign.what.startswith("the phase falls through -pi/2")
+
+
+@pytest.mark.parametrize(("length", "times", "doubted"), [("m", 1.0, False), ("mm", 1e3, False), ("m", 142.1e3, True)])
+def test_accelerations_given_as_displacements_are_doubted(length, times, doubted):
+    """At 60 Hz, w^2 = 142.1e3: a mode of 0.5 mm is then one of 71 m, at 27 km/s. Force and mass scale with it."""
+    force, amplitude = np.array([1.0, 2.0, 4.0]), np.array([0.13e-3, 0.26e-3, 0.5e-3])
+    table = pd.DataFrame({"sweep": list("abc"), "force": force, "frequency": 60.0, "amplitude": times * amplitude})
+    mode = Mode(name="x", frequency=60.0, mass=2.7 / times, units=Units("N", length, "s"))
+    found = [finding for finding in audit(Record(table, "x"), mode).findings if "no structure survives" in finding.what]
+    assert [finding.check for finding in found] == ["units"] * doubted

@@ -57,28 +57,45 @@ class DrivenMode:
 
 
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
-    """Every level with its modes, found at the lowest level and followed upwards.
+    """Every level with its modes, found at one level (`_choose_first`) and followed upwards and downwards.
 
     InputError: sensors whose motion is not understood. AnalysisError: no mode.
     """
-    levels: list[Level] = []
-    starts: Sequence[float] = frequencies
-    ratios: Sequence[float] = ()
-    for run, name in zip(runs, name_apart(f"{run.level:g} {run.drive_unit}" for run in runs), strict=True):
-        f, H, drive = _accelerations(run)
+    motions = [_accelerations(run) for run in runs]
+    first, starts = (0, frequencies) if len(frequencies) else _choose_first(runs, motions)
+    sign = 1.0 if runs[0].is_base_driven else -1.0
+    f, H, drive = motions[first]
+    fits = {first: fit_level(f, H, starts, sign, (), _hold_steady(drive))}
+    while not len(frequencies) and not (stays := _keep_place(fits[first].frequency, starts)).all():
+        starts = [start for start, kept in zip(starts, stays, strict=True) if kept]
+        fits[first] = fit_level(f, H, starts, sign, (), _hold_steady(drive))
+    for k in (*range(first + 1, len(runs)), *reversed(range(first))):
+        (f, H, drive), near = motions[k], fits[k - 1 if k > first else k + 1]
+        fits[k] = fit_level(f, H, list(near.frequency), sign, list(near.ratio), _hold_steady(drive))
+    levels = []
+    names = name_apart(f"{run.level:g} {run.drive_unit}" for run in runs)
+    for k, (run, name, motion) in enumerate(zip(runs, names, motions, strict=True)):
         third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
-        sign = 1.0 if run.is_base_driven else -1.0
-        if not len(starts):
-            starts = find_peaks_of(f, H, sign)
-            if not starts:
-                raise AnalysisError(f"no resonance in run {run.label!r}: no sensor has a peak above its noise")
-        fit = fit_level(f, H, starts, sign, ratios, _hold_steady(drive))
-        while not (levels or len(frequencies)) and not (stays := _keep_place(fit.frequency, starts)).all():
-            starts = [start for start, kept in zip(starts, stays, strict=True) if kept]
-            fit = fit_level(f, H, starts, sign, (), _hold_steady(drive))
-        levels.append(Level(run, f, H, drive, fit, third, name))
-        starts, ratios = list(fit.frequency), list(fit.ratio)
+        levels.append(Level(run, *motion, fits[k], third, name))
     return levels
+
+
+def _choose_first(
+    runs: Sequence[CampaignRun], motions: Sequence[tuple[FloatArray, ComplexArray, FloatArray]]
+) -> tuple[int, Sequence[float]]:
+    """Index of the level at which modes are found, and its peaks, Hz: the lowest, unless most levels show more peaks.
+
+    Friction hides one of two close modes at low levels. The upper median of the numbers of peaks is what most levels
+    show: a jump or ringing at a single level adds peaks that are no modes. AnalysisError: the lowest level has none.
+    """
+    sign = 1.0 if runs[0].is_base_driven else -1.0
+    peaks = [find_peaks_of(f, H, sign) for f, H, _ in motions]
+    if not peaks[0]:
+        raise AnalysisError(f"no resonance in run {runs[0].label!r}: no sensor has a peak above its noise")
+    numbers = [len(of_level) for of_level in peaks]
+    most = sorted(numbers)[len(numbers) // 2]
+    first = next(k for k, number in enumerate(numbers) if (k == 0 and number >= most) or number == most)
+    return first, peaks[first]
 
 
 def fit_right_levels(

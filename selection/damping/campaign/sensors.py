@@ -136,7 +136,7 @@ def find_bad_sensors(levels: Sequence[Level]) -> dict[str, str]:
         residues = np.median([level.fit.residues for level in levels], axis=0)
         at_drive = [s.name for s, row in zip(run.channels, residues, strict=True) if s.at_drive and np.all(row < 0.0)]
         bad |= dict.fromkeys(at_drive, "reversed: it moves against the force where the force acts")
-    return find_changed_gains(levels) | bad
+    return find_changed_gains(levels) | _find_changed_signs(levels) | bad
 
 
 def find_unfit_sensors(names: Sequence[str], x: FloatArray, follows: FloatArray) -> dict[str, str]:
@@ -203,6 +203,25 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
         f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
     )
     return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {told}"}
+
+
+def _find_changed_signs(levels: Sequence[Level]) -> dict[str, str]:
+    """Sensors that move the other way at one level, in every mode that they show at all levels."""
+    r = np.array([level.fit.residues for level in levels])  # (levels, sensors, modes)
+    sd = np.array([level.fit.residues_sd for level in levels])
+    seen = np.all(np.abs(r) > LEAST_T * sd, axis=0)
+    against = np.sign(r) * np.sign(np.sum(np.sign(r), axis=0) + 0.5 * np.sign(r[0])) < 0.0
+    turned = np.all(against | ~seen, axis=2) & seen.any(axis=1)  # (levels, sensors)
+    if np.any(np.all(turned, axis=1)):
+        at = int(np.argmax(np.all(turned, axis=1)))
+        run = levels[at].run
+        message = f"in run {run.label!r} every sensor moves the other way than in other runs: its drive is reversed"
+        raise InputError(message, expected="one polarity of the drive (--correct: out = true of that run)")
+    return {
+        name: f"its sign changes: in run {levels[int(np.argmax(of_sensor))].run.label!r} it moves the other way"
+        for name, of_sensor in zip(levels[0].run.names, turned.T, strict=True)
+        if of_sensor.any()
+    }
 
 
 def _find_middle(moved: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from damping.campaign.runs import (
     DRIVE,
+    LABEL_AGREES,
     LEVEL,
     CampaignRun,
     Channel,
@@ -21,6 +22,7 @@ from damping.campaign.runs import (
     keep_common_sensors,
     summarise_runs,
 )
+from damping.campaign.sensors import EXPLAINED, SCALINGS
 from damping.campaign.tracked import Source, read_table
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
@@ -64,7 +66,24 @@ def read_runs(
         raise InputError("free decays beside sweeps", expected="files of one kind")
     runs = sorted(runs, key=lambda run: run.level or 0.0)
     summarise_runs(runs, summary)
+    _compare_labels([run for run in runs if run.label not in stated.levels], summary)
     return keep_common_sensors(runs), summary
+
+
+def _compare_labels(runs: Sequence[CampaignRun], summary: Summary) -> None:
+    """Note a caution if the drives of all runs read one factor times the levels in their labels."""
+    labelled = [(run, find_level(run.label.replace("_", " "))) for run in runs]
+    pairs = [(run, level) for run, level in labelled if run.level and level and level[0] > 0.0]
+    alike = [unit(level[1]).powers == unit(run.drive_unit).powers for run, level in pairs]
+    if len(pairs) < 2 or len(pairs) < len(runs) or not all(alike):
+        return
+    times = [float(run.level or 0.0) * unit(run.drive_unit).factor / (of * unit(u).factor) for run, (of, u) in pairs]
+    if max(times) > (1.0 + LABEL_AGREES) * min(times) or min(abs(k - 1.0) for k in times) <= LABEL_AGREES:
+        return
+    causes = ((k, f" ({said})") for k, said in SCALINGS.items() if "of the drive" not in said)
+    cause = next((said for k, said in causes if abs(times[0] / k - 1.0) < EXPLAINED), "")
+    right = "its unit, scaling or gain (--correct: unit or scale of its channel), or the labels"
+    summary.note(f"caution: in every run the drive reads {times[0]:.3g} times the level in the label{cause}: {right}")
 
 
 def _read(source: Source) -> list[CampaignRun]:

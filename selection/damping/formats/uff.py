@@ -6,6 +6,8 @@ must read what laboratories have: touching columns, letters D, exponents without
 lines, line ends after bytes, wrong byte counts, ``-1`` in ID lines.
 """
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +26,8 @@ _FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["fu
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions, or not functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _MOST_LISTED = 12
+#: Words for an excitation whose response at one frequency is not that to a sine of the stated amplitude.
+_BROADBAND = re.compile(r"(?i)(?<![a-z])(random|noise|burst|chirp|impact|hammer|impulse|psd)(?![a-z])")
 
 
 def read_uff(
@@ -42,6 +46,7 @@ def read_uff(
     chosen = _list_chosen(sets, datasets)
     forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
     _require_one_point(responses, datasets)
+    _note_excitation(responses, summary)
     series = []
     for response in responses:
         series.append(_series(response, data, summary))
@@ -74,11 +79,26 @@ def read_functions(data: bytes, summary: Summary) -> list[Function]:
     InputError: no data set 58, or a broken one.
     """
     data = _as_lines(data)
-    taken = []
-    for entry in (entry for entry in find_sets(data)[0] if entry.function in (*_TAKEN, 5)):
+    taken, entries = [], [entry for entry in find_sets(data)[0] if entry.function in (*_TAKEN, 5)]
+    _note_excitation(entries, summary)
+    for entry in entries:
         x, y = values(data, entry)
         taken.append(Function(entry, _abscissa(x, entry, summary), y))
     return taken
+
+
+def _note_excitation(entries: Sequence[DataSet], summary: Summary) -> None:
+    """Note what frequency responses are taken as, or a caution if an ID line names another excitation than a sine."""
+    texts = [text for entry in entries if entry.function == 4 for text in (entry.title, *entry.notes)]
+    other = next((text for text in texts if _BROADBAND.search(text)), None)
+    if other is not None:
+        damping = "shows the damping of that motion, not of a sine of the amplitude of its level"
+        use = (
+            "if damping changes with amplitude, levels and predictions are wrong: measure with a stepped or swept sine"
+        )
+        summary.note(f"caution: {describe_shortened(other)!r}: a function of such an excitation {damping}; {use}")
+    elif texts:
+        summary.note("functions are taken as measured with a stepped or swept sine of the amplitude of their level")
 
 
 def _as_lines(data: bytes) -> bytes:

@@ -6,7 +6,7 @@ from math import inf, log, pi
 
 import numpy as np
 
-from damping.arrays import POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
+from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
 from damping.records.implied import is_in_turns
 from damping.records.mode import Units
 from damping.records.record import energy_per_cycle
@@ -159,6 +159,28 @@ def check_units(view: View) -> Finding | None:
     name = name_factor(ratio) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
+
+
+#: Metres in the units of length that a mode file may name.
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": INCH_M, "ft": 12.0 * INCH_M}
+#: Largest velocity amplitude of a structure, m/s. A bar strains by about v/c in resonance, whatever its size (F. V.
+#: Hunt, J. Acoust. Soc. Am. 32, 1960): 2 % at c = 5000 m/s, which no structure survives.
+LARGEST_VELOCITY = 100.0
+
+
+def check_velocity(view: View) -> Finding | None:
+    """Amplitudes too large for the named unit of length, as accelerations taken for displacements are."""
+    metre = METRES.get(view.mode.units.length) if view.mode else None
+    if metre is None:
+        return None
+    velocity = metre * 2.0 * pi * view.record.column("frequency") * view.record.column("amplitude")
+    velocity[list(view.wild)] = 0.0
+    row = int(np.argmax(velocity))
+    if velocity[row] <= LARGEST_VELOCITY:
+        return None
+    what = f"the amplitude at row {row + 1} moves at {velocity[row]:.3g} m/s, which no structure survives"
+    advice = "are accelerations or velocities given as displacements, or is the unit of length another?"
+    return Finding("units", "caution", what, advice, view.record.sweeps)
 
 
 def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:

@@ -1,0 +1,141 @@
+"""Campaigns of modes whose stiffness or friction changes with amplitude, against closed forms of steady states."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+
+import h5py
+import numpy as np
+import pytest
+
+from damping.campaign import analyse
+from damping.campaign.sources import read_runs
+from damping.errors import InputError
+from damping.formats import read_file
+from damping.formats.series import Stated
+
+LEVELS = (0.5, 1.0, 2.0, 4.0)
+SHAPES = np.array([[1.0, 0.42], [0.5, -0.63]])
+
+
+def slide(f, force, *, hertz, mass, ratio, friction):
+    """Receptance at frequencies f (n,): |K A + i (c w A + 4 friction/pi)| = force, with the positive root for A."""
+    w, w_n = 2 * np.pi * f, 2 * np.pi * hertz
+    K, c, rubs = mass * (w_n**2 - w**2), 2 * ratio * w_n * mass * w, 4 * friction / np.pi
+    a = K**2 + c**2
+    A = (-c * rubs + np.sqrt(c**2 * rubs**2 + a * (force**2 - rubs**2))) / a
+    return 1.0 / (K + 1j * (c + rubs / A))
+
+
+def harden(f, force, *, hertz, mass, ratio, cubic):
+    """Receptance of a mode with viscous damping and stiffness k + 3/4 cubic A^2, on the upper branch, as swept up."""
+    w, w_n = 2 * np.pi * f, 2 * np.pi * hertz
+    K, c, h = mass * (w_n**2 - w**2), 2 * ratio * w_n * mass * w, 0.75 * cubic
+    roots = [np.roots([h**2, 2 * h * k, k**2 + d**2, -(force**2)]) for k, d in zip(K, c, strict=True)]
+    square = np.array([max(r.real[np.abs(r.imag) < 1e-6 * np.abs(r)]) for r in roots])
+    return 1.0 / (K + h * square + 1j * c)
+
+
+def write(path, f, receptances):
+    """Accelerations of two points under forces of ``LEVELS``, with 0.3 % of noise."""
+    rng = np.random.default_rng(5)
+    with h5py.File(path, "w") as file:
+        for force in LEVELS:
+            run = file.create_group(f"run_{force}N")
+            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
+            run["force"].attrs["units"] = "N"
+            modes = np.array([receptance(f, force) for receptance in receptances])
+            for name, shape in zip("ab", SHAPES[:, : len(modes)], strict=True):
+                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
+                run[name] = -force * (2 * np.pi * f) ** 2 * (shape @ modes) * noise
+                run[name].attrs["units"] = "m/s^2"
+    return path
+
+
+def test_a_mode_that_friction_hides_at_low_levels_is_found(tmp_path, few_laws):
+    """Of two modes 5 % apart the lowest level shows one peak: friction takes 40 % of its force."""
+    modes = [
+        partial(slide, hertz=34.0, mass=10.0, ratio=0.008, friction=0.2 * np.pi / 4),
+        partial(slide, hertz=35.7, mass=14.0, ratio=0.007, friction=0.2 * np.pi / 4),
+    ]
+    found = analyse([write(tmp_path / "a.h5", np.linspace(31.0, 39.0, 500), modes)], [8.0]).modes
+    assert [mode.frequency for mode in found] == pytest.approx([34.0, 35.7], rel=3e-4)
+    for mode, hertz, viscous in zip(found, (34.0, 35.7), (0.008, 0.007), strict=True):
+        assert not mode.left_out, hertz
+        for at in mode.places:
+            assert at.ratio[1] < viscous / (1.0 - 0.2 / at.level) < at.ratio[2]
+
+
+def test_a_stiffening_mode_is_read_at_its_resonance_and_predicted_on_its_backbone(tmp_path, few_laws):
+    """At 4 N the resonance moves by 1.4 half-widths within the sweep: one frequency for all rows misses its peak.
+
+    At resonance C = F, so that A = F/(c w), w^2 = w_n^2 + 3/4 cubic A^2/m, and the acceleration is F/(c) w.
+    """
+    hertz, mass, ratio = 34.0, 10.0, 0.008
+    w_n = 2 * np.pi * hertz
+    cubic = 0.03 * mass * w_n**2 / (4.0 / (2 * ratio * mass * w_n**2)) ** 2
+    mode = partial(harden, hertz=hertz, mass=mass, ratio=ratio, cubic=cubic)
+    found = analyse([write(tmp_path / "a.h5", np.arange(31.5, 38.0, 0.1), [mode])], [8.0, 16.0]).modes[0]
+    for at in found.places:
+        w = w_n
+        for _ in range(60):
+            A = at.level / (2 * ratio * w_n * mass * w)
+            w = 0.5 * (w + np.sqrt(w_n**2 + 0.75 * cubic * A**2 / mass))
+        assert at.ratio[1] < ratio * w_n / w < at.ratio[2], at
+        assert at.frequency == pytest.approx(w / (2 * np.pi), rel=2e-3 if at.level < 16.0 else 0.015)
+        assert at.response[0].band[1] < w**2 * A < at.response[0].band[2], at
+
+
+@pytest.mark.parametrize(("title", "said"), [("{} N random", True), ("Impact test, {} N", True), ("{} N", False)])
+def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title, said):
+    """The response to noise of 4 N rms at one frequency is not that to a sine of 4 N, and nor is its damping."""
+    f = np.linspace(31.0, 38.0, 60)
+    sets = []
+    for force in (1.0, 2.0):
+        H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
+        head = ["    -1", "    58", title.format(force), *["NONE"] * 4]
+        head.append(f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{3:4d} {'NONE':10s}{1:10d}{3:4d}")
+        head.append(f"{6:10d}{len(f):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
+        axes = ((18, "f", "Hz"), (12, "acceleration", "m/s^2"), (13, "force", "N"), (0, "NONE", "NONE"))
+        head += [f"{code:10d}{0:5d}{0:5d}{0:5d} {name:20s} {unit:20s}" for code, name, unit in axes]
+        sets += [*head, *(f"{x:13.5e}{y.real:20.11e}{y.imag:20.11e}" for x, y in zip(f, H, strict=True)), "    -1"]
+    (tmp_path / "a.uff").write_text("\n".join([*sets, ""]))
+    for notes in (
+        read_runs([tmp_path / "a.uff"], 1_000_000)[1].notes,
+        read_file(tmp_path / "a.uff", Stated(forces=(1.0, 2.0)))[1].notes,
+    ):
+        assert any("with a stepped or swept sine" in note for note in notes)
+        assert any("caution" in note and "not of a sine" in note for note in notes) == said
+
+
+def dwell(path, *, turned=(), drive=1.0):
+    """Levels in the names of groups; at 4 N the channels ``turned`` are reversed; the force reads ``drive`` times."""
+    f = np.linspace(31.0, 38.0, 120)
+    mode = partial(slide, hertz=34.0, mass=10.0, ratio=0.01, friction=0.05)
+    write(path, f, [mode])
+    with h5py.File(path, "r+") as file:
+        for force in LEVELS:
+            run = file[f"run_{force}N"]
+            run["force"][...] = drive * run["force"][...]
+        for name in turned:
+            file["run_4.0N"][name][...] = -file["run_4.0N"][name][...]
+    return path
+
+
+def test_a_sensor_whose_sign_changes_is_named_so(tmp_path, few_laws):
+    """It has a peak at the resonance at every level: the mean of its residues would hide it."""
+    (mode,) = analyse([dwell(tmp_path / "a.h5", turned=("b",))], [8.0]).modes
+    assert mode.left_out == {"b": "its sign changes: in run 'run_4.0N' it moves the other way"}
+    with pytest.raises(InputError, match=r"in run 'run_4.0N' every sensor moves the other way .*: its drive is rev"):
+        analyse([dwell(tmp_path / "b.h5", turned=("a", "b"))], [8.0])
+
+
+@pytest.mark.parametrize(
+    ("drive", "said"), [(0.01, "0.01 times the level in the label: its"), (0.5**0.5, r"0.707 .* \(rms for peak\?\)")]
+)
+def test_a_drive_in_another_unit_than_all_labels_is_said(tmp_path, drive, said):
+    """An amplifier's volts read as newtons would be answered at a hundredth of the level."""
+    notes = read_runs([dwell(tmp_path / "a.h5", drive=drive)], 10_000_000)[1].notes
+    assert [note for note in notes if re.search(f"caution: in every run the drive reads {said}", note)]
+    assert not any("every run" in note for note in read_runs([dwell(tmp_path / "b.h5")], 10_000_000)[1].notes)
