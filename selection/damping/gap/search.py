@@ -40,8 +40,10 @@ ROWS_PER_EFFECT = 15
 _MOST_FITS = 10
 _MOST_EXTENDED = 10
 #: An effect whose linear gain beside the rest of the leading explanation exceeds this share of that of an effect in it
-#: is fitted in its place; most such fits for each effect, and most leading explanations that are fitted from each side.
+#: is fitted in its place, if the leading explanation leaves less than the second, in units of noise; most such fits for
+#: each effect, and most leading explanations that are fitted from each side.
 _AS_MUCH = 0.5
+_FAR_OFF = 1.5
 _MOST_EXCHANGED = 3
 _MOST_NEAR = 3
 #: Excess of the spread over noise, in its standard errors 0.8/sqrt(n), from which noise is enlarged; most times.
@@ -148,13 +150,14 @@ class Search(Fits):
             self._fit_from_each_side(near.key)
 
     def _exchange(self) -> None:
-        """Fit the leading explanation with each of its effects replaced by others of about the same linear gain.
+        """Fit a leading pair with each of its effects replaced by others of about the same linear gain.
 
         Beside another effect, linear gains can differ where fits do not (displacement and viscous damping), and a fit
-        from one side may stop far from the best mode.
+        from one side may stop far from the best mode. A pair that leaves far more than noise is not worth it.
         """
         leading = self.ranked()[0]
-        for replaced in leading.effects if len(leading.effects) > 1 else ():
+        worth = len(leading.effects) == 2 and spread(leading.best.measured) < _FAR_OFF
+        for replaced in leading.effects if worth else ():
             base = self.hypotheses.get(leading.key - {replaced})
             if base is None:
                 continue
