@@ -139,9 +139,9 @@ def format_force_text(force: SupportsFloat, unit: str) -> str:
     return f"{float(force):.6g} {unit}".strip()
 
 
-def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "") -> str:
+def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
     """``2.59 to 3.26 in``; a dash where there is neither."""
-    ends = f"{number(low)} to {format_quantity(high, unit)}"
+    ends = f"{number(low, digits)} to {format_quantity(high, unit, digits)}"
     return ends if isfinite(low) or isfinite(high) else NOTHING
 
 
