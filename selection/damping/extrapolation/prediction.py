@@ -171,17 +171,20 @@ class Loads:
 
 def join_loads(parts: Sequence[Loads]) -> Loads:
     """Predictions of the same laws at several blocks of forces, as one."""
+    join = np.concatenate
 
     def join_bands(bands: Sequence[Band]) -> Band:
-        ends = [field.name for field in fields(Band)[2:]]
-        return replace(bands[0], **{end: np.concatenate([getattr(band, end) for band in bands]) for end in ends})
+        ends = [[getattr(band, end.name) for band in bands] for end in fields(Band)[2:]]
+        return Band(bands[0].name, bands[0].weight, *map(join, ends))
 
     return replace(
         parts[0],
-        **{key: np.concatenate([getattr(part, key) for part in parts]) for key in ("force", "linear", "ratio")},
+        force=join([part.force for part in parts]),
         average=join_bands([part.average for part in parts]),
         by_model=tuple(map(join_bands, zip(*(part.by_model for part in parts), strict=True))),
-        parts={name: np.concatenate([part.parts[name] for part in parts]) for name in PARTS},
+        parts={name: join([part.parts[name] for part in parts]) for name in PARTS},
+        linear=join([part.linear for part in parts]),
+        ratio=join([part.ratio for part in parts]),
         cautions=tuple(caution for part in parts for caution in part.cautions),
     )
 
