@@ -90,7 +90,7 @@ def _tabulate_posteriors(folder: Folder, name: str) -> pd.DataFrame:
         except ValidationError as error:
             raise describe_invalid(error, path, _EXPECTED) from None
         except (UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"not CSV: {error}", file=path) from None
+            raise InputError(f"not CSV: {error}", file=path, expected=_EXPECTED) from None
     table = pd.DataFrame(rows, columns=list(PosteriorRow.model_fields))
     texts, numbers = ("law", "parameter", "unit"), ("low", "median", "high")
     return table.astype(dict.fromkeys(texts, "str") | dict.fromkeys(numbers, "float64"))
@@ -108,8 +108,8 @@ def _read_observations(folder: Folder, name: str) -> Observations | None:
         numbers = table.drop(columns=["sweep", "point"], errors="ignore").to_numpy(dtype=float)
         data = read_rows(table)
     except (ValueError, KeyError) as error:
-        raise InputError(f"not written by a study: {error}", file=path) from None
+        raise InputError(f"not written by a study: {error}", file=path, expected=_EXPECTED) from None
     sizes = (data.A, data.omega, data.tested_amplitude, data.tested_force, data.tested_omega)
     if not (np.isfinite(numbers).all() and all((values > 0.0).all() for values in sizes)):
-        raise InputError("not written by a study: not numbers", file=path)
+        raise InputError("not written by a study: not numbers", file=path, expected=_EXPECTED)
     return data

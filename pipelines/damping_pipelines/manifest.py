@@ -182,7 +182,8 @@ def open_folder(folder: Path) -> Folder:
     """
     path = folder / MANIFEST
     if not folder.is_dir():
-        raise InputError("no such folder" if not folder.exists() else "is no folder", file=folder)
+        what = "no such folder" if not folder.exists() else "is no folder"
+        raise InputError(what, file=folder, expected="a folder of results")
     if not path.is_file():
         raise InputError(f"no {MANIFEST}", file=folder, expected="the folder of a run that was finished")
     manifest = read_form(Manifest, read_bytes(path, _MAX_SIZE), path, "a manifest/1")

@@ -1,5 +1,6 @@
 """The shape of the house, kept so: names told apart, few scraps of files, no long function, no joint constants."""
 
+import ast
 import runpy
 from pathlib import Path
 
@@ -21,3 +22,16 @@ def test_few_files_are_scraps():
 def test_no_function_is_long():
     every = [function for path in HOUSE["modules"]() for function in HOUSE["functions"](path)]
     assert [(str(f.path), f.name) for f in every if f.lines > HOUSE["LONGEST"]] == []
+
+
+def test_every_refused_input_says_what_was_expected():
+    """Part of the interface: one line that names file, line and column, and what was expected."""
+    calls = [
+        (path, node)
+        for path in HOUSE["modules"]()
+        for node in ast.walk(HOUSE["parse"](path))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "InputError"
+    ]
+    assert len(calls) > 100
+    silent = [f"{path}:{call.lineno}" for path, call in calls if "expected" not in {word.arg for word in call.keywords}]
+    assert silent == []

@@ -1,5 +1,6 @@
 """Design-load predictions against closed forms."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from damping.extrapolation.draws import (
     draw_spread,
     find_quantiles,
 )
-from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
+from damping.extrapolation.prediction import BEYOND_TEST, PARTS, linear_amplitude, predict
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
@@ -264,3 +265,33 @@ def test_further_level_shrinks_the_band_as_a_normal_does_where_draws_have_no_res
     np.testing.assert_allclose(np.log(chosen.expected), 2.0 * ndtri(0.95) * left, rtol=0.03)
     np.testing.assert_allclose(np.log(chosen.width), 2.0 * ndtri(0.95) * np.hypot(k * s, n), rtol=0.02)
     assert chosen.force == 2.0
+
+
+def test_many_forces_take_no_more_memory_than_a_few(saturn):
+    """Draws of a plot's 60 forces at once took 250 MB; the predictions are those of each force alone."""
+    predicted = extrapolate_loads(saturn("config-2-mode-1"), [45.0], laws=[Law(("viscous", "velocity-squared"))])
+    forces = np.linspace(8.0, 60.0, 60)
+
+    def peak(at):
+        tracemalloc.start()
+        loads = predicted.predict_at(at, each=True)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most, loads
+
+    few, (most, loads) = peak(forces[-10:])[0], peak(forces)
+    assert most < 1.5 * few
+    for i in (0, 31, 59):
+        alone = predicted.predict_at(forces[i : i + 1], each=True)
+        for band, single in ((loads.average, alone.average), (loads.by_model[0], alone.by_model[0])):
+            np.testing.assert_allclose([band.low[i], band.median[i]], [single.low[0], single.median[0]], rtol=1e-9)
+        assert loads.cautions[i] == alone.cautions[0]
+
+
+def test_the_largest_tested_force_is_not_beyond_the_test(saturn):
+    data = saturn("config-2-mode-1")
+    largest = data.tested_force.max()
+    for force in (largest, largest * (1.0 + 1e-12)):  # an interpolated force misses the stated one by rounding
+        predicted = extrapolate_loads(data, [force], laws=[Law(("viscous", "velocity-squared"))])
+        assert not any(BEYOND_TEST in caution for caution in predicted.loads.cautions[0])
+        assert not predicted.levels.size

@@ -197,6 +197,15 @@ def test_no_test_is_proposed_where_one_explanation_is_listed(lab):
     assert replace(found, explanations=found.explanations[:1]).next_test is None
 
 
+def test_no_test_is_proposed_where_friction_would_hold_the_mode_in_each(lab, monkeypatch):
+    """With a friction of 1.5 times the largest force in the leading explanation the answer was an internal error."""
+    found = lab.diagnosed("velocity-squared")
+    monkeypatch.setattr("damping.gap.next_test._resonates", lambda terms, rows: False)
+    held = replace(found)
+    assert held.next_tests == ()
+    assert held.next_test is None
+
+
 def test_where_nothing_is_blamed_only_more_than_first_harmonics_of_one_state_is_proposed(lab):
     """These raise no probability beyond .95; where an effect is blamed they are proposed all the same."""
     found = lab.diagnosed("planar-coupling")

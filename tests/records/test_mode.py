@@ -54,7 +54,7 @@ frequency_ratio = 1.02
 
 # content, and what the error says after the name of the file
 REFUSED = {
-    "empty": ("", ": the file is empty"),
+    "empty": ("", ": the file is empty; expected a file with contents"),
     "not UTF-8": (
         MODE.encode() + b"# \xe9\n",
         ", line 5: byte 0xe9 at byte 3 of the line is not UTF-8 text; expected text in UTF-8",

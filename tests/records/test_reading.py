@@ -19,8 +19,8 @@ DEGREES = "expected radians within -2 pi..2 pi (phases in degrees?)"
 
 # content, and what the error says after the name of the file
 REFUSED = {
-    "empty": ("", ": the file is empty"),
-    "white": ("\ufeff \n\t\n", ": the file is empty"),
+    "empty": ("", ": the file is empty; expected a file with contents"),
+    "white": ("\ufeff \n\t\n", ": the file is empty; expected a file with contents"),
     "blank cells": ("\n\n   \n \x0b x", ", line 4: missing columns sweep, force, frequency, amplitude; " + NEEDED),
     "header only": (HEAD, ": no data rows; expected at least one row below the header"),
     "missing": (

@@ -31,12 +31,13 @@ from damping.extrapolation.draws import (
     vary_priors,
 )
 from damping.extrapolation.near import (
+    ROUNDING,
     Plan,
     Planned,
     judge_rows,
     plan_loads,
 )
-from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
+from damping.extrapolation.prediction import REFUSED_SHARE, Loads, join_loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -58,6 +59,8 @@ FEWEST_BELOW = 2
 FRESH_DRAWS = 1536
 #: Least reduction of ln(high/low) of a band by a further level: ends differ by as much from seed to seed.
 LEAST_GAIN = 0.01
+#: Forces predicted at once: the draws at each take 4 MB until their quantiles are known.
+AT_ONCE = 10
 
 
 def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
@@ -95,7 +98,8 @@ class Extrapolation:
     def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
-        return predict(self.members, forces, *known, each=each, still=still)
+        blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
+        return join_loads([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
@@ -161,7 +165,7 @@ def extrapolate_loads(
             members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
-    levels = np.append(list_levels(tested, design), design) if design > tested.max() else np.empty(0)
+    levels = np.append(list_levels(tested, design), design) if design > tested.max() * (1.0 + ROUNDING) else np.empty(0)
     spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, _repeatability(mode), seed)
     at_asked = [spread.at(slice(len(requested))) for spread in spreads]
     loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)

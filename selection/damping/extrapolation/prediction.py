@@ -10,13 +10,13 @@ force, or along the backbone where that moves. The next test's reading has four 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
-from damping.extrapolation.near import ENOUGH_LEVELS, Plan
+from damping.extrapolation.near import ENOUGH_LEVELS, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
 
@@ -67,7 +67,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
     """
     allowed = ", and the band allows for it" if banded else ""
     p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
-    beyond = force > plan.data.tested_force.max()
+    beyond = force > plan.data.tested_force.max() * (1.0 + ROUNDING)
     if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
         either = ": the band allows for either" if banded else ""
         cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
@@ -91,7 +91,7 @@ def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[s
     """Limits of the tested levels for a prediction at ``asked``, a force, or for a decay an amplitude."""
     tested = data.tested_amplitude if of == "amplitude" else data.tested_force
     largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
-    if asked > largest:
+    if asked > largest * (1.0 + ROUNDING):
         lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")
     if levels == 1:
         lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
@@ -167,6 +167,26 @@ class Loads:
     @np.errstate(divide="ignore")  # the linear amplitude is divided by 0 where friction holds the mode
     def _exceed(self, predicted: FloatArray) -> FloatArray:
         return np.asarray(100.0 * (self.linear / predicted - 1.0))
+
+
+def join_loads(parts: Sequence[Loads]) -> Loads:
+    """Predictions of the same laws at several blocks of forces, as one."""
+    join = np.concatenate
+
+    def join_bands(bands: Sequence[Band]) -> Band:
+        ends = [[getattr(band, end.name) for band in bands] for end in fields(Band)[2:]]
+        return Band(bands[0].name, bands[0].weight, *map(join, ends))
+
+    return replace(
+        parts[0],
+        force=join([part.force for part in parts]),
+        average=join_bands([part.average for part in parts]),
+        by_model=tuple(map(join_bands, zip(*(part.by_model for part in parts), strict=True))),
+        parts={name: join([part.parts[name] for part in parts]) for name in PARTS},
+        linear=join([part.linear for part in parts]),
+        ratio=join([part.ratio for part in parts]),
+        cautions=tuple(caution for part in parts for caution in part.cautions),
+    )
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:

@@ -210,7 +210,7 @@ def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> 
         raise InputError(f"the unit of {what} is neither in the file nor stated", expected=f"--unit {what}=...")
     stated = unit(known.unit_of(what), what=f"unit of {what}")
     if stated.powers != powers:
-        raise InputError(f"{stated.text} is no unit of {what}")
+        raise InputError(f"{stated.text} is no unit of {what}", expected=f"a unit of {what}")
     known.add_unit(what)
     force, length = (unit(name) for name in SYSTEMS[known.stated.system])
     return stated.factor / (force.factor ** powers[0] * length.factor ** powers[1])

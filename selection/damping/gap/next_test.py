@@ -161,6 +161,8 @@ def rank_tests(
 
     compared = [rival.hypothesis for rival in every[1 : 1 + MOST_RIVALS]]
     runs = _predict_runs(leading, [rival.best for rival in (*compared, *imitations)])
+    if not runs:  # by the leading explanation friction holds the mode in every one
+        return ()
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
     if not worth:  # no test excludes some rivals; tests may exclude the others

@@ -85,6 +85,8 @@ MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode take
 
 _LONGEST_VALUE = 100  # most lines of one value in the search for the line of a key
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
+#: What was expected where TOML cannot be read.
+_TOML = "TOML, a key = value on each line"
 
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
@@ -99,9 +101,10 @@ def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
         except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
             reason, place = str(error), _PLACE.search(str(error))
             if place is None:
-                raise InputError(f"not TOML: {reason}") from None
+                raise InputError(f"not TOML: {reason}", expected=_TOML) from None
             line = int(place[1]) if place[1] else content.rstrip("\n").count("\n") + 1
-            raise InputError(f"not TOML: {reason[: place.start()].strip()}", line=line, column=place[2]) from None
+            reason = reason[: place.start()].strip()
+            raise InputError(f"not TOML: {reason}", line=line, column=place[2], expected=_TOML) from None
         except RecursionError:
             raise InputError("not TOML: nested too deeply", expected="tables of a mode") from None
 

@@ -103,7 +103,7 @@ def _scan(data: bytes, columns: _Columns) -> _Scan:
     rows = CsvRows(data)
     header_line, header = next(rows, (1, []))
     if not header:
-        raise rows.problem or InputError("the file is empty")
+        raise rows.problem or InputError("the file is empty", expected="a header row")
     names = _list_names(header, header_line)
     require_columns(columns.required, names, line=header_line)
     growing: dict[str, list[str]] = {name: [] for name in names}

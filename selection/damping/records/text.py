@@ -44,7 +44,7 @@ def read_bytes(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> bytes:
     if len(data) > max_size:
         raise too_large(path, max_size)
     if not data.removeprefix(codecs.BOM_UTF8).strip():
-        raise InputError("the file is empty", file=path)
+        raise InputError("the file is empty", file=path, expected="a file with contents")
     return data
 
 
@@ -61,13 +61,14 @@ def read_start(path: str | Path, most: int) -> bytes:
         with Path(path).open("rb") as stream:
             return stream.read(most)
     except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
+        raise InputError("no such file", file=path, expected="the name of a file") from None
     except IsADirectoryError:
         raise InputError("is a folder", file=path, expected="a file") from None
     except TypeError:
         raise InputError(f"path {path!r}", expected="the name of a file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=path) from None
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {why}", file=path, expected="a file that can be read") from None
 
 
 def decode(data: bytes) -> tuple[str, InputError | None]:
