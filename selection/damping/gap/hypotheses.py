@@ -170,6 +170,11 @@ def _list_whole_starts(base: ModelFit, form: Form) -> list[Start]:
     return sorted(starts, key=lambda start: -start.gain)
 
 
+def find_gain(starts: Sequence[Sequence[Start]]) -> float:
+    """The largest linear gain of an effect with the ``starts`` of each of its forms."""
+    return max(start.gain for of_form in starts for start in of_form)
+
+
 def at_gap(start: Start, gap: float) -> FloatArray:
     """Variables of a start whose strength opens the ``gap``, in units of noise."""
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])

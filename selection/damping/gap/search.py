@@ -19,6 +19,7 @@ from damping.gap.hypotheses import (
     SURE,
     Hypothesis,
     Way,
+    find_gain,
     leaves_noise,
     list_starts,
     order_ways,
@@ -113,7 +114,7 @@ class Search(Fits):
             null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1])
         tried = {name: list_starts(null.plain, forms, {}) for name, forms in self.forms.items()}
         self.units |= {starts[0].part.form: starts[0].part.unit for starts in chain.from_iterable(tried.values())}
-        gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
+        gains = {name: find_gain(starts) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name]):  # best first: fits far behind are not polished
             if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
                 self.extend(null, name, tried[name])
@@ -163,7 +164,7 @@ class Search(Fits):
                 continue
             others = [name for name in self.forms.keys() - leading.key if not self.effects[name].denies & base.key]
             starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in (replaced, *others)}
-            gains = {name: max(start.gain for start in chain.from_iterable(of)) for name, of in starts.items()}
+            gains = {name: find_gain(of_name) for name, of_name in starts.items()}
             for name in sorted(others, key=lambda name: (-gains[name], name))[:_MOST_EXCHANGED]:
                 key = base.key | {name}
                 if gains[name] > _AS_MUCH * gains[replaced]:
@@ -208,7 +209,7 @@ class Search(Fits):
                 if any(part <= key and p > base.log_posterior for part, p in quiet.items()):
                     continue  # the linear gain beside that part is the one to trust
                 starts = list_starts(base.plain, self.forms[name], self.units)
-                gain = max(start.gain for start in chain.from_iterable(starts))
+                gain = find_gain(starts)
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best:
                     ways.setdefault(key, []).append(Way(hope, base, name, starts))
@@ -217,7 +218,7 @@ class Search(Fits):
     def extend_by_gain(self, base: Hypothesis, names: Collection[str], most: int) -> None:
         """Fit a hypothesis with each of the ``most`` effects of ``names`` of the largest linear gain."""
         tried = {name: list_starts(base.plain, self.forms[name], self.units) for name in self.forms if name in names}
-        gains = {name: max(start.gain for start in chain.from_iterable(starts)) for name, starts in tried.items()}
+        gains = {name: find_gain(starts) for name, starts in tried.items()}
         for name in sorted(gains, key=lambda name: -gains[name])[:most]:
             self.extend(base, name, tried[name])
 
