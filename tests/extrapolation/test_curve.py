@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -376,3 +377,21 @@ def test_what_cannot_be_asked(asked, said):
         dp.curve(record_of(FORCE, FORCE, np.full(3, 6.28)), mode, **asked)
     with pytest.raises(dp.InputError, match="beside"):
         dp.extrapolate(record_of(FORCE, FORCE, np.full(3, 6.28)), mode, [1.0], amplitudes=[1.0])
+
+
+def test_the_frequencies_of_a_trace_take_no_more_memory_than_a_few():
+    """At once, the mixtures of a figure's trace took 100 MB; the frequencies are those of each amplitude alone."""
+    backbone = backbone_of(np.array([1.0, 2.0, 4.0]), OMEGA_N * np.array([1.0, 0.999, 0.996]))
+    along = np.geomspace(0.5, 8.0, 2000)
+
+    def peak(amplitude):
+        tracemalloc.start()
+        found = backbone.frequency_at(amplitude, 0.9)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most, found
+
+    few, (most, found) = peak(along[:100])[0], peak(along)
+    assert most < 1.5 * few
+    for i in (0, 99, 100, 1999):
+        np.testing.assert_allclose(found.low[i], backbone.frequency_at(along[i : i + 1], 0.9).low[0], rtol=1e-9)

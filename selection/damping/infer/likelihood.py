@@ -119,7 +119,12 @@ def weigh_levels(
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
             hh, hn = sums[:, 1 + nn.shape[1] : 1 + 2 * nn.shape[1]], sums[:, 1 + 2 * nn.shape[1] :]
-            value = value + _of_levels(nn, hh, hn, level_covariance(x, coordinates, data, doubt))
+
+            def weigh(points: slice) -> FloatArray:
+                covariance = level_covariance(x[points], coordinates, data, doubt[points])
+                return _of_levels(nn[points], hh[points], hn[points], covariance)
+
+            value = value + by_blocks(weigh, len(nn), nn.shape[1] ** 2)
         else:
             value = value - 0.5 * np.sum(nn, axis=1)
     return np.where(np.isfinite(value), value, -np.inf)
