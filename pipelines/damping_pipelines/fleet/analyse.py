@@ -21,7 +21,7 @@ from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.evidence import Estimate, brief_evidence, evidence, remember
 from damping.plots import identifier
-from damping.ranking import Ranking, rank_laws
+from damping.ranking import POWER_DRAWS, Ranking, rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
 from damping.records.mode import Units
@@ -160,8 +160,10 @@ def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> Fle
 
 
 def _rank(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> RankingResult:
-    hold_out = not task.settings.fast
-    ranking = rank_laws(prepared.all_rows, task.seed, candidate_laws(), estimate=estimate, hold_out=hold_out)
+    full = not task.settings.fast
+    draws = POWER_DRAWS if full else 0.0
+    laws = candidate_laws()
+    ranking = rank_laws(prepared.all_rows, task.seed, laws, estimate=estimate, hold_out=full, power_draws=draws)
     return RankingResult(ranking, prepared)
 
 

@@ -128,12 +128,14 @@ def rank_laws(
     done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
     hold_out: bool = True,
+    power_draws: float = POWER_DRAWS,
 ) -> Ranking:
     """Fit and rank candidates.
 
     Args:
         laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
         estimate: of the marginal likelihood. hold_out: whether to compute held-out errors; else they are NaN.
+        power_draws: effective draws for the coefficient of a power law; 0: those of its evidence.
 
     Raises:
         AnalysisError: no candidate could be fitted.
@@ -141,7 +143,7 @@ def rank_laws(
     ranking = weigh_laws(data, seed, candidate_laws() if laws is None else laws, done, estimate)
     ranked = [row for row in ranking.candidates if row.rank]
     held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
-    described = [_describe(row, data, seed, out) for row, out in zip(ranked, held_out, strict=True)]
+    described = [_describe(row, data, seed, power_draws, out) for row, out in zip(ranked, held_out, strict=True)]
     return replace(ranking, candidates=(*described, *ranking.candidates[len(ranked) :]))
 
 
@@ -228,10 +230,12 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
     return [rows[i] for i in range(len(groups))]
 
 
-def _describe(row: Candidate, data: Observations, seed: int, held_out: tuple[float, tuple[str, ...]]) -> Candidate:
+def _describe(
+    row: Candidate, data: Observations, seed: int, power_draws: float, held_out: tuple[float, tuple[str, ...]]
+) -> Candidate:
     """The row with its coefficients, errors and cautions; ``held_out``: error, and cautions about it."""
     assert row.fit is not None  # a row with a score was fitted
-    coefficients = _tabulate_coefficients(row, data, seed)
+    coefficients = _tabulate_coefficients(row, data, seed, power_draws)
     return replace(
         row,
         coefficients=coefficients,
@@ -251,18 +255,18 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
     return [failed if error is None else (float(np.sqrt(np.mean(error**2))), ()) for error in errors]
 
 
-def _tabulate_coefficients(row: Candidate, data: Observations, seed: int) -> tuple[Coefficient, ...]:
+def _tabulate_coefficients(row: Candidate, data: Observations, seed: int, draws: float) -> tuple[Coefficient, ...]:
     """Posterior median, standard deviation and interval of every parameter except doubt and scatters."""
     assert row.evidence is not None
     assert row.coordinates is not None
     tail, x = 50.0 * (1.0 - INTERVAL), row.evidence.draws
-    if row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
-        x = evidence(row.coordinates, data, seed, row.fit, wanted=POWER_DRAWS).draws
+    if draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
+        x = evidence(row.coordinates, data, seed, row.fit, wanted=draws).draws
     values = row.coordinates.parameters(x)
-    draws = np.array([drawn for name, drawn in values.items() if name not in ("doubt", "scatter", "level_scatter")])
-    quantiles = np.percentile(draws, [tail, 50.0, 100.0 - tail], axis=1)
+    drawn = np.array([of for name, of in values.items() if name not in ("doubt", "scatter", "level_scatter")])
+    quantiles = np.percentile(drawn, [tail, 50.0, 100.0 - tail], axis=1)
     rows = []
-    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), draws.std(axis=1).tolist(), strict=False):
+    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), drawn.std(axis=1).tolist(), strict=False):
         force, _, shape = name.partition(" ")
         rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
     # coefficients first, then shapes
