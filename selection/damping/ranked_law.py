@@ -16,7 +16,8 @@ from damping.infer.checks import inference_data
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
-from damping.ranking import INTERVAL, Candidate
+from damping.ranking import Candidate
+from damping.ranking.coefficients import INTERVAL
 from damping.records.text import format_share
 from damping.result import Summarised
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri
 
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.evidence import Estimate, evidence
@@ -28,6 +28,7 @@ from damping.ranking.candidates import (
     learn_noise,
     percent_errors,
 )
+from damping.ranking.coefficients import Coefficient, describe_tails, tabulate_coefficients
 from damping.ranking.verdict import FitVerdict, judge_fit
 from damping.records.text import count
 
@@ -37,34 +38,13 @@ CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half 
 FURTHER = 0.5
 #: Weight below which sampling of a law stops: its numbers are then rough, those of other laws are not.
 NEGLIGIBLE = 1e-3
-#: Content of the credible interval of a coefficient in the table.
-INTERVAL = 0.90
 #: Effective draws for the coefficient of a power law, which its exponent takes far. With those of its evidence the
 #: upper end of its interval on three levels scattered by 20 % from seed to seed, 15 % too low; with these 4 % and 3 %.
 POWER_DRAWS = 5000.0
-#: Standard deviation of a coefficient, over that of a normal posterior with its interval, from which a few extreme
-#: draws dominate it (that of a power law was 20 or 140 by the seed).
-LONG_TAIL = 2.0
 #: Effective draws below which a marginal likelihood is reported as uncertain: its standard error exceeds 7 %.
 FEW_DRAWS = 200
 #: Distance of a fitted shape from an end of its range below which it is reported to be at the edge.
 EDGE = 0.01
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """One parameter of a law: posterior median, standard deviation, their ratio, and the ``INTERVAL`` interval.
-
-    ``shape`` is empty for the coefficient of a force and names the parameter (``exponent``, ``limit``) otherwise.
-    """
-
-    force: str
-    shape: str
-    value: float
-    std_error: float
-    t_ratio: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -143,7 +123,8 @@ def rank_laws(
     ranking = weigh_laws(data, seed, candidate_laws() if laws is None else laws, done, estimate)
     ranked = [row for row in ranking.candidates if row.rank]
     held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
-    described = [_describe(row, data, seed, power_draws, out) for row, out in zip(ranked, held_out, strict=True)]
+    drawn = [_draw(row, data, seed, power_draws) for row in ranked]
+    described = [_describe(row, data, x, *out) for row, x, out in zip(ranked, drawn, held_out, strict=True)]
     return replace(ranking, candidates=(*described, *ranking.candidates[len(ranked) :]))
 
 
@@ -230,18 +211,28 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
     return [rows[i] for i in range(len(groups))]
 
 
+def _draw(row: Candidate, data: Observations, seed: int, power_draws: float) -> FloatArray:
+    """Posterior draws for the coefficients of a law: those of its evidence, or ``power_draws`` for a power law."""
+    assert row.evidence is not None  # a row with a score was fitted
+    assert row.coordinates is not None
+    if power_draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
+        return evidence(row.coordinates, data, seed, row.fit, wanted=power_draws).draws
+    return row.evidence.draws
+
+
 def _describe(
-    row: Candidate, data: Observations, seed: int, power_draws: float, held_out: tuple[float, tuple[str, ...]]
+    row: Candidate, data: Observations, x: FloatArray, held_out: float, held_out_cautions: tuple[str, ...]
 ) -> Candidate:
-    """The row with its coefficients, errors and cautions; ``held_out``: error, and cautions about it."""
+    """The row with coefficients from posterior draws x, errors and cautions; ``held_out_cautions``: about its error."""
     assert row.fit is not None  # a row with a score was fitted
-    coefficients = _tabulate_coefficients(row, data, seed, power_draws)
+    assert row.coordinates is not None
+    coefficients = tabulate_coefficients(row.coordinates, x)
     return replace(
         row,
         coefficients=coefficients,
-        held_out_error=held_out[0],
+        held_out_error=held_out,
         average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
-        cautions=(*_list_cautions(row, data), *_describe_tails(coefficients), *held_out[1]),
+        cautions=(*_list_cautions(row, data), *describe_tails(coefficients), *held_out_cautions),
     )
 
 
@@ -253,31 +244,6 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
     failed = np.nan, ("with a level left out it cannot reach the other forces",)
     errors = held_out_errors(laws, data)
     return [failed if error is None else (float(np.sqrt(np.mean(error**2))), ()) for error in errors]
-
-
-def _tabulate_coefficients(row: Candidate, data: Observations, seed: int, draws: float) -> tuple[Coefficient, ...]:
-    """Posterior median, standard deviation and interval of every parameter except doubt and scatters."""
-    assert row.evidence is not None
-    assert row.coordinates is not None
-    tail, x = 50.0 * (1.0 - INTERVAL), row.evidence.draws
-    if draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
-        x = evidence(row.coordinates, data, seed, row.fit, wanted=draws).draws
-    values = row.coordinates.parameters(x)
-    drawn = np.array([of for name, of in values.items() if name not in ("doubt", "scatter", "level_scatter")])
-    quantiles = np.percentile(drawn, [tail, 50.0, 100.0 - tail], axis=1)
-    rows = []
-    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), drawn.std(axis=1).tolist(), strict=False):
-        force, _, shape = name.partition(" ")
-        rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
-    # coefficients first, then shapes
-    return tuple(sorted(rows, key=lambda c: bool(c.shape)))
-
-
-def _describe_tails(coefficients: Sequence[Coefficient]) -> list[str]:
-    """Cautions about coefficients whose standard deviation is far above that of their interval."""
-    width = 2.0 * float(ndtri(0.5 * (1.0 + INTERVAL)))
-    long = [f"{c.force} {c.shape}".strip() for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
-    return [f"a few extreme draws dominate the standard error of {name}: use its interval" for name in long]
 
 
 def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
