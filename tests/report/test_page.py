@@ -262,7 +262,7 @@ def test_why_small_weights_differ_from_those_of_a_ranking_is_said_once(reader: R
 
 
 def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
-    """The table holds posterior medians of coefficients (`damping.ranking.coefficients.Coefficient`), all at least 0."""
+    """The table holds posterior medians of coefficients, all at least 0."""
     text = " ".join(" ".join(reader.texts).split())
     assert "Posterior median, standard deviation, their ratio and 90 % credible interval of each parameter" in text
     assert "Least-squares value" not in text
