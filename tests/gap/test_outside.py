@@ -203,3 +203,22 @@ def test_added_mass_that_is_not_as_stated_is_that_mass(shaken):
     off = OTHER_ADDED_MASS.simulate(terms, {"relative": 0.2})
     own, stated = (predict(*pair).P for pair in ((off, np.zeros(7), drive(2.0)), (terms, np.zeros(7), drive(2.4))))
     np.testing.assert_allclose(own, stated, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_two_close_modes_are_no_two_causes(lab, sign):
+    """A mode on each side, at 2.5 and 4 damping ratios: in closed form; "residual-modes + second-mode, 1.00" before."""
+    loss = lab.viscous / (lab.mass * lab.omega)
+
+    def mode(omega, place):
+        return lab.mass * ((place * lab.omega) ** 2 - omega**2 + 1j * loss * place * lab.omega * omega)
+
+    def stiffness(A, omega):
+        own = mode(omega, 1.0)
+        return (
+            1.0 / (1.0 / own + 0.4 / mode(omega, 1.0 + 2.0 * loss) + sign * 0.4 / mode(omega, 1.0 - 1.25 * loss)) - own
+        )
+
+    found = explain(make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness), lab.mode())
+    assert found.in_library < 0.5
+    assert any("a close mode on each side of the simulated one explains" in caution for caution in found.cautions)

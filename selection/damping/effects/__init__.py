@@ -42,7 +42,14 @@ FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
     for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
 } | {
-    effect.name: effect for effect in (*foreign.SINGLE, masses.VARYING_MASS, masses.OTHER_MASS, masses.OTHER_ADDED_MASS)
+    effect.name: effect
+    for effect in (
+        *foreign.SINGLE,
+        structure.NEIGHBOURS,
+        masses.VARYING_MASS,
+        masses.OTHER_MASS,
+        masses.OTHER_ADDED_MASS,
+    )
 }
 
 

@@ -29,6 +29,8 @@ PATH = (
 )
 #: Damping ratio of modes outside the rows, 0.2 to 10 %, of little influence.
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
+#: Modal mass of one of two close modes over that of the other.
+_SHARE = FormVariable.between(0.2, 5.0, starts=(0.0,))
 #: Prior odds of a second mode against planar coupling, the usual cause of two close modes: 1 to 4.
 _OWN_MASS = 0.25
 
@@ -237,5 +239,43 @@ PARTNER = Effect(
     sentence="a coupled part with its own resonance (an absorber, a tank, a circuit)",
     forms=partner_forms,
     simulate=simulate_partner,
+    need="sweep",
+)
+
+
+def pair_forms(scales: Scales) -> tuple[Form, ...]:
+    """A close mode on each side of the simulated one, of one damping ratio, each of either sign.
+
+    Strength: its mass over that of the mode above. Shapes: the mass of that over that of the mode below; the distances
+    of the two; their damping ratio.
+    """
+    low = 0.3 * scales.bandwidth
+    separation = FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts=(-0.7, 0.7))
+    damping = FormVariable.between(0.4 * scales.bandwidth, 2.5 * scales.bandwidth, starts=(0.0,))
+
+    def pair(alike: float) -> tuple[Form, Form]:
+        def report(size: Floats, share: Floats, above: Floats, below: Floats, zeta: Floats) -> dict[str, Floats]:
+            compliance = size / scales.stiffness
+            upper = {"compliance": compliance, "frequency_ratio": 1.0 + above, "loss": 2.0 * zeta}
+            return upper | {"below": alike * share * compliance, "ratio_below": 1.0 / (1.0 + below)}
+
+        shapes = (_SHARE, separation, separation, damping)
+        return NEIGHBOURS.either_sign(report, f"alike {alike}", shapes=shapes, largest=30.0)
+
+    return *pair(1.0), *pair(-1.0)
+
+
+def simulate_pair(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """Two further modes (`simulate_path`) of one loss factor."""
+    lower = {"compliance": table["below"], "frequency_ratio": table["ratio_below"], "loss": table["loss"]}
+    return simulate_path(simulate_path(terms, table), lower)
+
+
+NEIGHBOURS = Effect(
+    name="neighbours",
+    kind="structure",
+    sentence="a close mode on each side of the simulated one",
+    forms=pair_forms,
+    simulate=simulate_pair,
     need="sweep",
 )
