@@ -222,3 +222,13 @@ def test_two_close_modes_are_no_two_causes(lab, sign):
     found = explain(make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness), lab.mode())
     assert found.in_library < 0.5
     assert any("a close mode on each side of the simulated one explains" in caution for caution in found.cautions)
+
+
+def test_a_force_cell_that_is_not_linear_is_told(lab):
+    """The largest of four forces is 15 % above its reading, others by the square of the force: closed form."""
+    rows = lab.bench(levels=4, points=20).rows
+    gain = 1.0 + 0.15 * (rows.force / rows.force.max()) ** 2
+    found = explain(lab.record(rows, lab.linear(rows, gain=gain), 3), lab.mode())
+    assert found.in_library < 0.5
+    sentence = "a force that is read wrong in proportion to a power of itself explains"
+    assert any(sentence in caution for caution in found.cautions)

@@ -46,6 +46,7 @@ FOREIGN: dict[str, Effect] = {
     for effect in (
         *foreign.SINGLE,
         structure.NEIGHBOURS,
+        rig.FORCE_CELL,
         masses.VARYING_MASS,
         masses.OTHER_MASS,
         masses.OTHER_ADDED_MASS,

@@ -265,3 +265,27 @@ BACKGROUND = Effect(
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
     need="sweep",
 )
+
+
+#: Power of the force in the error of its reading.
+_CELL_POWER = FormVariable.between(0.5, 3.0, starts=(0.0,))
+
+
+def cell_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |ln| of actual over recorded force at the force that damping carries at the largest amplitude."""
+    largest = scales.loss * scales.A_high
+
+    def report(size: Floats, power: Floats) -> dict[str, Floats]:
+        return {"coefficient": size / largest**power, "power": power}
+
+    return FORCE_CELL.either_sign(report, shapes=(_CELL_POWER,), largest=1.0)
+
+
+FORCE_CELL = Effect(
+    name="force-cell",
+    kind="instrument",
+    sentence="a force that is read wrong in proportion to a power of itself",
+    forms=cell_forms,
+    simulate=lambda terms, table: terms.plus(received=lambda drive: table["coefficient"] * drive.F ** table["power"]),
+    need="sweep",
+)
