@@ -265,6 +265,18 @@ def test_a_record_that_fits_only_where_its_levels_scatter_says_so_first(lab):
     assert "in the library at all is less than 0.001." in told["verdict"][0]
 
 
+def test_a_record_that_fits_where_its_levels_scatter_as_one_rig_in_ten_says_so_first(lab):
+    """Gains of 0, 2, 4 and 7 %: a scatter of 2.5 %, one step below the largest tried, is no alarm but no plain fit."""
+    rows = lab.bench(levels=4, points=15).rows
+    gain = np.exp(np.array([0.0, 0.02, 0.04, 0.07])[rows.sweep])
+    found = diagnose(lab.record(rows, lab.linear(rows, gain=gain), 3), lab.mode(None, None))
+    assert found.leading.effects == ()
+    assert not found.unexplained
+    (verdict,) = describe_diagnosis(found)["verdict"]
+    assert "only if the readings of the levels scatter by 2.50%" in verdict
+    assert "already fits" not in verdict
+
+
 def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_stays(lab):
     found = lab.diagnosed("stiffness-hardening")
     (sure,) = describe_diagnosis(found)["verdict"]
