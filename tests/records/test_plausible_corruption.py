@@ -61,6 +61,44 @@ def fallen(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     return table.assign(force=table["sweep"].map(force))
 
 
+def held(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """An instrument that holds its last value over five rows of a flank."""
+    wrong, size = table.copy(), int((table["sweep"] == "A").sum())
+    first = int(rng.integers(size // 5, size // 3))
+    for name in ("amplitude", "phase"):
+        wrong.loc[first : first + 4, name] = wrong.loc[first, name]
+    return wrong
+
+
+def pasted(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Six rows of one level entered again at other frequencies of another level."""
+    wrong, size = table.copy(), int((table["sweep"] == "A").sum())
+    first = int(rng.integers(size // 5, size // 3))
+    readings = wrong.loc[first : first + 5, ["amplitude", "phase"]].to_numpy()
+    wrong.loc[size + first + 2 : size + first + 7, ["amplitude", "phase"]] = readings
+    return wrong
+
+
+def one_level_in_rad(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """The frequencies of one level in rad/s."""
+    own = table["sweep"] == rng.choice(table["sweep"].unique())
+    return table.assign(frequency=table["frequency"].where(~own, 2.0 * np.pi * table["frequency"]))
+
+
+def mistyped(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """The frequency of one row near resonance ten times too large, or a tenth off."""
+    wrong, size = table.copy(), int((table["sweep"] == "A").sum())
+    wrong.loc[int(rng.integers(size // 3, 2 * size // 3)), "frequency"] *= rng.choice([10.0, 1.1, 0.9])
+    return wrong
+
+
+def taken_again(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """Every sweep ends with its largest row taken again, read within a thousandth of before."""
+    tops = table.loc[table.groupby("sweep", sort=False)["amplitude"].idxmax()]
+    tops = tops.assign(amplitude=tops["amplitude"] * (1.0 + 1e-3 * rng.standard_normal(len(tops))))
+    return pd.concat([table, tops]).sort_values("sweep", kind="stable", ignore_index=True)
+
+
 #: What goes wrong, by the check that is to name it, and whether it is to be refused.
 WRONG: dict[str, tuple[str, bool, Change]] = {
     "amplitude in another unit": ("units", True, scaled("amplitude")),
@@ -76,6 +114,10 @@ WRONG: dict[str, tuple[str, bool, Change]] = {
     "levels exchanged": ("amplitude-falls", True, fallen),
     "ten times": ("outlier", False, times_ten),
     "a copy": ("repeated-sweep", False, copied),
+    "readings held": ("repeated-sweep", False, held),
+    "rows pasted": ("repeated-sweep", False, pasted),
+    "one level in rad/s": ("units", True, one_level_in_rad),
+    "a mistyped frequency": ("outlier", False, mistyped),
     "one label": ("mixed-levels", False, lambda t, _: t.assign(sweep="all").sort_values("frequency")),
 }
 #: What a laboratory may do with a right record.
@@ -88,6 +130,10 @@ RIGHT: dict[str, Change] = {
     "no phases": lambda t, _: t.drop(columns="phase"),
     "another column": lambda t, _: t.assign(temperature=21.0),
     "one level fewer": lambda t, _: t[t["sweep"] != t["sweep"].iloc[-1]],
+    "a point taken again": taken_again,
+    "two digits": lambda t, _: t.assign(
+        amplitude=[float(f"{value:.2g}") for value in t["amplitude"]], phase=t["phase"].round(2)
+    ),
     "five digits": lambda t, _: t.assign(amplitude=[float(f"{value:.5g}") for value in t["amplitude"]]),
 }
 
@@ -120,12 +166,13 @@ def test_what_is_wrong_is_named_and_refused_where_due(name):
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_what_is_done_by_right_is_not_refused(name):
+def test_what_is_done_by_right_is_neither_refused_nor_called_a_copy(name):
     refused = []
     for number in range(DRAWS):
         bench, table, rng = draw(number)
         found = audit(record_of(RIGHT[name](table, rng)), bench.mode)
-        if found.verdict == "refuse":
+        copied = any(finding.check == "repeated-sweep" or "departs" in finding.what for finding in found.findings)
+        if found.verdict == "refuse" or copied:
             refused.append(f"{bench}: {found}")
     assert not refused
 

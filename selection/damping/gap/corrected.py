@@ -134,6 +134,24 @@ def describe_shortfall(fit: ModelFit) -> list[str]:
     ]
 
 
+def describe_spring(fit: ModelFit) -> list[str]:
+    """Caution: what moves the resonance as the mean square of the motion does has a spring's first harmonics.
+
+    With a = A^2/2, K + s a - M omega^2 differs from a cubic spring by a factor on s; M omega^2 (1 - s a), of a varying
+    mass or of a true frequency omega (1 - s a/2) that is recorded as omega, by the width of the resonance too. None
+    with third harmonics, which only the spring has in full.
+    """
+    if (
+        not {"stiffness-hardening", "stiffness-softening"} & set(fit.effects)
+        or "third" in fit.model.problem.rows.channels
+    ):
+        return []
+    return [
+        "a stiffness or mass that follows the mean square of the motion, or a drive whose frequency departs from the "
+        "recorded one as the motion grows, has the first harmonics of this spring; third harmonics separate them"
+    ]
+
+
 @np.errstate(all="ignore")  # a value at the end of its range may overflow when a law is converted
 def corrected_mode(fit: ModelFit) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.

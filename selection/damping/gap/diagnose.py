@@ -12,7 +12,7 @@ from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import readings, size, weighing
-from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, list_ends
+from damping.gap.corrected import corrected_mode, describe_gain, describe_shortfall, describe_spring, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
@@ -256,6 +256,7 @@ def diagnose(
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *describe_shortfall(leading.best),
+        *describe_spring(leading.best),
         *size.describe_held_out(leading, gap, held_out),
     ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)

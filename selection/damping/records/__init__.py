@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_ceiling, check_levels, check_sweeps, check_units
+from damping.records import check_ceiling, check_copies, check_levels, check_sweeps, check_units
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -39,6 +39,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_exchange, _EVERYTHING),
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
+    (check_copies.check_copied_rows, ("several-modes", "sensor-saturation")),
     (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", *_OF_LEVELS)),
     (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
     (check_units.check_phase_sign, ("phase-offset", "energy")),
@@ -50,7 +51,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),
     (check_units.check_phase_offset, ()),
-    (check_sweeps.check_repeats, _OF_LEVELS),
+    (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),
     (check_ceiling.check_ceiling, ()),
     (check_levels.check_beyond_model, ()),

@@ -142,7 +142,7 @@ def _is_flat(run: Run) -> bool:
         return False
     x = (run.omega / np.mean(run.omega[wings])) ** 2 - 1.0
     share = np.polyval(fitted, x) * (run.A / run.F) ** 2  # |Y|^2 of the wings' mode over that of the row
-    fallen = max(float(np.ptp(np.log(run.A[flat]))), _find_resolution(run.A) / float(run.A[top]))
+    fallen = max(float(np.ptp(np.log(run.A[flat]))), find_resolution(run.A) / float(run.A[top]))
     risen = float(fitted[0] * (0.5 * np.ptp(x[flat])) ** 2 * (run.A[top] / np.mean(run.F[flat])) ** 2)
     linear = np.median(np.abs(share[wings] - 1.0)) < AS_LINEAR and bool(np.all(share[flat] < 1.0 + AS_LINEAR))
     return bool(linear and risen > 2.0 * STEEPEST * fallen)
@@ -163,7 +163,7 @@ def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
     return top if steady and _count_digits(A) == DIGITS else None
 
 
-def _find_resolution(A: FloatArray) -> float:
+def find_resolution(A: FloatArray) -> float:
     """Resolution of the largest readings: the least difference of any two, or one unit of their last digit."""
     steps = np.diff(np.unique(A))
     least = float(steps.min()) if len(steps) else float(A.max())

@@ -1,4 +1,4 @@
-"""Checks of single sweeps (resonance, rate, outliers) and of labels (several levels under one label, copies)."""
+"""Checks of single sweeps (resonance, rate, outliers) and of labels (several levels under one label)."""
 
 from math import log, pi
 
@@ -37,7 +37,7 @@ def check_outlier(view: View) -> Finding | None:
     if not wild:
         return None
     odd = view.odd.runs if view.odd else ()
-    beside = [row for row in wild if view.wild[row] not in label_sweeps(odd)]
+    beside = [row for row in wild if view.wild[row] not in label_sweeps(odd) and row not in view.misplaced]
     shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
     readings = [
         f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
@@ -45,10 +45,14 @@ def check_outlier(view: View) -> Finding | None:
         for row in beside[:3]
     ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
-    taken = not view.record.has_phase and any(row in peaks for row in beside)
+    taken = not view.record.has_phase and any(row in peaks for row in (*beside, *view.misplaced))
     what = [f"{'; '.join(readings)}: far from the neighbouring rows"] if readings else []
     advice = "every law is fitted to it (gap names what it sets aside): correct that reading (gain range, tracking), "
     advice += "or run again without the row"
+    for row, sweep in view.misplaced.items():
+        frequency = f"frequency {table['frequency'][row]:g} at row {row + 1}"
+        what.append(f"{frequency} departs from the order of sweep {sweep}, which the reading keeps")
+        advice = "correct that frequency, or run again without the row"
     if view.odd:
         what.append(str(view.odd))
         by_frequency, off = view.odd.quantity == "frequency", abs(view.odd.off)
@@ -246,42 +250,3 @@ def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
     apart = (Z.max() ** 2 - Z.min() ** 2) ** 0.5
     whole = np.ptp(means["amplitude"]) / np.ptp(means["force"])
     return bool(whole > GROWS_AS_FORCE or apart > BEYOND_INERTIA * stated * np.ptp(squared))
-
-
-def check_repeats(view: View) -> Finding | None:
-    """A sweep that repeats another one, or a multiple of it, to the last digit: noise never repeats itself."""
-    copies: list[tuple[Run, Run, float]] = []
-    for k, second in enumerate(view.raw):
-        for first in view.raw[:k]:
-            factor = _find_factor(first, second)
-            if factor is not None and first.sweep != second.sweep:
-                copies.append((first, second, factor))
-                break
-    if not copies:
-        return None
-    first, second, factor = copies[0]
-    scaled = "" if abs(factor - 1.0) < 1e-9 else f" times {factor:.4g}"
-    what = f"sweep {second.sweep} repeats sweep {first.sweep}{scaled} to the last digit, as no measurement does"
-    advice = "leave the copy out: its rows would count twice"
-    return Finding("repeated-sweep", "caution", what, advice, label_sweeps(copy for _, copy, _ in copies))
-
-
-COPY = 2e-4  #: proportional rows are a copy if their ratio is constant to this share: six digits, rounded,
-NOISE_OF_COPY = 5.0  #: and if the noise of their rows exceeds that by this factor
-
-
-def _find_factor(first: Run, second: Run) -> float | None:
-    """The constant factor between the amplitudes of two runs; None if they are not copies."""
-    if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
-        return None
-    if first.phase is not None and (
-        second.phase is None or not np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
-    ):
-        return None
-    same = np.allclose(first.A, second.A, rtol=1e-12)
-    if len(first) < FEWEST_ROWS:
-        return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12) else None
-    ratio = np.log(second.A / first.A)
-    noisy = first.noise > NOISE_OF_COPY * COPY
-    scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
-    return 1.0 if same else float(np.exp(np.median(ratio))) if scaled else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
 from damping.records.implied import is_in_turns
-from damping.records.mode import Units
+from damping.records.mode import Mode, Units
 from damping.records.record import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -135,10 +135,8 @@ def check_units(view: View) -> Finding | None:
     """Record and mode in different systems of units, by the implied mass, else by the damping."""
     if view.mode is None:
         return None
-    frequency = take_median(view.implied["frequency"]) / view.mode.frequency
-    if other := name_factor(frequency, FREQUENCY_FACTORS, within=0.06):
-        what = f"the record resonates at {frequency:.4g} times the frequency of the mode file ({other}?)"
-        return Finding("units", "refuse", what, "give both in Hz", view.record.sweeps)
+    if finding := _find_other_frequency(view, view.mode):
+        return finding
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     base = view.mode.drive == "base"
@@ -159,6 +157,23 @@ def check_units(view: View) -> Finding | None:
     name = name_factor(ratio) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
+
+
+def _find_other_frequency(view: View, mode: Mode) -> Finding | None:
+    """Sweeps, all or some of them, that resonate at the mode's frequency in another unit."""
+    ratio = view.implied["frequency"].to_numpy(dtype=np.float64) / mode.frequency
+    named = [name_factor(value, FREQUENCY_FACTORS, within=0.06) for value in ratio]
+    other = [k for k, name in enumerate(named) if name]
+    if not other:
+        return None
+    sweeps = tuple(view.implied["sweep"].astype(str).iloc[other])
+    which, advice = "the record resonates", "give both in Hz"
+    if len(other) < len(named):
+        which = f"{name_sweeps(sweeps)} resonate{'s' * (len(other) == 1)}"
+        advice = "give every frequency in Hz, or leave the rows of another mode out"
+    factor = float(np.median(ratio[other]))
+    what = f"{which} at {factor:.4g} times the frequency of the mode file ({named[other[0]]}?)"
+    return Finding("units", "refuse", what, advice, sweeps)
 
 
 #: Metres in the units of length that a mode file may name.

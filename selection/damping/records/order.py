@@ -1,8 +1,8 @@
-"""The order in which the rows of a record were taken, and the direction and rate of its sweeps."""
+"""The order in which the rows of a record were taken, the direction and rate of its sweeps, and rows out of order."""
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
 
 
@@ -33,3 +33,47 @@ def list_rates(record: Record, rate: float | None) -> FloatArray:
     of_rig = np.where(of_rig > 0.0, of_rig * find_direction(record), of_rig)
     stated = record.column("sweep_rate", np.nan)
     return np.where(np.isfinite(stated), stated, of_rig)
+
+
+#: Fewest rows of a sweep that have an order.
+FEWEST_IN_ORDER = 8
+#: Least departure, ln |Y|, of the reading of a misplaced row from the other rows at its stated frequency,
+OUT_OF_PLACE = 0.25
+#: and over its departure from its neighbours in the order taken.
+OVER_ITS_PLACE = 5.0
+
+
+def find_misplaced_rows(record: Record) -> dict[int, str]:
+    """Positions of rows with a mistyped frequency, and their sweeps; at most one row in a sweep.
+
+    Without that row the frequencies of the sweep rise or fall throughout. Its Y = F exp(i phase)/A lies between those
+    of the rows before and after it, and far from those of the rows at its stated frequency, so that it is no point that
+    was taken again.
+    """
+    found, time = dict[int, str](), order_taken(record)
+    for sweep, rows in record.frame.groupby("sweep", sort=False).indices.items():
+        taken = np.asarray(rows)[np.argsort(time[rows], kind="stable")]
+        f = record.column("frequency")[taken]
+        if len(taken) >= FEWEST_IN_ORDER and not _is_monotone(f):
+            phase = record.column("phase")[taken] if record.has_phase else np.zeros(len(taken))
+            Y = record.column("force")[taken] / record.column("amplitude")[taken] * np.exp(1j * phase)
+            breaks = np.flatnonzero(np.diff(np.sign(np.diff(f))))
+            near = np.unique(breaks[:, np.newaxis] + np.arange(3)).clip(1, len(f) - 2)
+            found |= {int(taken[k]): str(sweep) for k in np.unique(near)[:9] if _is_misplaced(f, Y, int(k))}
+    return found
+
+
+def _is_monotone(f: FloatArray) -> bool:
+    step = np.diff(f)
+    return bool(np.all(step >= 0.0) or np.all(step <= 0.0))
+
+
+def _is_misplaced(f: FloatArray, Y: ComplexArray, k: int) -> bool:
+    """Whether row ``k`` of a sweep (f, Y in the order taken) belongs to its place and not to its frequency."""
+    if not _is_monotone(np.delete(f, k)):
+        return False
+    order: IntArray = np.argsort(np.delete(f, k), kind="stable")
+    g, there = np.delete(f, k)[order], np.delete(Y, k)[order]
+    stated = np.interp(f[k], g, there.real) + 1j * np.interp(f[k], g, there.imag)
+    off, off_place = (abs(np.log(Y[k] / value)) for value in (stated, 0.5 * (Y[k - 1] + Y[k + 1])))
+    return bool(off > max(OUT_OF_PLACE, OVER_ITS_PLACE * off_place))

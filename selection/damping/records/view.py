@@ -21,7 +21,7 @@ from damping.records.implied import (
 )
 from damping.records.mode import Mode
 from damping.records.odd_levels import WILD, OddLevel, find_odd_level
-from damping.records.order import list_rates
+from damping.records.order import find_misplaced_rows, list_rates
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.runs import (
@@ -97,7 +97,12 @@ class View:
         """Outliers against the neighbouring amplitudes, phasors or levels: row of the record, and its sweep."""
         outliers = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
         outliers += [(run, 0) for run in (self.odd.runs if self.odd else ())]
-        return {int(run.rows[k]): run.sweep for run, k in outliers}
+        return {int(run.rows[k]): run.sweep for run, k in outliers} | self.misplaced
+
+    @cached_property
+    def misplaced(self) -> dict[int, str]:
+        """Rows whose frequency departs from the order of their sweep, which their reading keeps, and their sweeps."""
+        return find_misplaced_rows(self.record)
 
     @cached_property
     def odd(self) -> OddLevel | None:

@@ -15,7 +15,7 @@ from damping.gap.corrected import describe_effects, effect_intervals, is_gone
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
-from damping.gap.size import describe_repeatability
+from damping.gap.size import describe_repeatability, describe_scatter
 from damping.gap.weighing import KNOWN
 from damping.records.mode import Units
 from damping.records.text import Disagreement
@@ -59,6 +59,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "drive": diagnosis.units.drive,
         "settles": diagnosis.next_test is not None,
         "apart": apart,
+        "scatter": describe_scatter(diagnosis.setting, diagnosis.leading.best),
         "known": KNOWN,
         "shown": describe_rest(diagnosis.leading.best, diagnosis.tests),
         "far_only": diagnosis.leading.best.many_wild and smallest_p(diagnosis.tests) >= ALARM,
