@@ -230,16 +230,13 @@ class SmoothJoint(Joint):
         return way * (limit - (limit - along) * exp(-(distance - relieved) / limit))
 
 
-class Spring(CoefficientForce):
+class Spring(GrowingForce, CoefficientForce):
     """A force of the displacement alone: it bends the resonance and dissipates nothing."""
 
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C = 0."""
-        return zeros(self.coefficient, A, omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = 0."""
-        return zeros(self.coefficient, A, omega)
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = 0 and dC/d ln A = 0."""
+        nothing = zeros(self.coefficient, A, omega)
+        return nothing, nothing
 
 
 class CubicStiffness(Spring):
