@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, Numbers
+from damping.arrays import FloatArray, Numbers, join_rows
 from damping.errors import InputError
 from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
@@ -26,7 +26,6 @@ from damping.extrapolation.draws import (
     choose_next_level,
     draw_spreads,
     list_levels,
-    pool,
     share_out,
     vary_priors,
 )
@@ -37,7 +36,7 @@ from damping.extrapolation.near import (
     judge_rows,
     plan_loads,
 )
-from damping.extrapolation.prediction import REFUSED_SHARE, Loads, join_loads, predict
+from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -99,7 +98,7 @@ class Extrapolation:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
-        return join_loads([predict(self.members, block, *known, each=each, still=still) for block in blocks])
+        return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
@@ -117,7 +116,7 @@ class Extrapolation:
         if not self.levels.size:
             return None
         spreads = [s.at(slice(len(self.loads.force), None)) for s in self.spreads]
-        if share_out(self.members, spreads) @ ~pool(spreads).resonates[:, -1] > REFUSED_SHARE:
+        if share_out(self.members, spreads) @ ~join_rows(spreads).resonates[:, -1] > REFUSED_SHARE:
             return None
         *tried, design = self.levels
         chosen = choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
@@ -232,8 +231,7 @@ def _repeatability(mode: Mode | None) -> float:
 
 def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
     """Posterior of one law, sampled until its parameters and its amplitudes at ``forces`` have converged."""
-    assert law.coordinates is not None  # a law with a weight was fitted
-    assert law.evidence is not None
+    assert law.evidence is not None  # a law with a weight was fitted
     name, coordinates, begun = law.name, law.coordinates, law.evidence
     if begun.effective_draws < LEAST_DRAWS:  # the evidence stopped early: the law's weight is negligible
         begun = evidence(coordinates, data, seed)

@@ -270,11 +270,8 @@ def plan_loads(
         return weighed
 
     ranked = weigh_laws(data, seed, resonating or laws, estimate=weigh, distinct=True)
-    planned = [
-        Planned(row.law, row.weight, row.coordinates, row.evidence)
-        for row in ranked.candidates
-        if row.coordinates and row.evidence
-    ]
+    rows = ((row, row.evidence) for row in ranked.candidates)
+    planned = [Planned(row.law, row.weight, row.coordinates, drawn) for row, drawn in rows if drawn]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)

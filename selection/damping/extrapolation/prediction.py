@@ -10,12 +10,12 @@ force, or along the backbone where that moves. The next test's reading has four 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
-from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
+from damping.arrays import BoolArray, FloatArray, join_rows
+from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
@@ -169,26 +169,6 @@ class Loads:
         return np.asarray(100.0 * (self.linear / predicted - 1.0))
 
 
-def join_loads(parts: Sequence[Loads]) -> Loads:
-    """Predictions of the same laws at several blocks of forces, as one."""
-    join = np.concatenate
-
-    def join_bands(bands: Sequence[Band]) -> Band:
-        ends = [[getattr(band, end.name) for band in bands] for end in fields(Band)[2:]]
-        return Band(bands[0].name, bands[0].weight, *map(join, ends))
-
-    return replace(
-        parts[0],
-        force=join([part.force for part in parts]),
-        average=join_bands([part.average for part in parts]),
-        by_model=tuple(map(join_bands, zip(*(part.by_model for part in parts), strict=True))),
-        parts={name: join([part.parts[name] for part in parts]) for name in PARTS},
-        linear=join([part.linear for part in parts]),
-        ratio=join([part.ratio for part in parts]),
-        cautions=tuple(caution for part in parts for caution in part.cautions),
-    )
-
-
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
     """A = F/(c omega) with c of the sweep with the largest tested force (Eq. 4.1.7): proportional to the force."""
     return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
@@ -285,7 +265,7 @@ def _band(
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):
-        pooled = pool([spread.at(slice(i, i + 1)) for spread in spreads])
+        pooled = join_rows([spread.at(slice(i, i + 1)) for spread in spreads])
         total, law = pooled.total, pooled.law
         if counted[i]:
             bound = np.where(pooled.short, np.inf, -np.inf)

@@ -57,7 +57,7 @@ class Candidate:
         average_absolute_percent: mean absolute percent error of resonant amplitudes as fitted.
         physical: whether all coefficients are >= 0, true of every fit here. equivalents: names of laws with the same
             predictions.
-        fit, evidence, coordinates: the source of the numbers.
+        fit, evidence: the source of the numbers.
     """
 
     law: Law
@@ -72,12 +72,17 @@ class Candidate:
     equivalents: tuple[str, ...] = ()
     fit: BestFit | None = None
     evidence: Evidence | None = None
-    coordinates: Coordinates | None = None
 
     @property
     def name(self) -> str:
         """The law's name."""
         return self.law.name
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The map from standard normal variables to parameters, of a law that could be fitted."""
+        assert self.fit is not None
+        return self.fit.coordinates
 
 
 @dataclass(frozen=True)
@@ -206,7 +211,6 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
             equivalents=names,
             fit=fit,
             evidence=weighed,
-            coordinates=fit.coordinates,
         )
     return [rows[i] for i in range(len(groups))]
 
@@ -214,7 +218,6 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
 def _draw(row: Candidate, data: Observations, seed: int, power_draws: float) -> FloatArray:
     """Posterior draws for the coefficients of a law: those of its evidence, or ``power_draws`` for a power law."""
     assert row.evidence is not None  # a row with a score was fitted
-    assert row.coordinates is not None
     if power_draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
         return evidence(row.coordinates, data, seed, row.fit, wanted=power_draws).draws
     return row.evidence.draws
@@ -225,7 +228,6 @@ def _describe(
 ) -> Candidate:
     """The row with coefficients from posterior draws x, errors and cautions; ``held_out_cautions``: about its error."""
     assert row.fit is not None  # a row with a score was fitted
-    assert row.coordinates is not None
     coefficients = tabulate_coefficients(row.coordinates, x)
     return replace(
         row,
