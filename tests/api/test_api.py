@@ -153,9 +153,12 @@ def test_bad_forces_are_refused_before_any_work(record, mode, forces, monkeypatc
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, -1.0, 90, float("nan"), "0.9"])
-def test_bad_levels_are_refused_before_any_work(record, mode, level):
+def test_bad_levels_are_refused_before_any_work(record, mode, level, monkeypatch):
+    monkeypatch.setattr(api, "prepare_record", lambda *given: pytest.fail("work began"))
     with pytest.raises(dp.InputError, match="level"):
         dp.extrapolate(record, mode, [60.0], level)
+    with pytest.raises(dp.InputError, match="level"):
+        dp.curve(record, mode, level=level)
 
 
 def test_other_kinds_of_arguments_are_refused(record, mode):

@@ -209,15 +209,20 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
             raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
-    if not (_is_number(level) and 0.0 < level < 1.0):
-        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
+    _check_level(level)
     return np.array(forces, dtype=float)
 
 
 def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
+    _check_level(level)
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
+
+
+def _check_level(level: float) -> None:
+    if not (_is_number(level) and 0.0 < level < 1.0):
+        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
 
 
 def _is_number(value: object) -> bool:

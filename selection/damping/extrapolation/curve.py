@@ -224,7 +224,7 @@ def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -
     held = force[first - 1] if first and amplitude[first - 1] == 0.0 else np.nan
     grown = np.maximum.accumulate(np.log(amplitude[known])) + 1e-12 * np.arange(int(known.sum()))
     reached = np.exp(np.interp(np.log(asked), grown, np.log(force[known]), left=np.nan, right=np.nan))
-    below = held + (force[first] - held) * asked / amplitude[first]
+    below = held + (force[first] - held) * np.minimum(asked, amplitude[first]) / amplitude[first]
     return np.where(asked < amplitude[first], below, reached)
 
 
