@@ -225,7 +225,7 @@ def _regress(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Regression y = b_0 c + b_1 x + noise of standard deviation s (scatters,), for every x (shapes, levels) and size.
 
-    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), with ``sizes`` (sizes,); b_1 is 0 where the size is 0.
+    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), with ``sizes`` (sizes,). The size is 0 only if x is: b_1 is 0.
 
     Returns:
         Log evidence (shapes, sizes, scatters); b (.., 2); (3, ..): variance of b_0, covariance, variance of b_1.

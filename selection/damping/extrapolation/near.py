@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import BoolArray, FloatArray, Floats
 from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
@@ -200,8 +200,8 @@ class Plan:
     excluded: str = ""
     state: str = ""
 
-    def allows(self, force: FloatArray) -> BoolArray:
-        """Whether predictions are given at each force (forces,), with the margin ``ROUNDING``."""
+    def allows(self, force: Floats) -> BoolArray:
+        """Whether predictions are given at a force, or at each of several, with the margin ``ROUNDING``."""
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 

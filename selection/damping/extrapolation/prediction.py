@@ -43,7 +43,7 @@ def list_cautions(
         amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities of no
             resonance at this force, because friction locks the mode and because no amplitude balances it.
     """
-    refused = np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force)))
+    refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
     cautions = [_describe_refusal(*without)] if refused else []
     cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
     leads = not weights or max(weights) >= 0.5 * sum(weights)
@@ -68,7 +68,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
     allowed = ", and the band allows for it" if banded else ""
     p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
     beyond = force > plan.data.tested_force.max() * (1.0 + ROUNDING)
-    if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
+    if beyond and not plan.joint.informative and plan.allows(force):
         either = ": the band allows for either" if banded else ""
         cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
     elif beyond and plan.joint.probability > LIKELY:
@@ -76,7 +76,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
             f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
             f"stop growing beyond the test{allowed}"
         )
-    if not plan.allows(np.asarray(force)):
+    if not plan.allows(force):
         few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
         cautions.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):

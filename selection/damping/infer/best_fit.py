@@ -159,8 +159,8 @@ def _restore_units(pure: Coordinates, searched: Searched | None, data: Observati
     point, solved, squares = searched
     coordinates = Coordinates.of(pure.law, data)
     x = coordinates.place(point)
-    per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
-    pure_force = solved / np.array([float(c) for c in pure.coefficients(x)])
+    per_force = np.array(coordinates.coefficients(x)) / data.reference[2]
+    pure_force = solved / np.array(pure.coefficients(x))
     coefficients = pure_force * per_force * data.reference[2]
     shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
     n = np.asarray(residuals(build_force(pure.law, coefficients, shapes), data)[0])
