@@ -199,10 +199,10 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
         return {}
     at = int(np.argmax(np.abs(gain[worst])))  # with two levels, either may be wrong
     times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
-    told = (
+    reading = (
         f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
     )
-    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {told}"}
+    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {reading}"}
 
 
 def _find_changed_signs(levels: Sequence[Level]) -> dict[str, str]:

@@ -82,11 +82,6 @@ class BestFit:
         return build_force(self.law, self.coefficients, self.shapes)
 
     @property
-    def variables(self) -> FloatArray:
-        """The standard normal variables x (dimension,) of this fit, the start of a search for the posterior's mode."""
-        return self.coordinates.find_variables(self.coefficients, self.point, float(np.sqrt(np.mean(self.n**2))))
-
-    @property
     def parameters(self) -> int:
         """Number of fitted parameters that are not at their bound."""
         present = self.coefficients > 0.0
