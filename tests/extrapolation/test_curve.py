@@ -276,7 +276,7 @@ TRUE = Sum((Viscous(0.06), VelocitySquared(0.012)))
 @pytest.fixture
 def few_laws(few_laws, monkeypatch):
     """Two laws in place of all, and draws of the normal approximation: the curve is tested here, not the laws."""
-    monkeypatch.setattr(extrapolation, "load_candidates", lambda data: LAWS)
+    monkeypatch.setattr(extrapolation, "resonant_laws", lambda: LAWS)
     monkeypatch.setattr(extrapolation, "evidence", brief_evidence)
 
 

@@ -16,7 +16,7 @@ from damping.forces import CATALOGUE, Sum, VelocityPower, Viscous, make
 from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
 from damping.infer.best_fit import BestFit, _remember_fits, fit_law, fit_laws
-from damping.infer.evidence import evidence
+from damping.infer.evidence import brief_evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood
 from damping.infer.observations import observe
@@ -443,3 +443,15 @@ def test_a_full_estimate_differs_by_draws_alone():
         one, other = asked.find(law), full.find(law)
         errors = np.hypot(one.evidence.standard_error, other.evidence.standard_error)
         assert abs(one.score - other.score) < 2.0 * 4.0 * errors  # a score is twice ln Z
+
+
+def test_progress_follows_the_weighing_of_each_law(saturn):
+    """Laws are reported once each, and not before their evidence, which takes most of the time."""
+    laws, reported = candidate_laws(), []
+
+    def estimate(coordinates, *given):
+        assert coordinates.law.name not in reported
+        return brief_evidence(coordinates, *given)
+
+    weigh_laws(saturn("config-2-mode-1"), 0, laws, reported.append, estimate)
+    assert sorted(reported) == sorted(law.name for law in laws)

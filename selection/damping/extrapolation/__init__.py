@@ -47,7 +47,7 @@ from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
-from damping.ranking.candidates import load_candidates
+from damping.ranking.candidates import resonant_laws
 from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 
@@ -142,7 +142,7 @@ def extrapolate_loads(
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
-        laws: candidates, by default those of the record. plan: if already made. all_rows: if given, laws are also
+        laws: candidates, by default :func:`resonant_laws`. plan: if already made. all_rows: if given, laws are also
             judged on these. estimate: of marginal likelihoods. fresh: whether to draw afresh from laws of more than
             ``LEAST_WEIGHT`` (:func:`draw_fresh`).
 
@@ -152,7 +152,7 @@ def extrapolate_loads(
     """
     requested = check_loads(forces, level)
     if plan is None:
-        candidates = load_candidates(data) if laws is None else laws
+        candidates = resonant_laws() if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
     plan = judge_rows(plan, all_rows) if all_rows else plan

@@ -140,16 +140,13 @@ def weigh_laws(
     laws: Sequence[Law],
     done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
-    distinct: bool = False,
 ) -> Ranking:
-    """Rank candidates as in `rank_laws`, without their coefficients and errors.
-
-    ``distinct``: whether the laws are known to predict differently.
-    """
-    fits, failed = _fit_laws(laws, data, done)
-    alone = distinct or not fits
-    groups = [[fit] for fit in fits] if alone else group_equivalents(fits, data, learn_noise(fits, data))
-    rows = _weigh(groups, data, seed, estimate)
+    """Rank candidates as in `rank_laws`, without their coefficients and errors."""
+    fits, failed = _fit_laws(laws, data)
+    for row in failed:
+        done(row.name)
+    groups = group_equivalents(fits, data, learn_noise(fits, data)) if fits else []
+    rows = _weigh(groups, data, seed, done, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
         reasons = "; ".join(c for row in rows or failed for c in row.cautions)
@@ -170,9 +167,7 @@ def prior_masses(laws: Sequence[Law]) -> list[float]:
     return [FURTHER ** len(law.parts) / (total * sizes[len(law.parts)]) for law in laws]
 
 
-def _fit_laws(
-    laws: Sequence[Law], data: Observations, done: Callable[[str], None]
-) -> tuple[list[BestFit], list[Candidate]]:
+def _fit_laws(laws: Sequence[Law], data: Observations) -> tuple[list[BestFit], list[Candidate]]:
     """The best fit of every law that can be fitted, and rows with the reason why others cannot."""
     fits, failed = [], []
     for law, fit in zip(laws, fit_laws(laws, data), strict=True):
@@ -184,11 +179,16 @@ def _fit_laws(
             failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient reproduces the measured forces",)))
         else:
             fits.append(fit)
-        done(law.name)
     return fits, failed
 
 
-def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, estimate: Estimate) -> list[Candidate]:
+def _weigh(
+    groups: Sequence[Sequence[BestFit]],
+    data: Observations,
+    seed: int,
+    done: Callable[[str], None],
+    estimate: Estimate,
+) -> list[Candidate]:
     """The row of each group of equivalent laws with its score; an AnalysisError becomes a caution.
 
     Laws that fit best come first, so that ``NEGLIGIBLE`` ones are recognised early.
@@ -202,17 +202,12 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
             weighed = estimate(fit.coordinates, data, seed, fit, best + np.log(NEGLIGIBLE) - prior[i])
         except AnalysisError as error:
             rows[i] = Candidate(fit.law, cautions=(str(error),), equivalents=names)
-            continue
-        posterior = float(weighed.log_z + prior[i])
-        best = max(best, posterior)
-        rows[i] = Candidate(
-            fit.law,
-            score=-2.0 * posterior,
-            physical=True,
-            equivalents=names,
-            fit=fit,
-            evidence=weighed,
-        )
+        else:
+            score = -2.0 * float(weighed.log_z + prior[i])
+            best = max(best, -0.5 * score)
+            rows[i] = Candidate(fit.law, score=score, physical=True, equivalents=names, fit=fit, evidence=weighed)
+        for name in (fit.law.name, *names):
+            done(name)
     return [rows[i] for i in range(len(groups))]
 
 
