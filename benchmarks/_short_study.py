@@ -25,7 +25,7 @@ LAWS = ("viscous", "velocity-squared")
 
 def serve() -> None:
     """Start a study for each line of standard input and wait for it."""
-    for name in ("candidate_laws", "load_candidates"):
+    for name in ("candidate_laws", "resonant_laws"):
         vars(study)[name] = lambda *_: [Law((law,)) for law in LAWS]
     vars(build)["record_figures"] = lambda result, level: {"ranking": figures._draw_ranking(result)}
     for line in sys.stdin:

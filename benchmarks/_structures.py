@@ -11,7 +11,7 @@ import numpy as np
 
 from damping.arrays import FloatArray, Floats
 from damping.forces import component
-from damping.forces.contract import AveragedForce, Force, Sum
+from damping.forces.contract import AveragedForce, Force, GrowingForce, Sum
 from damping.forces.shapes import FORCE, LENGTH, Shape
 from damping.infer.law import Law
 from damping.infer.observations import Observations
@@ -20,7 +20,7 @@ from damping_validation.truths import OMEGA, peaks
 
 
 @dataclass(frozen=True)
-class Iwan(AveragedForce):
+class Iwan(GrowingForce, AveragedForce):
     """Joint of sliders that slip at the displacements x with density R x^chi up to ``limit`` (Segalman 2005, no spike).
 
     A slider dissipates 4 x (A - x) of its strength, so E = 4 R int_0^min(A, limit) (A - x) x^(chi+1) dx.
@@ -39,17 +39,15 @@ class Iwan(AveragedForce):
         Shape("limit", LENGTH, above=0.0),
     )
 
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit)."""
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = E/(pi A) = (4 R/pi) (x^m/m - x^n/(n A)), m = chi + 2, n = chi + 3, x = min(A, limit).
+
+        dC/d ln A = (4 R/pi) x^n/(n A): a slider that only begins to slip adds nothing.
+        """
         m, n = self.chi + 2.0, self.chi + 3.0
         x = np.minimum(A, self.limit)
-        return np.asarray(4.0 / np.pi * self.strength * (x**m / m - x**n / (n * A)) + 0.0 * omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = (4 R/pi) x^n/(n A): a slider that only begins to slip adds nothing."""
-        n = self.chi + 3.0
-        x = np.minimum(A, self.limit)
-        return np.asarray(4.0 / np.pi * self.strength * x**n / (n * A) + 0.0 * omega)
+        size, held = 4.0 / np.pi * self.strength, x**n / (n * A)
+        return np.asarray(size * (x**m / m - held) + 0.0 * omega), np.asarray(size * held + 0.0 * omega)
 
 
 @dataclass(frozen=True)

@@ -579,11 +579,12 @@ def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def few_laws(few_draws: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws to rank and to predict with, few draws and six effects: where they are not what is tested."""
-    for module in ("api", "campaign.answer", "extrapolation.near"):
+    for module in ("api", "campaign.answer"):
         monkeypatch.setattr(f"damping.{module}.candidate_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping.extrapolation.near.resonant_laws", lambda *_: list(LAWS))
     monkeypatch.setattr("damping_pipelines.fleet.analyse.candidate_laws", lambda *_: list(LAWS))
-    monkeypatch.setattr("damping.extrapolation.load_candidates", lambda *_: list(LAWS))
-    for choose in ("candidate_laws", "load_candidates"):
+    monkeypatch.setattr("damping.extrapolation.resonant_laws", lambda *_: list(LAWS))
+    for choose in ("candidate_laws", "resonant_laws"):
         monkeypatch.setattr(f"damping_pipelines.study.{choose}", lambda *_: list(LAWS))
     monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", {name: effects.CATALOGUE[name] for name in EXPLAINING})
 

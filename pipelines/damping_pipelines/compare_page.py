@@ -41,8 +41,11 @@ class RecordSummary:
 
     @property
     def groups(self) -> tuple[tuple[tuple[str, ...], float], ...]:
-        """Laws that predict the same on the record, the one listed first, and their weight."""
-        models = [model for model in self.form.rank.models if model.weight is not None]
+        """Laws that predict the same on the record, the one listed first, and their weight; without unranked ones.
+
+        A law that could not be fitted had no part of the prior probability that ranked laws share.
+        """
+        models = [model for model in self.form.rank.models if model.rank is not None]
         return tuple(((model.name, *model.equivalents), model.weight or 0.0) for model in models)
 
     @property

@@ -13,7 +13,7 @@ from typing import Any
 import damping
 from damping.answers import CurveResult, LoadsResult, PredictedResult, RankingResult
 from damping.errors import InputError
-from damping.extrapolation import check_loads
+from damping.extrapolation import list_asked
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
 from damping.extrapolation.prediction import BEYOND_TEST, PARTS, Band
 from damping.ranking import Candidate
@@ -142,7 +142,7 @@ def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float
     if bool(force) == bool(amplitude):
         given = "both --force and --amplitude" if force else "neither --force nor --amplitude"
         raise InputError(given, expected="one of them, once or more")
-    check_loads(force or amplitude, level, "force" if force else "amplitude")
+    list_asked(force or amplitude, "force" if force else "amplitude", level)
     asked = Asked(**files)
     read, described = asked.read()
     loads = damping.extrapolate(read, described, force, level, amplitudes=amplitude, **asked.settings)
@@ -247,8 +247,7 @@ def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
 def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **files: Any) -> None:
     """Damping ratio, Q and frequency against amplitude; print the table and write the form."""
     for values, what in ((amplitude, "amplitude"), (force, "force")):
-        if values:
-            check_loads(values, level, what)
+        list_asked(values, what, level)
     asked = Asked(**files)
     read, described = asked.read()
     traced = damping.curve(read, described, amplitude, force, level, **asked.settings)

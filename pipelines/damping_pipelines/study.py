@@ -31,7 +31,7 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
-from damping.ranking.candidates import candidate_laws, load_candidates
+from damping.ranking.candidates import candidate_laws, resonant_laws
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
@@ -154,14 +154,13 @@ def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | Non
 
     AnalysisError: no law can carry the forces of a record with design forces.
     """
-    near = [record.prepared.data for record in inputs]
-    laws = [load_candidates(data) for data in near]
+    candidates = resonant_laws()
     plans: list[Plan | None] = []
-    with progress("weighing laws", sum(map(len, laws))) as done:
-        for record, data, candidates in zip(inputs, near, laws, strict=True):
+    with progress("weighing laws", len(inputs) * len(candidates)) as done:
+        for record in inputs:
+            prepared, advance = record.prepared, _prefixed(done, record.settings.name)
             try:
-                advance = _prefixed(done, record.settings.name)
-                plans.append(plan_loads(data, candidates, seed, advance, record.prepared.mode, estimate))
+                plans.append(plan_loads(prepared.data, candidates, seed, advance, prepared.mode, estimate))
             except AnalysisError:
                 if record.settings.design_forces:
                     raise

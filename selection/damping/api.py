@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
-from damping.arrays import FloatArray, Numbers
+from damping.arrays import FloatArray, Numbers, join_rows
 from damping.errors import InputError, check_kind, check_seed
 from damping.extrapolation import list_asked, predict_record
-from damping.extrapolation.curve import FARTHEST, join_curves, list_default_amplitudes, predict_forces, trace_loads
+from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
 from damping.infer import SEED
 from damping.progress import Progress, silent, single_threaded, watch
@@ -146,7 +146,7 @@ def curve(
     asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
     against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared)
-    traced = join_curves([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
+    traced = join_rows([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
     return CurveResult(predicted, prepared, against, curve=traced)
 
 

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from itertools import chain
 from math import pi
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,7 @@ BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Numbers: TypeAlias = float | Sequence[float] | FloatArray
 #: A number, or an array that broadcasts with the other arguments.
 Floats: TypeAlias = float | FloatArray
+_Rows = TypeVar("_Rows")
 
 
 #: Acceleration of gravity that the report divides by (section 3.1, "multiplying by 386"), in/s^2.
@@ -48,6 +51,26 @@ def join_complex(real: Floats, imaginary: Floats) -> ComplexArray:
 def differs(values: Floats, number: float) -> bool:
     """Whether any value differs from ``number``; a float is compared without numpy, which is slow in frequent calls."""
     return values != number if isinstance(values, float) else bool(np.any(values != number))
+
+
+def join_rows(parts: Sequence[_Rows]) -> _Rows:
+    """Results of one kind, with different rows, as one: arrays and tuples are joined, the rest is that of the first.
+
+    Dataclasses, mappings and tuples of dataclasses are joined field by field.
+    """
+    every: Sequence[Any] = parts
+    first = joined = every[0]
+    if isinstance(first, np.ndarray):
+        joined = np.concatenate(every)
+    elif is_dataclass(first):
+        each = {field.name: join_rows([getattr(part, field.name) for part in every]) for field in fields(first)}
+        joined = replace(first, **each)  # type: ignore[type-var]
+    elif isinstance(first, Mapping):
+        joined = {key: join_rows([part[key] for part in every]) for key in first}
+    elif isinstance(first, tuple):
+        alike = first and is_dataclass(first[0])
+        joined = tuple(map(join_rows, zip(*every, strict=True))) if alike else tuple(chain(*every))
+    return cast(_Rows, joined)
 
 
 def wrap_lag(phase: FloatArray) -> FloatArray:

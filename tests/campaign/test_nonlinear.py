@@ -131,6 +131,16 @@ def test_a_sensor_whose_sign_changes_is_named_so(tmp_path, few_laws):
         analyse([dwell(tmp_path / "b.h5", turned=("a", "b"))], [8.0])
 
 
+def test_a_reversed_drive_is_found_beside_a_dead_sensor(tmp_path):
+    path, noise = dwell(tmp_path / "a.h5", turned=("a", "b")), np.random.default_rng(6).normal(size=120)
+    with h5py.File(path, "r+") as file:
+        for force in LEVELS:
+            file[f"run_{force}N/dead"] = 1e-9 * noise.astype(complex)
+            file[f"run_{force}N/dead"].attrs["units"] = "m/s^2"
+    with pytest.raises(InputError, match=r"in run 'run_4.0N' every sensor moves the other way .*: its drive is rev"):
+        analyse([path], [8.0])
+
+
 @pytest.mark.parametrize(
     ("drive", "said"), [(0.01, "0.01 times the level in the label: its"), (0.5**0.5, r"0.707 .* \(rms for peak\?\)")]
 )

@@ -98,13 +98,18 @@ def test_the_contract_is_run_on_every_force_of_the_catalogue() -> None:
     assert all(CATALOGUE[force.name] is type(force) for force in SINGLE.values())
 
 
-#: C, dC/d ln A, S and dS/d ln A.
-AVERAGES = ("quadrature", "slope", "in_phase", "in_phase_slope")
+#: C, dC/d ln A, S and dS/d ln A, each by the function that gives it alone or with the fewest others.
+AVERAGES = {
+    "quadrature": lambda force, *at: force.quadrature(*at),
+    "slope": lambda force, *at: force.grow(*at)[1],
+    "in_phase": lambda force, *at: force.in_phase(*at),
+    "in_phase_slope": lambda force, *at: force.restoring(*at)[1],
+}
 
 
 def evaluate(force: Force, part: str, A: Any, omega: Any) -> Any:
     """One of ``AVERAGES``."""
-    return force.restoring(A, omega)[1] if part == "in_phase_slope" else getattr(force, part)(A, omega)
+    return AVERAGES[part](force, A, omega)
 
 
 @every_force

@@ -97,7 +97,7 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, damping, check_page, one_
     """The tank's study on two candidate laws: every stage, every file, and its page on a telephone."""
     laws = (Law(("viscous",)), Law(("viscous", "quadratic-displacement")))
     monkeypatch.setattr(study, "candidate_laws", lambda *_: laws)
-    monkeypatch.setattr(study, "load_candidates", lambda data: laws)
+    monkeypatch.setattr(study, "resonant_laws", lambda: laws)
     shutil.copytree(EXAMPLES / "tank", tmp_path / "tank")
     assert damping("study", tmp_path / "tank" / "STUDY.toml", "--out", tmp_path / "out").code == 0
     page = (tmp_path / "out" / "report.html").read_text()

@@ -91,8 +91,9 @@ class Braked(Force):
     def quadrature(self, A, omega):
         return self.coefficient / (1.0 + A * omega / self.velocity)
 
-    def slope(self, A, omega):
-        return -self.coefficient * (A * omega / self.velocity) / (1.0 + A * omega / self.velocity) ** 2
+    def grow(self, A, omega):
+        slope = -self.coefficient * (A * omega / self.velocity) / (1.0 + A * omega / self.velocity) ** 2
+        return self.quadrature(A, omega), slope
 
     def g(self, q, speed, sign):
         return sign * self.coefficient / (1.0 + speed / self.velocity)

@@ -2,12 +2,14 @@
 
 import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
 from damping.infer.balanced import Balanced
+from damping.infer.checks import predictive_check
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import (
     BLOCK,
@@ -214,3 +216,37 @@ def test_memory_does_not_grow_with_points_times_levels_squared(peaks):
 def test_blocks_hold_every_point_once_in_order():
     x = np.arange(1000.0)[:, None]
     np.testing.assert_array_equal(by_blocks(lambda points: x[points, 0], len(x), 2500), x[:, 0])
+
+
+@pytest.mark.parametrize("of_decay", [False, True])
+def test_a_law_that_holds_is_not_rejected_because_levels_scatter_as_a_whole(peaks, of_decay):
+    """Errors common to the rows of a level, or to neighbouring levels of a decay, are one error, not one per row."""
+    levels, rows, sd, rng = 3, 1 if of_decay else 20, 0.011, np.random.default_rng(9)  # the median scatter, at x = 0
+    phase = np.full(rows, 0.5 * np.pi) if of_decay else np.linspace(0.9, 2.2, rows)
+    force = np.geomspace(20.0, 24.0 if of_decay else 80.0, levels)
+    F = np.repeat(force, rows)
+    exact = replace(
+        peaks(force / 20.0, force, 10.0),
+        omega=np.full(levels * rows, 10.0),
+        sweep=np.repeat(np.arange(levels), rows),
+        R=F * np.abs(np.cos(np.tile(phase, levels))),
+        **dict.fromkeys(("sd_amplitude", "sd_force", "sd_phase"), np.zeros(levels * rows)),
+        amplitude_is_input=of_decay,
+    )
+    coordinates = Coordinates.of(Law(("viscous",)), exact)
+    x = np.zeros((400, coordinates.dimension))
+    x[:, 0] = -np.log(coordinates.coefficients(x[:1])[0][0] / 2.0)  # C = 2 A omega, as F = 20 A
+    alike = np.exp(-np.abs(np.subtract.outer(*2 * (np.log(force),))) / 0.4) if of_decay else np.eye(levels)
+    trials, rejected = 200, 0
+    for trial in range(trials):
+        of_level = sd * np.linalg.cholesky(alike) @ rng.standard_normal(levels)
+        noise = sd * rng.standard_normal((2, levels * rows))
+        D = F * np.sin(np.tile(phase, levels))
+        if of_decay:
+            data = replace(exact, A=force / 20.0, D=D * (1.0 + of_level + noise[0]))
+        else:
+            A = D / 20.0 * (1.0 + of_level[exact.sweep] + noise[0])
+            data = replace(exact, A=A, D=D + F * np.cos(np.tile(phase, levels)) * noise[1])
+        posterior = SimpleNamespace(draws=x, coordinates=coordinates)
+        rejected += predictive_check(posterior, data, np.ones((400, levels)), 0.9, trial).p_value < 0.05
+    assert abs(rejected - 0.05 * trials) < 4.0 * np.sqrt(0.05 * trials)  # standard errors of a binomial count

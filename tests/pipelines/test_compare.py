@@ -6,12 +6,15 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from damping.ranking.sharing import tabulate_rows
+from damping.ranking.sharing import tabulate_rows, weigh_sharing
+from damping_pipelines.compare_page import RecordSummary
 from damping_pipelines.manifest import MANIFEST, digest, publish
 
 HOSTILE = "<script>alert(1)</script>"
@@ -252,3 +255,13 @@ def test_predictions_of_one_test_in_mm_and_in_m_are_in_one_unit(tmp_path, dampin
     assert first[0] == second[0] == "N, mm"
     assert first[2:5] == second[2:5]
     assert [row[1] for row in rows[three]] == ["N, mm", "N, furlong"]
+
+
+def test_laws_that_were_not_fitted_have_no_part_in_the_odds():
+    """Prior mass 1/3 each: two laws of one term, one of two; evidence 3 w, so odds sum(3 w^2) of two equal records."""
+    weights = {"viscous": 0.6, "velocity-squared": 0.2, "viscous + velocity-squared": 0.2}
+    models = [SimpleNamespace(name=name, weight=w, rank=1, equivalents=[]) for name, w in weights.items()]
+    unfitted = SimpleNamespace(name="coulomb", weight=0.0, rank=None, equivalents=[])
+    form = SimpleNamespace(rank=SimpleNamespace(models=[*models, unfitted]))
+    odds, _ = weigh_sharing([RecordSummary(form, pd.DataFrame(), None).groups] * 2)
+    np.testing.assert_allclose(odds, 3.0 * sum(w**2 for w in weights.values()), rtol=1e-12)

@@ -50,7 +50,7 @@ FEW_LAWS = """from damping import extrapolation
 from damping.infer.law import Law
 from damping_pipelines.fleet import analyse
 analyse.candidate_laws = lambda *data: [Law(("viscous",)), Law(("viscous", "velocity-squared"))]
-extrapolation.load_candidates = lambda *data: [Law(("viscous", "velocity-squared"))]
+extrapolation.resonant_laws = lambda *data: [Law(("viscous", "velocity-squared"))]
 """
 MODE = "[mode]\nfrequency = 1.6\nmass = 1.0\n"
 
@@ -100,7 +100,7 @@ def records(tmp_path_factory) -> Path:
 def few():
     """Few candidates in this process; returned is what does the same in another."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+        for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.resonant_laws"):
             patch.setattr(name, None)  # so that what it was comes back
         # a constant of this module, as text so that workers of Dask can run it too: no input gets here
         exec(FEW_LAWS, {})
@@ -118,7 +118,7 @@ def alone(records, few, tmp_path_factory) -> Path:
 @pytest.fixture
 def one_law(monkeypatch, no_layout):
     """One candidate in this process: where the laws do not matter."""
-    for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.load_candidates"):
+    for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.resonant_laws"):
         monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])
 
 

@@ -73,7 +73,7 @@ LIMITS = [
 @pytest.mark.parametrize(("power", "case"), LIMITS, ids=lambda force: force.name)
 def test_the_limit_itself_is_the_case_in_every_part(power: Force, case: Force) -> None:
     amplitude, omega, theta = np.array([0.01, 0.3, 2.0]), 10.4, np.linspace(0.0, 6.2, 3)
-    for part in ("quadrature", "slope", "in_phase"):
+    for part in ("quadrature", "grow", "in_phase"):
         # gamma functions are right to a few units of the last digit
         found, expected = (getattr(force, part)(amplitude, omega) for force in (power, case))
         np.testing.assert_allclose(found, expected, rtol=1e-14, atol=0.0)
@@ -117,7 +117,7 @@ def test_a_joint_that_has_just_begun_to_slip(k: float, limit: float, beyond: flo
     # cos psi = -1 + 2 e is rounded at 1e-16: d psi = 1e-16/sqrt(e), weighed by sin^2 psi = 4 e
     np.testing.assert_allclose(joint.in_phase(amplitude, omega) / scale, shift, rtol=4.0 * e, atol=2e-15)
     below = limit * (1.0 - beyond)
-    for part in ("quadrature", "slope", "restoring"):
+    for part in ("quadrature", "grow", "restoring"):
         # S of a stuck joint is (pi - pi)/pi to rounding
         np.testing.assert_allclose(getattr(joint, part)(below, omega), 0.0, rtol=0.0, atol=1e-15 * scale)
 

@@ -16,7 +16,7 @@ from damping.forces import CATALOGUE, Sum, VelocityPower, Viscous, make
 from damping.forces.contract import AveragedForce
 from damping.forces.shapes import Shape
 from damping.infer.best_fit import BestFit, _remember_fits, fit_law, fit_laws
-from damping.infer.evidence import evidence
+from damping.infer.evidence import brief_evidence, evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood
 from damping.infer.observations import observe
@@ -133,7 +133,7 @@ def test_best_fit_is_the_weighted_non_negative_least_squares(peaks):
     data = levels_of(forces, peaks, 0.002)
     best = fit_law(Law(("viscous", "displacement-velocity")), data)
     columns = np.stack([make(n, coefficient=1.0).quadrature(data.A, OMEGA) for n in best.law.components], axis=1)
-    slope = best.force.slope(data.A, OMEGA)
+    slope = best.force.grow(data.A, OMEGA)[1]
     wls = sm.WLS(data.D, columns, weights=1.0 / slope**2).fit()
     np.testing.assert_allclose(best.coefficients, wls.params, rtol=1e-6)  # reweighted until the sum stays to 1e-12
     unphysical = [make("viscous", coefficient=1.0), make("quadratic-displacement", coefficient=1.0)]
@@ -273,8 +273,9 @@ def swept_misfit(swept):
         def quadrature(self, A, omega):
             return self.coefficient * A * omega * (1.0 + 0.15 * np.sin(4.0 * np.log(A)))
 
-        def slope(self, A, omega):
-            return self.quadrature(A, omega) + self.coefficient * A * omega * 0.6 * np.cos(4.0 * np.log(A))
+        def grow(self, A, omega):
+            C = self.quadrature(A, omega)
+            return C, C + self.coefficient * A * omega * 0.6 * np.cos(4.0 * np.log(A))
 
     return observe(swept(Waving(0.3), np.geomspace(1.0, 6.0, 5), noise=0.01))
 
@@ -442,3 +443,15 @@ def test_a_full_estimate_differs_by_draws_alone():
         one, other = asked.find(law), full.find(law)
         errors = np.hypot(one.evidence.standard_error, other.evidence.standard_error)
         assert abs(one.score - other.score) < 2.0 * 4.0 * errors  # a score is twice ln Z
+
+
+def test_progress_follows_the_weighing_of_each_law(saturn):
+    """Laws are reported once each, and not before their evidence, which takes most of the time."""
+    laws, reported = candidate_laws(), []
+
+    def estimate(coordinates, *given):
+        assert coordinates.law.name not in reported
+        return brief_evidence(coordinates, *given)
+
+    weigh_laws(saturn("config-2-mode-1"), 0, laws, reported.append, estimate)
+    assert sorted(reported) == sorted(law.name for law in laws)

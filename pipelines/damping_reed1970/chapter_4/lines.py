@@ -104,11 +104,8 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
 
 def average_laws(ranking: Ranking) -> Loads:
     """Prediction at 90 lb from the weighted importance draws of every law that has a weight."""
-    members = [
-        Member(c.name, c.weight, c.coordinates, c.evidence.draws)
-        for c in ranking.weighted()
-        if c.coordinates is not None and c.evidence is not None
-    ]
+    rows = ((row, row.evidence) for row in ranking.weighted())
+    members = [Member(row.name, row.weight, row.coordinates, drawn.draws) for row, drawn in rows if drawn]
     return predict(members, np.array([F_EXAMPLE]), ranking.data, LEVEL, seed=0)
 
 

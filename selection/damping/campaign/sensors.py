@@ -199,10 +199,10 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
         return {}
     at = int(np.argmax(np.abs(gain[worst])))  # with two levels, either may be wrong
     times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
-    told = (
+    reading = (
         f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
     )
-    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {told}"}
+    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {reading}"}
 
 
 def _find_changed_signs(levels: Sequence[Level]) -> dict[str, str]:
@@ -211,10 +211,11 @@ def _find_changed_signs(levels: Sequence[Level]) -> dict[str, str]:
     sd = np.array([level.fit.residues_sd for level in levels])
     seen = np.all(np.abs(r) > LEAST_T * sd, axis=0)
     against = np.sign(r) * np.sign(np.sum(np.sign(r), axis=0) + 0.5 * np.sign(r[0])) < 0.0
-    turned = np.all(against | ~seen, axis=2) & seen.any(axis=1)  # (levels, sensors)
-    if np.any(np.all(turned, axis=1)):
-        at = int(np.argmax(np.all(turned, axis=1)))
-        run = levels[at].run
+    shown = seen.any(axis=1)
+    turned = np.all(against | ~seen, axis=2) & shown  # (levels, sensors)
+    reversed_drive = np.all(turned | ~shown, axis=1) & shown.any()
+    if reversed_drive.any():
+        run = levels[int(np.argmax(reversed_drive))].run
         message = f"in run {run.label!r} every sensor moves the other way than in other runs: its drive is reversed"
         raise InputError(message, expected="one polarity of the drive (--correct: out = true of that run)")
     return {

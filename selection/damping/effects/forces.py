@@ -14,15 +14,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
 
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
-from damping.forces.contract import Force, GrowingForce, Joint, spread
-from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, SmoothSlip, lose_stiffness
+from damping.forces.contract import Force, Joint, spread
+from damping.forces.joints import (
+    Coulomb,
+    CubicStiffness,
+    PowerStiffness,
+    Slip,
+    SlippingForce,
+    SmoothSlip,
+    lose_stiffness,
+)
 from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,
@@ -104,20 +111,15 @@ ONLY_SIMULATED = (
 
 
 @dataclass(frozen=True)
-class ManyJoints(GrowingForce):
+class ManyJoints(SlippingForce):
     """Joints of total ``stiffness`` that slip one after the other; a share P(a) of them has limits up to a.
 
     P = 1 - exp(-(a/limit)^kappa), after Weibull, or, if ``bounded``, (a/limit)^kappa up to 1. The averages are
     integrals of those of one joint over P from 0 to P(A). In time, one joint stands for each range of ``_ENDS``.
     """
 
-    stiffness: Floats
-    limit: Floats
     kappa: Floats
     bounded: bool
-
-    name: ClassVar[str] = "slip"
-    shapes: ClassVar[tuple[Shape, ...]] = Slip.shapes
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A; dP/d ln A adds nothing, since a joint about to slip has C = 0 and S = 0."""
@@ -129,21 +131,9 @@ class ManyJoints(GrowingForce):
         saturation = spread(4.0 / np.pi * size, omega)
         return saturation * (lost - grown), saturation * grown, size * S, size * (S + turned)
 
-    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A."""
-        return self.averages(A, omega)[:2]
-
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A."""
-        return self.averages(A, omega)[2:]
-
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The integral of their third harmonics."""
         return np.asarray(np.sum(self._take_slipping(A, omega).third(A, omega), axis=0))
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """-k q: the integrator adds the joints with their memory; here their stuck stiffness is subtracted."""
-        return -self.stiffness * q
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, Numbers
+from damping.arrays import FloatArray, Numbers, join_rows
 from damping.errors import InputError
 from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
@@ -26,7 +26,6 @@ from damping.extrapolation.draws import (
     choose_next_level,
     draw_spreads,
     list_levels,
-    pool,
     share_out,
     vary_priors,
 )
@@ -37,7 +36,7 @@ from damping.extrapolation.near import (
     judge_rows,
     plan_loads,
 )
-from damping.extrapolation.prediction import REFUSED_SHARE, Loads, join_loads, predict
+from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -48,7 +47,7 @@ from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
-from damping.ranking.candidates import load_candidates
+from damping.ranking.candidates import resonant_laws
 from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 
@@ -99,7 +98,7 @@ class Extrapolation:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
-        return join_loads([predict(self.members, block, *known, each=each, still=still) for block in blocks])
+        return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
     def vary_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
@@ -117,7 +116,7 @@ class Extrapolation:
         if not self.levels.size:
             return None
         spreads = [s.at(slice(len(self.loads.force), None)) for s in self.spreads]
-        if share_out(self.members, spreads) @ ~pool(spreads).resonates[:, -1] > REFUSED_SHARE:
+        if share_out(self.members, spreads) @ ~join_rows(spreads).resonates[:, -1] > REFUSED_SHARE:
             return None
         *tried, design = self.levels
         chosen = choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
@@ -143,7 +142,7 @@ def extrapolate_loads(
     Args:
         data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
         mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
-        laws: candidates, by default those of the record. plan: if already made. all_rows: if given, laws are also
+        laws: candidates, by default :func:`resonant_laws`. plan: if already made. all_rows: if given, laws are also
             judged on these. estimate: of marginal likelihoods. fresh: whether to draw afresh from laws of more than
             ``LEAST_WEIGHT`` (:func:`draw_fresh`).
 
@@ -153,7 +152,7 @@ def extrapolate_loads(
     """
     requested = check_loads(forces, level)
     if plan is None:
-        candidates = load_candidates(data) if laws is None else laws
+        candidates = resonant_laws() if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
     plan = judge_rows(plan, all_rows) if all_rows else plan
@@ -210,15 +209,20 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
             raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
-    if not (_is_number(level) and 0.0 < level < 1.0):
-        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
+    _check_level(level)
     return np.array(forces, dtype=float)
 
 
 def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
+    _check_level(level)
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
+
+
+def _check_level(level: float) -> None:
+    if not (_is_number(level) and 0.0 < level < 1.0):
+        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
 
 
 def _is_number(value: object) -> bool:
@@ -232,8 +236,7 @@ def _repeatability(mode: Mode | None) -> float:
 
 def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
     """Posterior of one law, sampled until its parameters and its amplitudes at ``forces`` have converged."""
-    assert law.coordinates is not None  # a law with a weight was fitted
-    assert law.evidence is not None
+    assert law.evidence is not None  # a law with a weight was fitted
     name, coordinates, begun = law.name, law.coordinates, law.evidence
     if begun.effective_draws < LEAST_DRAWS:  # the evidence stopped early: the law's weight is negligible
         begun = evidence(coordinates, data, seed)

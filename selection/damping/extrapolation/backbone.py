@@ -7,7 +7,6 @@ the tested resonances.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -102,7 +101,8 @@ class Backbone:
         top = float(self.amplitude.max())
         within, tail = np.minimum(np.where(np.isfinite(amplitude), amplitude, top), _LARGEST * top), 0.5 * (1.0 - level)
         at = np.array([0.5, tail, 1.0 - tail])
-        log_omega = np.concatenate([_find_quantiles(*mixed, at) for mixed in self._mix_blocks(within)], axis=1)
+        blocks = np.array_split(within, max(1, -(-within.size // _AT_ONCE)))
+        log_omega = np.concatenate([_find_quantiles(*self._mix(block), at) for block in blocks], axis=1)
         median, low, high = np.exp(log_omega) / RAD_S_PER_HZ
         tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
         known = np.isfinite(amplitude) & (low > 0.0) & np.isfinite(high)
@@ -145,12 +145,7 @@ class Backbone:
 
     @cached_property
     def _tabulated(self) -> tuple[FloatArray, FloatArray]:
-        blocks = []
-        for weight, mean, sd in self._mix_blocks(self.amplitude.max() * np.exp(_TABLE)):
-            middle = weight @ mean
-            blocks.append((middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))))
-        middle, sd = np.concatenate(blocks, axis=1)
-        return middle, sd
+        return _find_moments(*self._mix(self.amplitude.max() * np.exp(_TABLE)))
 
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
         """Mass at each amplitude: linear in the logarithms between tested amplitudes, constant beyond."""
@@ -160,10 +155,6 @@ class Backbone:
     def stiffness_at(self, amplitude: FloatArray) -> FloatArray:
         """M omega^2 at each amplitude, interpolated as in `mass_at`."""
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
-
-    def _mix_blocks(self, amplitude: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-        """:meth:`_mix` of amplitudes (rows,), ``_AT_ONCE`` at a time."""
-        return map(self._mix, np.array_split(amplitude, max(1, -(-amplitude.size // _AT_ONCE))))
 
     def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
@@ -204,13 +195,19 @@ class Backbone:
         return weight, np.concatenate(means), np.sqrt(np.concatenate(variances))
 
 
+def _find_moments(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and standard deviation, (rows,) each, of mixtures of normals as in `_find_quantiles`."""
+    middle = weight @ mean
+    return middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
+
+
 def _find_quantiles(weight: FloatArray, mean: FloatArray, sd: FloatArray, p: FloatArray) -> FloatArray:
     """Quantiles p (quantiles,) of mixtures of normals of weights (k,), means and deviations (k, rows)."""
     z = ndtri(p)[:, None]
     of_each = mean + z[..., None] * sd  # a quantile of the mixture lies between those of its components
     low, high = of_each.min(axis=1), of_each.max(axis=1)
-    middle = weight @ mean
-    start = middle + z * np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
+    middle, width = _find_moments(weight, mean, sd)
+    start = middle + z * width
 
     def excess(x: FloatArray) -> tuple[FloatArray, FloatArray]:
         z = (x[:, None, :] - mean) / sd
@@ -225,7 +222,7 @@ def _regress(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Regression y = b_0 c + b_1 x + noise of standard deviation s (scatters,), for every x (shapes, levels) and size.
 
-    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), with ``sizes`` (sizes,); b_1 is 0 where the size is 0.
+    b_0 ~ N(0, ``_ANYWHERE``^2), b_1 ~ N(0, (2 size)^2), with ``sizes`` (sizes,). The size is 0 only if x is: b_1 is 0.
 
     Returns:
         Log evidence (shapes, sizes, scatters); b (.., 2); (3, ..): variance of b_0, covariance, variance of b_1.

@@ -224,7 +224,7 @@ def find_crossing(force: FloatArray, amplitude: FloatArray, asked: FloatArray) -
     held = force[first - 1] if first and amplitude[first - 1] == 0.0 else np.nan
     grown = np.maximum.accumulate(np.log(amplitude[known])) + 1e-12 * np.arange(int(known.sum()))
     reached = np.exp(np.interp(np.log(asked), grown, np.log(force[known]), left=np.nan, right=np.nan))
-    below = held + (force[first] - held) * asked / amplitude[first]
+    below = held + (force[first] - held) * np.minimum(asked, amplitude[first]) / amplitude[first]
     return np.where(asked < amplitude[first], below, reached)
 
 
@@ -278,18 +278,3 @@ def _add_jump(cautions: tuple[str, ...], lowest: float, omega: float, zeta: floa
     """
     jump = describe_bistability(np.array([lowest, omega]), 2.0 * zeta * omega, OF_PREDICTED)
     return cautions if not jump or any("bistable" in caution for caution in cautions) else (*cautions, jump)
-
-
-def join_curves(curves: Sequence[Curve]) -> Curve:
-    """Rows of several curves of one level, in order."""
-
-    def join(name: str) -> Interval:
-        parts = [getattr(curve, name) for curve in curves]
-        return Interval(*(np.concatenate([getattr(p, end) for p in parts]) for end in ("median", "low", "high")))
-
-    return Curve(
-        level=curves[0].level,
-        **{name: join(name) for name in ("amplitude", "force", "frequency", "damping_ratio")},
-        tested=np.concatenate([curve.tested for curve in curves]),
-        cautions=tuple(caution for curve in curves for caution in curve.cautions),
-    )

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaln
 
-from damping.arrays import BoolArray, FloatArray, IntArray
+from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, read_path, stray
@@ -101,11 +101,6 @@ class Spread:
     def at(self, columns: IntArray | slice) -> Spread:
         """The draws at a selection of the forces."""
         return Spread(*(getattr(self, part.name)[:, columns] for part in fields(self)))
-
-
-def pool(spreads: Sequence[Spread]) -> Spread:
-    """Draws of all laws, one after another."""
-    return Spread(*(np.concatenate([getattr(s, part.name) for s in spreads]) for part in fields(Spread)))
 
 
 def share_out(members: Sequence[Member], spreads: Sequence[Spread]) -> FloatArray:
@@ -210,7 +205,7 @@ def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: Flo
         One row for each prior, factor and force: ``prior, factor, force, median, low, high``.
     """
     tail, rows = 0.5 * (1.0 - level), []
-    total, shares = pool(spreads).total, share_out(members, spreads)
+    total, shares = join_rows(spreads).total, share_out(members, spreads)
     for prior, ratio in (("scatter", _scatter_ratio), ("share", _share_ratio), ("discrepancy", _discrepancy_ratio)):
         for factor in FACTORS:
             odds = shares * np.concatenate([ratio(member, factor) for member in members])
@@ -271,7 +266,7 @@ def choose_next_level(
 ) -> NextLevel:
     """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: draws at all these
     forces, ``design`` last."""
-    pooled, shares = pool(spreads), share_out(members, spreads)
+    pooled, shares = join_rows(spreads), share_out(members, spreads)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
     at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.stray)[order]

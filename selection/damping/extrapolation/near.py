@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import BoolArray, FloatArray, Floats
 from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
@@ -21,7 +21,7 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
-from damping.ranking.candidates import candidate_laws
+from damping.ranking.candidates import resonant_laws
 from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 from damping.records import Audit
 from damping.records.mode import Mode
@@ -200,8 +200,8 @@ class Plan:
     excluded: str = ""
     state: str = ""
 
-    def allows(self, force: FloatArray) -> BoolArray:
-        """Whether predictions are given at each force (forces,), with the margin ``ROUNDING``."""
+    def allows(self, force: Floats) -> BoolArray:
+        """Whether predictions are given at a force, or at each of several, with the margin ``ROUNDING``."""
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
@@ -214,7 +214,7 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     """
     if len(all_rows.A) == len(plan.data.A):
         return plan
-    laws = [member.law for member in plan.laws] + [law for law in candidate_laws() if law.has_resonance]
+    laws = [member.law for member in plan.laws] + resonant_laws()
     fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
     best = min(fits.values(), key=lambda fit: fit.squares)
     missing = [member for member in plan.laws if member.law in fits and is_excluded(fits[member.law], best, all_rows)]
@@ -263,18 +263,9 @@ def plan_loads(
         AnalysisError: no candidate can carry the measured forces.
     """
     resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
-
-    def weigh(coordinates: Coordinates, data: Observations, seed: int, fit: BestFit, floor: float) -> Evidence:
-        weighed = estimate(coordinates, data, seed, fit, floor)
-        done(coordinates.law.name)
-        return weighed
-
-    ranked = weigh_laws(data, seed, resonating or laws, estimate=weigh, distinct=True)
-    planned = [
-        Planned(row.law, row.weight, row.coordinates, row.evidence)
-        for row in ranked.candidates
-        if row.coordinates and row.evidence
-    ]
+    ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
+    rows = ((row, row.evidence) for row in ranked.candidates)
+    planned = [Planned(row.law, row.weight, row.coordinates, drawn) for row, drawn in rows if drawn]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)

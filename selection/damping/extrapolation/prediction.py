@@ -10,12 +10,12 @@ force, or along the backbone where that moves. The next test's reading has four 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
-from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, pool, share_out
+from damping.arrays import BoolArray, FloatArray, join_rows
+from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
 from damping.extrapolation.near import ENOUGH_LEVELS, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
@@ -43,7 +43,7 @@ def list_cautions(
         amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities of no
             resonance at this force, because friction locks the mode and because no amplitude balances it.
     """
-    refused = np.isnan(amplitude) and not (plan and not plan.allows(np.asarray(force)))
+    refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
     cautions = [_describe_refusal(*without)] if refused else []
     cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
     leads = not weights or max(weights) >= 0.5 * sum(weights)
@@ -68,7 +68,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
     allowed = ", and the band allows for it" if banded else ""
     p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
     beyond = force > plan.data.tested_force.max() * (1.0 + ROUNDING)
-    if beyond and not plan.joint.informative and plan.allows(np.asarray(force)):
+    if beyond and not plan.joint.informative and plan.allows(force):
         either = ": the band allows for either" if banded else ""
         cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
     elif beyond and plan.joint.probability > LIKELY:
@@ -76,7 +76,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
             f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
             f"stop growing beyond the test{allowed}"
         )
-    if not plan.allows(np.asarray(force)):
+    if not plan.allows(force):
         few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
         cautions.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
@@ -167,26 +167,6 @@ class Loads:
     @np.errstate(divide="ignore")  # the linear amplitude is divided by 0 where friction holds the mode
     def _exceed(self, predicted: FloatArray) -> FloatArray:
         return np.asarray(100.0 * (self.linear / predicted - 1.0))
-
-
-def join_loads(parts: Sequence[Loads]) -> Loads:
-    """Predictions of the same laws at several blocks of forces, as one."""
-    join = np.concatenate
-
-    def join_bands(bands: Sequence[Band]) -> Band:
-        ends = [[getattr(band, end.name) for band in bands] for end in fields(Band)[2:]]
-        return Band(bands[0].name, bands[0].weight, *map(join, ends))
-
-    return replace(
-        parts[0],
-        force=join([part.force for part in parts]),
-        average=join_bands([part.average for part in parts]),
-        by_model=tuple(map(join_bands, zip(*(part.by_model for part in parts), strict=True))),
-        parts={name: join([part.parts[name] for part in parts]) for name in PARTS},
-        linear=join([part.linear for part in parts]),
-        ratio=join([part.ratio for part in parts]),
-        cautions=tuple(caution for part in parts for caution in part.cautions),
-    )
 
 
 def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
@@ -285,7 +265,7 @@ def _band(
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):
-        pooled = pool([spread.at(slice(i, i + 1)) for spread in spreads])
+        pooled = join_rows([spread.at(slice(i, i + 1)) for spread in spreads])
         total, law = pooled.total, pooled.law
         if counted[i]:
             bound = np.where(pooled.short, np.inf, -np.inf)

@@ -77,12 +77,6 @@ class Force(ABC):
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """C(A, omega), the first-harmonic part in phase with velocity; unit of force."""
 
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A in closed form; unit of force: (m - 1) C where the energy is a A^m omega^n; others override it."""
-        exponents = self.energy_exponents
-        assert exponents is not None, f"{self.name} states neither energy_exponents nor a slope"
-        return (exponents[0] - 1.0) * self.quadrature(A, omega)
-
     @abstractmethod
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """The force in time at the displacement ``q`` and the velocity ``sign`` times ``speed``, without its joints.
@@ -91,9 +85,10 @@ class Force(ABC):
         """
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A together: the latter is (m - 1) C where the energy is a A^m omega^n."""
+        """C and dC/d ln A in closed form: (m - 1) C where the energy is a A^m omega^n; others override it."""
         C, exponents = self.quadrature(A, omega), self.energy_exponents
-        return C, self.slope(A, omega) if exponents is None else (exponents[0] - 1.0) * C
+        assert exponents is not None, f"{self.name} states neither energy_exponents nor grow"
+        return C, (exponents[0] - 1.0) * C
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A together."""
@@ -186,10 +181,6 @@ class GrowingForce(Force):
         """C: see `grow`."""
         return self.grow(A, omega)[0]
 
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A: see `grow`."""
-        return self.grow(A, omega)[1]
-
 
 class AveragedForce(Force):
     """A force known only by its averages; its cycle is the equivalent viscous one, C cos(theta)."""
@@ -241,10 +232,6 @@ class Sum(Force):
     def quadrature(self, A: Floats, omega: Floats) -> Floats:
         """Sum of the parts' C."""
         return _add([force.quadrature(A, omega) for force in self.forces], A, omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """Sum of the parts' dC/d ln A."""
-        return _add([force.slope(A, omega) for force in self.forces], A, omega)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """Sums of the parts' C and dC/d ln A."""

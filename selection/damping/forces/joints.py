@@ -1,5 +1,6 @@
 """Coulomb friction, the slip joint of Fig. 2.4c, the smooth joint of Bouc and Wen, and nonlinear springs."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -52,22 +53,48 @@ def lose_stiffness(held: Floats) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True)
-class Slip(GrowingForce):
-    """Joint force less ``stiffness`` times q, so that there is no force while the joint sticks (A <= A1).
+class SlippingForce(GrowingForce):
+    """Force of joints less their ``stiffness`` times q, which is no force while they stick.
 
-    ``stiffness`` k = K - K1 is what slip loses (force/length), ``limit`` A1 the amplitude at which slip starts. The
-    mode's frequency is that of the stuck state. The joint follows the displacement with slope k between the forces
-    -k A1 and k A1 and slips at either; its loop is a parallelogram of area 4 k A1 (A - A1), which is the energy per
-    cycle (the printed Eq 2.4.3 is not: erratum E243). Both averages saturate: C tends to 4 k A1/pi.
+    ``stiffness`` k is what slip loses (force/length), ``limit`` A1 the amplitude at which it starts or at which it is
+    complete. The mode's frequency is that of the stuck state.
     """
 
     stiffness: Floats
     limit: Floats
 
     name: ClassVar[str] = "slip"
+    shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
+
+    @abstractmethod
+    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """C, dC/d ln A, S and dS/d ln A."""
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C and dC/d ln A: see `averages`."""
+        return self.averages(A, omega)[:2]
+
+    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """S and dS/d ln A: see `averages`."""
+        _, _, S, slope = self.averages(A, omega)
+        return spread(S, omega), spread(slope, omega)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """-k q: the integrator adds the joints with their memory; here their stuck stiffness is subtracted."""
+        return -self.stiffness * q
+
+
+@dataclass(frozen=True)
+class Slip(SlippingForce):
+    """One joint of stiffness k = K - K1 that sticks up to the amplitude A1.
+
+    The joint follows the displacement with slope k between the forces
+    -k A1 and k A1 and slips at either; its loop is a parallelogram of area 4 k A1 (A - A1), which is the energy per
+    cycle (the printed Eq 2.4.3 is not: erratum E243). Both averages saturate: C tends to 4 k A1/pi.
+    """
+
     label: ClassVar[str] = "slip joint (bilinear)"
     formula: ClassVar[str] = "bilinear joint of stiffness K - K1 that slips at A1"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C = 4 k A1 (A - A1)/(pi A), S = k A ((psi - sin psi cos psi)/pi - 1), cos psi = 1 - 2 A1/A, above A1; else 0.
@@ -99,15 +126,6 @@ class Slip(GrowingForce):
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
-
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A: see `averages`."""
-        _, _, S, slope = self.averages(A, omega)
-        return spread(S, omega), spread(slope, omega)
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """-k q: the integrator adds the joint with its memory; here its stuck stiffness is subtracted."""
-        return -self.stiffness * q
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-(i/(3 pi)) k A sin^2(psi) exp(-2 i psi), psi as in `averages`: the integral of the loop by parts."""
@@ -158,27 +176,13 @@ def _tabulate_smooth() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, 
 
 
 @dataclass(frozen=True)
-class SmoothSlip(GrowingForce):
-    """A joint that yields gradually, less ``stiffness`` times q: the law of Bouc and Wen with n = 1 and beta = gamma.
+class SmoothSlip(SlippingForce):
+    """A joint that yields gradually: the law of Bouc and Wen with n = 1 and beta = gamma.
 
     The stretch z follows dz/dq = 1 - |z|/A1 where motion stretches the joint further, 1 where it relieves it; the force
-    is k (z - q), ``stiffness`` k, ``limit`` A1. C tends to 4 k A1/pi, as of `Slip`; small motion loses energy too
-    (Wen 1976). The averages are interpolated in a table over ln(A/A1).
+    is k (z - q). C tends to 4 k A1/pi, as of `Slip`; small motion loses energy too (Wen 1976). The averages are
+    interpolated in a table over ln(A/A1).
     """
-
-    stiffness: Floats
-    limit: Floats
-
-    name: ClassVar[str] = "slip"
-    shapes: ClassVar[tuple[Shape, ...]] = Slip.shapes
-
-    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A."""
-        return self.averages(A, omega)[:2]
-
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A."""
-        return self.averages(A, omega)[2:]
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A."""
@@ -198,10 +202,6 @@ class SmoothSlip(GrowingForce):
         x = np.log(A / self.limit)
         real, imaginary = (np.interp(x, _LN_RATIO, part) for part in _tabulate_smooth()[4])
         return np.asarray((real + 1j * imaginary) * self.grow(A, omega)[0])
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """-k q, as of `Slip`."""
-        return -self.stiffness * q
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
         """k (z - q) over the steady cycle, from either turn: see `_tabulate_smooth`."""
@@ -230,16 +230,13 @@ class SmoothJoint(Joint):
         return way * (limit - (limit - along) * exp(-(distance - relieved) / limit))
 
 
-class Spring(CoefficientForce):
+class Spring(GrowingForce, CoefficientForce):
     """A force of the displacement alone: it bends the resonance and dissipates nothing."""
 
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C = 0."""
-        return zeros(self.coefficient, A, omega)
-
-    def slope(self, A: Floats, omega: Floats) -> Floats:
-        """dC/d ln A = 0."""
-        return zeros(self.coefficient, A, omega)
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = 0 and dC/d ln A = 0."""
+        nothing = zeros(self.coefficient, A, omega)
+        return nothing, nothing
 
 
 class CubicStiffness(Spring):

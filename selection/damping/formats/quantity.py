@@ -181,8 +181,8 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
     if old[1].powers == (0, 1, 0) and (old[0].powers, old[0].factor) == ((0, 1, -2), old[1].factor):
         return by.per_mass  # acceleration of a base
     if (old[0].powers, old[1].powers) != ((1, 0, 0), (0, 1, 0)):
-        told = f"{units.force} and {units.length} are no units of force and length"
-        raise InputError(told, file=source, expected="units of force and length, such as N and m")
+        what = f"{units.force} and {units.length} are no units of force and length"
+        raise InputError(what, file=source, expected="units of force and length, such as N and m")
     return by
 
 

@@ -265,8 +265,8 @@ class Simulator:
         answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")
         for finding in audit(answer, self.mode).findings:
             if finding.verdict == "refuse" and finding.check in NONSENSE:
-                told = f"{finding.what}; {finding.advice}"
-                raise InputError(told, file=answer.source, expected="amplitudes and lags of a structure")
+                what = f"{finding.what}; {finding.advice}"
+                raise InputError(what, file=answer.source, expected="amplitudes and lags of a structure")
 
     def _answer(
         self, force: FloatArray, frequency: FloatArray, changed: Mapping[str, float]

@@ -26,7 +26,7 @@ from damping.records.resonance import find_resonance
 Direction = Literal["up", "down"]
 Method = Literal["ritz", "time"]
 
-#: Rows of a record that is computed: minutes, and far more than any analysis takes.
+#: Most rows of a computed record: they take minutes, and are far more than any analysis uses.
 MOST_POINTS = 100_000
 _COLUMNS = ["sweep", "force", "frequency", "amplitude", "phase"]
 #: Most frequencies of a sweep that is read as a test would be: some tens between its half-power points.

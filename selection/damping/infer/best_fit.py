@@ -82,11 +82,6 @@ class BestFit:
         return build_force(self.law, self.coefficients, self.shapes)
 
     @property
-    def variables(self) -> FloatArray:
-        """The standard normal variables x (dimension,) of this fit, the start of a search for the posterior's mode."""
-        return self.coordinates.find_variables(self.coefficients, self.point, float(np.sqrt(np.mean(self.n**2))))
-
-    @property
     def parameters(self) -> int:
         """Number of fitted parameters that are not at their bound."""
         present = self.coefficients > 0.0
@@ -159,8 +154,8 @@ def _restore_units(pure: Coordinates, searched: Searched | None, data: Observati
     point, solved, squares = searched
     coordinates = Coordinates.of(pure.law, data)
     x = coordinates.place(point)
-    per_force = np.array([float(c) for c in coordinates.coefficients(x)]) / data.reference[2]
-    pure_force = solved / np.array([float(c) for c in pure.coefficients(x)])
+    per_force = np.array(coordinates.coefficients(x)) / data.reference[2]
+    pure_force = solved / np.array(pure.coefficients(x))
     coefficients = pure_force * per_force * data.reference[2]
     shapes = tuple({name: float(value) for name, value in part.items()} for part in coordinates.shapes(x))
     n = np.asarray(residuals(build_force(pure.law, coefficients, shapes), data)[0])

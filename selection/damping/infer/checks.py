@@ -8,7 +8,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.infer.chains import Posterior, load_arviz
-from damping.infer.likelihood import by_blocks, pointwise_log_likelihood, residuals
+from damping.infer.likelihood import measure_discrepancy, pointwise_log_likelihood
 from damping.infer.observations import Observations
 
 #: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).
@@ -35,11 +35,11 @@ class LeaveOneOut:
 
 @dataclass(frozen=True)
 class PredictiveCheck:
-    """Replicated against measured data by the chi-square discrepancy T = sum(n^2/scatter^2) over rows.
+    """Replicated against measured data by the discrepancy of :func:`damping.infer.likelihood.measure_discrepancy`.
 
     Attributes:
-        p_value: share of draws whose replicated T exceeds the measured one; near 0 the law fits worse than its scatter
-            explains, near 1 better.
+        p_value: share of draws whose replicated discrepancy exceeds the measured one; near 0 the law fits worse than
+            its scatter explains, near 1 better.
         median, low, high: predictive resonant amplitude of each tested sweep, per cent of the measured one, (sweeps,).
     """
 
@@ -91,17 +91,9 @@ def predictive_check(
         level: content of the predictive intervals.
     """
     rng = np.random.default_rng(seed)
-    x = posterior.draws
-    row, level_scatter = posterior.coordinates.scatter(x)
-
-    def discrepancy(points: slice) -> FloatArray:
-        n, h, known = residuals(posterior.coordinates.force(x[points]), data)
-        variance = row[points, None] ** 2 + known + (level_scatter[points, None] * h) ** 2
-        return np.asarray(np.sum(n**2 / variance, axis=1))
-
-    measured = by_blocks(discrepancy, len(x), len(data.A))
-    replicated = rng.chisquare(len(data.A), size=len(x))
-    scatter = np.hypot(row, level_scatter)[:, None]
+    measured = measure_discrepancy(posterior.draws, posterior.coordinates, data)
+    replicated = rng.chisquare(len(data.A), size=len(measured))
+    scatter = np.hypot(*posterior.coordinates.scatter(posterior.draws))[:, None]
     percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))
     tail = 50.0 * (1.0 - level)
     low, median, high = np.nanpercentile(percent, [tail, 50.0, 100.0 - tail], axis=0)

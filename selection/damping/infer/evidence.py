@@ -79,7 +79,8 @@ def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
     """The standard normal variables of a best fit (dimension,), the start of the search for the mode."""
     if not np.isfinite(fit.squares):
         return np.zeros(coordinates.dimension)
-    return round_bits(replace(fit, coordinates=coordinates).variables, START_BITS)
+    scatter = float(np.sqrt(np.mean(fit.n**2)))
+    return round_bits(coordinates.find_variables(fit.coefficients, fit.point, scatter), START_BITS)
 
 
 def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:

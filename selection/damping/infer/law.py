@@ -148,7 +148,7 @@ class Coordinates:
         Shares stay within ``SHARE_RANGE``, others within ``LARGEST_SCORE``, since the prior vanishes at the ends.
         """
         x, parts = self.place(point), len(self.law.parts)
-        unit = np.array([float(c) for c in self.coefficients(x)])
+        unit = np.array(self.coefficients(x))
         force = coefficients / unit * np.asarray(self.shares(x))
         total = max(float(force.sum()), np.finfo(float).tiny)  # a fit may be of no damping at all
         x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)

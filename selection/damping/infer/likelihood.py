@@ -115,19 +115,36 @@ def weigh_levels(
     sums: FloatArray, x: FloatArray, doubt: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
     """Log likelihood (points,) from :func:`sum_rows`; ``doubt``: standard deviation of the straying slope (points,)."""
-    value, nn = sums[:, 0], sums[:, 1 : 1 + len(data.sweeps)]
+    value = sums[:, 0]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
-            hh, hn = sums[:, 1 + nn.shape[1] : 1 + 2 * nn.shape[1]], sums[:, 1 + 2 * nn.shape[1] :]
 
             def weigh(points: slice) -> FloatArray:
                 covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                return _of_levels(nn[points], hh[points], hn[points], covariance)
+                discrepancy, log_determinant = _of_levels(sums[points], covariance)
+                return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
-            value = value + by_blocks(weigh, len(nn), nn.shape[1] ** 2)
+            value = value + by_blocks(weigh, len(x), len(data.sweeps) ** 2)
         else:
-            value = value - 0.5 * np.sum(nn, axis=1)
+            value = value - 0.5 * np.sum(sums[:, 1:], axis=1)
     return np.where(np.isfinite(value), value, -np.inf)
+
+
+def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """n^T V^-1 n at points x (points, dimension), (points,); V: covariance of n by the scatters, without straying.
+
+    If the law holds and errors are normal, it is chi-square with as many degrees of freedom as there are rows.
+    """
+    row, level = coordinates.scatter(x)
+
+    def weigh(points: slice) -> FloatArray:
+        averages = find_averages(coordinates.force(x[points]), data)
+        sums = sum_rows(*averages, row[points], coordinates, data)
+        if not (coordinates.with_level_scatter or coordinates.with_doubt):
+            return np.asarray(np.sum(sums[:, 1:], axis=1))
+        return _of_levels(sums, scatter_covariance(row[points], level[points], data))[0]
+
+    return by_blocks(weigh, len(x), max(len(data.A), len(data.sweeps) ** 2))
 
 
 def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> FloatArray:
@@ -169,13 +186,13 @@ def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -
     return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-distance / DRIFT_LENGTH))
 
 
-def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Log density terms of rows whose levels have a covariance K, (points,), by Woodbury, B = I + S K S.
+def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """n^T V^-1 n, and ln |B| of rows whose levels have a covariance K, (points,) each, by Woodbury, B = I + S K S.
 
-    Args:
-        nn, hh, hn: sums over each sweep's rows of n^2, h^2 and h n over their variance, (points, sweeps); S = sqrt(hh).
-            Where they are not finite the result is NaN.
+    ``sums``: as of :func:`sum_rows`; S^2 holds those of h^2 over variance. Where they are not finite the results are
+    NaN.
     """
+    nn, hh, hn = np.split(sums[:, 1:], 3, axis=1)
     root = np.sqrt(hh).T
     s, points = root.shape
     # Cholesky factor of B by columns, for all points at once; the row below it solves for S^-1 hn
@@ -188,7 +205,7 @@ def _of_levels(nn: FloatArray, hh: FloatArray, hn: FloatArray, covariance: Float
         factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
         factor[j:, j] /= np.sqrt(factor[j, j])
     pivots = factor[range(s), range(s)]
-    return np.asarray(-0.5 * np.sum(within + factor[s] ** 2, axis=0) - np.sum(np.log(pivots), axis=0))
+    return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:

@@ -134,7 +134,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             return np.broadcast_to(np.where(known, ratio ** (1.0 / power), np.nan), shape).copy()
         target = np.broadcast_to(np.log(np.asarray(F, dtype=float)), shape)
         # whether no part falls with amplitude: each slope keeps its sign from zero to far amplitudes
-        grows = all(bool(np.all(np.asarray(part.slope(_FAR, omega)) >= 0.0)) for part in force.parts)
+        grows = all(bool(np.all(np.asarray(part.grow(_FAR, omega)[1]) >= 0.0)) for part in force.parts)
         grid = np.array([-_WIDEST, _WIDEST]) if grows else _GRID
 
         def excess(u: FloatArray) -> tuple[FloatArray, FloatArray]:

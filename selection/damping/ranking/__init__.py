@@ -38,8 +38,9 @@ CRITERION = "-2 ln(evidence x prior), coefficients >= 0; each further term half 
 FURTHER = 0.5
 #: Weight below which sampling of a law stops: its numbers are then rough, those of other laws are not.
 NEGLIGIBLE = 1e-3
-#: Effective draws for the coefficient of a power law, which its exponent takes far. With those of its evidence the
-#: upper end of its interval on three levels scattered by 20 % from seed to seed, 15 % too low; with these 4 % and 3 %.
+#: Effective draws for the coefficient of a power law, whose posterior has a long tail along the exponent. On three
+#: levels the upper end of its interval is 3 % too low with these and differs by 4 % from seed to seed; with the draws
+#: of its evidence it was 15 % and 20 %.
 POWER_DRAWS = 5000.0
 #: Effective draws below which a marginal likelihood is reported as uncertain: its standard error exceeds 7 %.
 FEW_DRAWS = 200
@@ -57,7 +58,7 @@ class Candidate:
         average_absolute_percent: mean absolute percent error of resonant amplitudes as fitted.
         physical: whether all coefficients are >= 0, true of every fit here. equivalents: names of laws with the same
             predictions.
-        fit, evidence, coordinates: the source of the numbers.
+        fit, evidence: the source of the numbers.
     """
 
     law: Law
@@ -72,12 +73,17 @@ class Candidate:
     equivalents: tuple[str, ...] = ()
     fit: BestFit | None = None
     evidence: Evidence | None = None
-    coordinates: Coordinates | None = None
 
     @property
     def name(self) -> str:
         """The law's name."""
         return self.law.name
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The map from standard normal variables to parameters, of a law that could be fitted."""
+        assert self.fit is not None
+        return self.fit.coordinates
 
 
 @dataclass(frozen=True)
@@ -134,16 +140,13 @@ def weigh_laws(
     laws: Sequence[Law],
     done: Callable[[str], None] = lambda name: None,
     estimate: Estimate = evidence,
-    distinct: bool = False,
 ) -> Ranking:
-    """Rank candidates as in `rank_laws`, without their coefficients and errors.
-
-    ``distinct``: whether the laws are known to predict differently.
-    """
-    fits, failed = _fit_laws(laws, data, done)
-    alone = distinct or not fits
-    groups = [[fit] for fit in fits] if alone else group_equivalents(fits, data, learn_noise(fits, data))
-    rows = _weigh(groups, data, seed, estimate)
+    """Rank candidates as in `rank_laws`, without their coefficients and errors."""
+    fits, failed = _fit_laws(laws, data)
+    for row in failed:
+        done(row.name)
+    groups = group_equivalents(fits, data, learn_noise(fits, data)) if fits else []
+    rows = _weigh(groups, data, seed, done, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
         reasons = "; ".join(c for row in rows or failed for c in row.cautions)
@@ -164,9 +167,7 @@ def prior_masses(laws: Sequence[Law]) -> list[float]:
     return [FURTHER ** len(law.parts) / (total * sizes[len(law.parts)]) for law in laws]
 
 
-def _fit_laws(
-    laws: Sequence[Law], data: Observations, done: Callable[[str], None]
-) -> tuple[list[BestFit], list[Candidate]]:
+def _fit_laws(laws: Sequence[Law], data: Observations) -> tuple[list[BestFit], list[Candidate]]:
     """The best fit of every law that can be fitted, and rows with the reason why others cannot."""
     fits, failed = [], []
     for law, fit in zip(laws, fit_laws(laws, data), strict=True):
@@ -178,11 +179,16 @@ def _fit_laws(
             failed.append(Candidate(law, cautions=(f"{law.name}: no coefficient reproduces the measured forces",)))
         else:
             fits.append(fit)
-        done(law.name)
     return fits, failed
 
 
-def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, estimate: Estimate) -> list[Candidate]:
+def _weigh(
+    groups: Sequence[Sequence[BestFit]],
+    data: Observations,
+    seed: int,
+    done: Callable[[str], None],
+    estimate: Estimate,
+) -> list[Candidate]:
     """The row of each group of equivalent laws with its score; an AnalysisError becomes a caution.
 
     Laws that fit best come first, so that ``NEGLIGIBLE`` ones are recognised early.
@@ -196,25 +202,18 @@ def _weigh(groups: Sequence[Sequence[BestFit]], data: Observations, seed: int, e
             weighed = estimate(fit.coordinates, data, seed, fit, best + np.log(NEGLIGIBLE) - prior[i])
         except AnalysisError as error:
             rows[i] = Candidate(fit.law, cautions=(str(error),), equivalents=names)
-            continue
-        posterior = float(weighed.log_z + prior[i])
-        best = max(best, posterior)
-        rows[i] = Candidate(
-            fit.law,
-            score=-2.0 * posterior,
-            physical=True,
-            equivalents=names,
-            fit=fit,
-            evidence=weighed,
-            coordinates=fit.coordinates,
-        )
+        else:
+            score = -2.0 * float(weighed.log_z + prior[i])
+            best = max(best, -0.5 * score)
+            rows[i] = Candidate(fit.law, score=score, physical=True, equivalents=names, fit=fit, evidence=weighed)
+        for name in (fit.law.name, *names):
+            done(name)
     return [rows[i] for i in range(len(groups))]
 
 
 def _draw(row: Candidate, data: Observations, seed: int, power_draws: float) -> FloatArray:
     """Posterior draws for the coefficients of a law: those of its evidence, or ``power_draws`` for a power law."""
     assert row.evidence is not None  # a row with a score was fitted
-    assert row.coordinates is not None
     if power_draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
         return evidence(row.coordinates, data, seed, row.fit, wanted=power_draws).draws
     return row.evidence.draws
@@ -225,7 +224,6 @@ def _describe(
 ) -> Candidate:
     """The row with coefficients from posterior draws x, errors and cautions; ``held_out_cautions``: about its error."""
     assert row.fit is not None  # a row with a score was fitted
-    assert row.coordinates is not None
     coefficients = tabulate_coefficients(row.coordinates, x)
     return replace(
         row,

@@ -39,14 +39,9 @@ def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
     return [*laws, *(law for law in named if frozenset(law.components) not in known)]
 
 
-def load_candidates(data: Observations) -> list[Law]:
-    """The candidates with distinct predictions on rows near resonance, of equivalent ones that with fewest terms.
-
-    The list may be empty.
-    """
-    tried = fit_laws([law for law in candidate_laws() if law.has_resonance], data)
-    fits = [fit for fit in tried if isinstance(fit, BestFit) and np.isfinite(fit.squares)]
-    return [group[0].law for group in group_equivalents(fits, data, learn_noise(fits, data))] if fits else []
+def resonant_laws() -> list[Law]:
+    """The candidates that set a resonant amplitude: constant friction alone does not."""
+    return [law for law in candidate_laws() if law.has_resonance]
 
 
 def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:

@@ -191,8 +191,8 @@ def _describe_hidden_offset(leader: BestFit, others: Iterable[BestFit], data: Ob
 def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     """The caution about levels that lie apart: by how much, and which is farthest; empty where none do.
 
-    The fitted level scatter absorbs them, so that the law fits: ln A of level l is off by b_l = sum(h n)/sum(h^2) over
-    its rows.
+    The fitted level scatter absorbs them, so that the law fits: ln A of level l is off by -sum(h n)/sum(h^2) over its
+    rows.
     """
     n, h, _ = residuals(fit.force, data)
     noise = _measure_roughness(n, data)[0]

@@ -17,9 +17,10 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: Range of ln mass over its standard uncertainty beyond which masses differ: 1.4 % of tens of estimates of one mass do.
+#: Range of ln mass over its standard uncertainty beyond which masses differ: that of ten estimates of one mass exceeds
+#: it in 1.4 % of cases.
 STATES_APART = 5.0
-ROUNDED = 1.0 + 1e-12  #: largest of a stiffness over an equal one after conversion to other units
+ROUNDED = 1.0 + 1e-12  #: largest ratio of a stiffness to an equal one that was converted from other units
 DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the motion of its base
 
 
