@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.effects.contact import LooseDashpot
 from damping.effects.contract import Drive, Terms
-from damping.effects.foreign import LooseDashpot
+from damping.effects.foreign import DisplacementPower
 from damping.effects.masses import OTHER_ADDED_MASS, VaryingMass
 from damping.effects.terms import predict
 from damping.forces import make
@@ -33,6 +34,34 @@ def test_a_damper_beyond_a_clearance_has_the_averages_of_its_force():
     np.testing.assert_allclose(force.third(A, omega), 2j * np.mean(own * np.exp(-3j * THETA), axis=0), atol=0.01)
     above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
     np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step, rounding over it
+
+
+@pytest.mark.parametrize("power", [0.5, 2.0])
+def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
+    """C and the third harmonic of R |q|^m sgn q' in closed form: the latter is 1 - 4 (m + 1)/(m + 3) of C, times i."""
+    force, A, omega = DisplacementPower(0.7, power), np.array([0.3, 1.3]), 1.7 * np.ones(2)
+    C, slope, S, _ = force.averages(A, omega)
+    assert not np.any(S)
+    np.testing.assert_allclose(C, (4.0 / np.pi) * 0.7 * A**power / (power + 1.0), rtol=1e-12)
+    np.testing.assert_allclose(slope, power * C, rtol=1e-12)
+    # 24 points of half a cycle: 1 % of a force that jumps
+    third = 1j * C * (1.0 - 4.0 * (power + 1.0) / (power + 3.0))
+    np.testing.assert_allclose(np.ravel(force.third(A, omega)), third, rtol=0.01)
+
+
+def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(lab):
+    """R q^2 sgn q' in closed form of the harmonics: "|q| q' + a second plane + |q| sgn q', .86" before."""
+    loss = 2.0 * lab.viscous * lab.omega / lab.A  # three times the damping at the largest amplitude
+    stiff = lab.mass * lab.omega**2
+
+    def third(A, omega):
+        return 1j * loss * A**2 * (1.0 - 12.0 / 5.0) / (9.0 * lab.mass * omega**2 - stiff)
+
+    states = [("a", lab.bench(levels=4, points=24).rows, 0.0)]
+    record = make_record(lab, states, lambda A, omega: 1j * loss * A, third, floor=0.0005)
+    found = explain(record, lab.mode())
+    assert found.in_library < 0.5
+    assert any("another power of velocity or displacement explains" in caution for caution in found.cautions)
 
 
 @pytest.mark.parametrize("power", [2.0, 1.0])

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast
 
-from damping.effects import course, forces, foreign, masses, rig, structure
+from damping.effects import contact, course, forces, foreign, masses, rig, structure
 from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
@@ -40,11 +40,13 @@ _STANDS_FOR = 3.0
 #: Causes outside the library: if one of them explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {
     effect.name: replace(effect, prior=_STANDS_FOR)
-    for effect in (foreign.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
+    for effect in (contact.CONTACT, foreign.ANY_POWER, structure.PARTNER, course.READING_DRIFT)
 } | {
     effect.name: effect
     for effect in (
         *foreign.SINGLE,
+        contact.RUB,
+        contact.LOOSE_DASHPOT,
         structure.NEIGHBOURS,
         rig.FORCE_CELL,
         masses.VARYING_MASS,

@@ -1,161 +1,77 @@
-"""Causes outside the library that imitate those in it: contact, other powers, lag, a warming spring."""
+"""Causes outside the library that imitate those in it: other powers, falling friction, lag, a warming spring."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.forces.contract import GrowingForce, spread, zeros
-from damping.forces.joints import CubicStiffness, Spring
+from damping.forces.contract import Force, GrowingForce, spread, zeros
+from damping.forces.joints import CubicStiffness
 from damping.forces.powers import VelocityPower
-from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 
-#: Power of velocity of a damping force outside the library.
+#: Power of velocity, or of displacement, of a damping force outside the library.
 _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 #: Tangent of the lag of a relaxing force at resonance: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)
 
-#: Displacement at which a force beyond a gap begins to act.
-CLEARANCE = Shape("clearance", LENGTH, above=0.0)
-
-
-def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
-    """w (1 - (2/pi)(asin x + x r)), r = sqrt(1 - x^2), x = clearance/A, and its derivative by ln A.
-
-    A linear force of average w ~ A has this one if it acts beyond a clearance only, a spring from 0 (DenHartog 1931).
-    """
-    x = np.minimum(x, 1.0)
-    root = np.sqrt(1.0 - x * x)
-    average: Floats = linear * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * root))
-    return average, average + (4.0 / np.pi) * linear * x * root
-
 
 @dataclass(frozen=True)
-class Contact(Spring):
-    """A spring that acts beyond a ``clearance`` on both sides; acting on one side, it has half the first harmonic."""
+class DisplacementPower(Force):
+    """g = R |q|^m sgn q', hysteresis at any speed: energy per cycle 4 R A^(m+1)/(m+1). Cases: 0 friction, 1 case II."""
 
     coefficient: Floats
-    clearance: Floats
+    exponent: Floats
 
-    name: ClassVar[str] = "contact"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE / LENGTH, least=0.0), CLEARANCE)
+    name: ClassVar[str] = "displacement-power"
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE / LENGTH ** "exponent"), Shape("exponent", above=0.0))
 
-    def restoring(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """S and dS/d ln A: `_act_beyond` of k A."""
-        return _act_beyond(spread(self.coefficient * A, omega), self.clearance / A)
+    @property
+    def energy_exponents(self) -> tuple[Floats, Floats]:
+        """(m + 1, 0)."""
+        return self.exponent + 1.0, 0.0
 
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """k (q - clip(q, -clearance, clearance))."""
-        return self.coefficient * (q - np.clip(q, -self.clearance, self.clearance))
-
-
-@dataclass(frozen=True)
-class Rub(GrowingForce):
-    """Friction that acts beyond a ``clearance`` only: energy per cycle 4 R (A - clearance)."""
-
-    coefficient: Floats
-    clearance: Floats
-
-    name: ClassVar[str] = "rub"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE, least=0.0), CLEARANCE)
-
-    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
-        saturation, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
-        return spread(saturation * (1.0 - np.minimum(x, 1.0)), omega), spread(
-            np.asarray(saturation * x * (x < 1.0)), omega
-        )
-
-    def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: 0 below it, that of friction far above."""
-        x = np.minimum(self.clearance / A, 1.0)
-        size = spread(self.coefficient * (1.0 + 3.0 * x - 4.0 * x**3), omega)
-        return np.asarray(-4j / (3.0 * np.pi) * size)
+    def quadrature(self, A: Floats, omega: Floats) -> Floats:
+        """C = (4/pi) R A^m/(m + 1)."""
+        return spread((4.0 / np.pi) * self.coefficient * A**self.exponent / (self.exponent + 1.0), omega)
 
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """R sgn q' where abs(q) > clearance."""
-        return np.where(np.abs(q) > self.clearance, sign * self.coefficient, 0.0)
+        """R |q|^m sgn q'."""
+        return sign * self.coefficient * np.abs(q) ** self.exponent
 
 
-@dataclass(frozen=True)
-class LooseDashpot(GrowingForce):
-    """A dashpot that acts beyond a ``clearance`` only, as with backlash."""
-
-    coefficient: Floats
-    clearance: Floats
-
-    name: ClassVar[str] = "loose-dashpot"
-    shapes: ClassVar[tuple[Shape, ...]] = (Shape("coefficient", FORCE * TIME / LENGTH, least=0.0), CLEARANCE)
-
-    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A: `_act_beyond` of c A omega."""
-        return _act_beyond(self.coefficient * A * omega, self.clearance / A)
-
-    def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """i times that of cos 3 theta, -(4/pi) c A omega x (1 - x^2)^(3/2): 0 far above the clearance, and below it."""
-        x = np.minimum(self.clearance / A, 1.0)
-        return np.asarray(-4j / np.pi * self.coefficient * A * omega * x * (1.0 - x * x) ** 1.5)
-
-    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
-        """c q' where abs(q) > clearance."""
-        return np.where(np.abs(q) > self.clearance, sign * speed * self.coefficient, 0.0)
-
-
-def _build_beyond(
-    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], **rest: Any
-) -> Effect:
-    """The effect of a force that acts beyond a clearance within the measured amplitudes.
-
-    Strength: the coefficient, of scale ``natural``. Shape: the clearance. ``rest``: fields of `Form` by the scales.
-    """
-
-    def report(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
-        return {"coefficient": coefficient, "clearance": clearance}
-
-    def forms(scales: Scales) -> tuple[Form, ...]:
-        clearance = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
-        options = {name: of(scales) for name, of in rest.items()}
-        return (effect.form(report, natural(scales), shapes=(clearance,), **options),)
-
-    simulate = adds_force(lambda table: force(table["coefficient"], table["clearance"]))
-    effect = Effect(force.name, "force", sentence, forms, simulate, need="sweep")
-    return effect
-
-
-CONTACT = _build_beyond(
-    Contact,
-    "a spring that acts beyond a clearance",
-    lambda scales: scales.loss,
-    largest=lambda scales: 3.0 * scales.stiffness,
-)
-RUB = _build_beyond(Rub, "friction that acts beyond a clearance", lambda scales: scales.loss * scales.A_high)
-LOOSE_DASHPOT = _build_beyond(
-    LooseDashpot, "a damper that acts beyond a clearance", lambda scales: scales.loss / scales.omega_n
-)
+#: Damping forces of one power, by what it is a power of.
+POWERS: dict[str, type[VelocityPower | DisplacementPower]]
+POWERS = {"velocity": VelocityPower, "displacement": DisplacementPower}
 
 
 def power_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: C/A at the largest amplitude. Shape: the power of velocity."""
+    """Strength: C/A at the largest amplitude. Shape: the power of velocity, or that of displacement."""
 
-    def report(loss: Floats, power: Floats) -> dict[str, Floats]:
-        unit = VelocityPower(np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
-        return {"coefficient": loss / unit, "exponent": power}
+    def form(of: str) -> Form:
+        def report(loss: Floats, power: Floats) -> dict[str, Floats]:
+            unit = POWERS[of](np.ones_like(power), power).quadrature(scales.A_high, scales.omega_n) / scales.A_high
+            return {"coefficient": loss / unit, of: power}
 
-    return (ANY_POWER.form(report, scales.loss, shapes=(_POWER,)),)
+        return ANY_POWER.form(report, scales.loss, shapes=(_POWER,))
+
+    return tuple(map(form, POWERS))
 
 
 ANY_POWER = Effect(
     name="any-power",
     kind="force",
-    sentence="a damping force with another power of velocity",
+    sentence="a damping force with another power of velocity or displacement",
     forms=power_forms,
-    simulate=adds_force(lambda table: VelocityPower(table["coefficient"], table["exponent"])),
+    simulate=adds_force(
+        lambda table: next(force(table["coefficient"], table[of]) for of, force in POWERS.items() if of in table)
+    ),
 )
 
 
@@ -167,10 +83,7 @@ class FallingFriction(GrowingForce):
     speed: Floats
 
     name: ClassVar[str] = "falling-friction"
-    shapes: ClassVar[tuple[Shape, ...]] = (
-        Shape("coefficient", FORCE, least=0.0),
-        Shape("speed", LENGTH / TIME, above=0.0),
-    )
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE), Shape("speed", LENGTH / TIME, above=0.0))
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R h, h = asinh(x)/(x sqrt(1 + x^2)), x = A omega/v, and dC/d ln A = (4/pi) R dh/d ln x."""
@@ -270,4 +183,4 @@ MEMORY = Effect(
 
 
 #: Foreign causes that count once (`damping.effects.FOREIGN`).
-SINGLE = (SLOW_SPRING, RUB, LOOSE_DASHPOT, FALLING_FRICTION, MEMORY)
+SINGLE = (SLOW_SPRING, FALLING_FRICTION, MEMORY)
