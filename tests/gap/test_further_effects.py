@@ -12,9 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from damping.effects import CATALOGUE, FOREIGN, with_effects
+from damping.effects.contact import Contact, Rub
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
-from damping.effects.contact import Contact, Rub
 from damping.effects.foreign import FallingFriction
 from damping.effects.moving import _Memory, _remembered
 from damping.effects.rig import clipping, compressing, integrate_third, recorded_third
