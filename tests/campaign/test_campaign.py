@@ -44,7 +44,7 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _tabulate_modes
+from damping_pipelines.campaign import _tabulate_modes, _write_page
 from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
@@ -909,6 +909,17 @@ def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
     assert [round(mode.frequency) for mode in found.modes] == [58]
     (note,) = (note for note in found.summary.notes if "left out" in note)
     assert note.startswith("the mode near 32 Hz is left out, because its levels do not agree (32 Hz at 0.1 g")
+
+
+def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):
+    before = [*known(0.5, True), *known(1.0, True)]
+    mode = bare_mode(50.0, [place(level, 50.0, 0.02) for level in (0.5, 1.0)])
+    answer = Campaign((mode,), (0.5, 1.0), (), "g", level_name="force")
+    answer = replace(answer, changes=describe_changes(before, answer))
+    (section,) = (section for section in _write_page(answer) if section.title == "Predicted and measured")
+    text = str(section)
+    assert "No peak was predicted." in text
+    assert "mode-1 at 0.5 g, tested before, has changed" in text
 
 
 @pytest.fixture
