@@ -4,12 +4,14 @@ import math
 import os
 from collections.abc import Collection, Sequence
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 
 import pandas as pd
 
 from damping.campaign import analyse
-from damping.campaign.answer import At, Campaign, ModeAnswer, SensorPrediction
+from damping.campaign.answer import At, Campaign, ModeAnswer
+from damping.campaign.comparison import SensorPrediction
 from damping.campaign.runs import DesignLevel, read_corrections
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
@@ -63,9 +65,8 @@ def campaign(
     if twice is not None:
         raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
-    levels = [_read_design(word) for word in design]
+    levels, wanted, limits = [_read_design(word) for word in design], _frequencies(modes), _read_limits(limit)
     before = _read_predictions(previous) if previous else ()
-    wanted, limits = _frequencies(modes), _read_limits(limit)
     with sole_writer(out, PAGES, read):
         answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before)
         for mode in answer.modes:
@@ -118,13 +119,12 @@ def _read_design(word: str) -> DesignLevel:
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:
     """Every peak of a form ``campaign/1``. InputError for another file."""
-    form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
+    band = attrgetter("median", "low", "high")
     return [
-        SensorPrediction(
-            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, (peak.median, peak.low, peak.high)
-        )
-        for mode in form.modes
+        SensorPrediction(mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, band(peak), f, ratio)
+        for mode in read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign").modes
         for at in mode.at
+        for f, ratio in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None)]
         for peak in at.response
     ]
 
@@ -295,6 +295,6 @@ def _show(answer: Campaign, out: Path) -> None:
         notched = [f"{mode.name} at {_describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
         for line in (*left_out, *notched, *mode.notches):
             to.print(f"- {line}")
-    for outcome in answer.outcomes:
-        to.print(f"- {outcome}")
+    for line in (*answer.changes, *answer.outcomes):
+        to.print(f"- {line}")
     to.print(f"written to {out}")

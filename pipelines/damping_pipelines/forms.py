@@ -227,6 +227,8 @@ class PeaksForm(FormPart):
     level: float
     input: Positive | None = None
     tested: bool = False
+    frequency: Positive | None = None
+    damping_ratio: IntervalForm | None = None
     response: list[PeakForm]
 
 

@@ -76,8 +76,7 @@ def import_file(
     mode = None
     with naming(file):
         if mode_file is not None:
-            if stated.forces:
-                raise InputError("--force beside --ring-down", expected="one of them: a free decay has no force")
+            _refuse_steady(stated)
             mode = read_mode(mode_file)
             record = _decays(series, stated, mode, window, file, summary)
         elif any(row.is_time for row in series):
@@ -100,6 +99,21 @@ def import_file(
         write_json(json_out, form)
     if json_out != "-":
         _print(record, summary, out, console())
+
+
+def _refuse_steady(stated: Stated) -> None:
+    """InputError for a statement on steady states, which would have no effect on free decays."""
+    no_force, no_sine = "one of them: a free decay has no force", "one of them: a free decay is no steady sine"
+    of_force = {
+        "--force": stated.forces,
+        "--scale force": stated.scale.get("force"),
+        "--unit force": stated.units.get("force"),
+    }
+    of_sine = {"--band": stated.band, "--scaling": stated.scaling or stated.force_scaling}
+    for options, expected in ((of_force, no_force), (of_sine, no_sine)):
+        for option, value in options.items():
+            if value:
+                raise InputError(f"{option} beside --ring-down", expected=expected)
 
 
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:

@@ -228,6 +228,7 @@ def condition(
     config: Annotated[Path, Option(metavar="CONDITION.toml", help="Nodes, modes, corrections, angle.")],
     out: RecordOut,
     steps: Annotated[Path | None, Option(metavar="DIR", help="Write a table per step, with its inputs.")] = None,
+    despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
     """Convert an accelerometer table to a modal record (report, chapter III)."""

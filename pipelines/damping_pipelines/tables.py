@@ -7,7 +7,7 @@ record, ``audit/1``) and ``damping sweep`` (a record of a model).
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -31,7 +31,7 @@ from damping.regression.selecting import Choice
 from damping.result import RegressionResult
 from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
-from damping.signals.reading import check_repeats, condition_steps, read_description, read_raw
+from damping.signals.reading import check_repeats, condition_steps, list_doubts, read_description, read_raw
 from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_plain, write_text
 from damping_pipelines.terminal import PlainTable, console, number, number_whole, progress
 
@@ -148,26 +148,39 @@ def _describe_file_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9.+-]+", "_", text.replace("^", "").replace("*", "."))[:80].strip("._") or "table"
 
 
-def condition(raw: Path, config: Path, out: Path, steps: Path | None, max_size: int) -> None:
+def condition(
+    raw: Path, config: Path, out: Path, steps: Path | None, max_size: int, despite: Collection[str] = ()
+) -> None:
     """Condition a raw table, write the record and, if requested, one CSV per step; print the effect of each step.
 
-    InputError: a description or a table that cannot be read or contradicts itself. AnalysisError: the requested
-    steps cannot be done on this table.
+    InputError: a description or a table that cannot be read or contradicts itself, or a folder with steps of another
+    run. Refused: a check refuses the record and is not among ``despite``. AnalysisError: the requested steps cannot be
+    done on this table.
     """
     check_outputs({"--out": out}, raw, config)
     description = read_description(config)
-    done = condition_steps(read_raw(raw, description, max_size), description)
+    table = read_raw(raw, description, max_size)
+    done = condition_steps(table, description)
     record = done[-1].after
     check_repeats(record, raw, max_size)
+    findings = None
+    with suppress(InputError):  # a table that is no record is written as it is
+        findings = audit(Record(record, str(raw)))
+    if findings is not None:
+        findings.require(despite)
     texts = {} if steps is None else {steps / name: text for name, text in step_files(done).items()}
     check_outputs({"--out": out, **{f"--steps {path.name}": path for path in texts}}, raw, config)
+    for path in sorted(steps.glob("[0-9][0-9]-*.csv")) if steps else ():
+        if path not in texts:  # numbers of steps differ between descriptions: two runs cannot be told apart
+            raise InputError("is a step of another run", file=path, expected="a folder of its own for each description")
     write_text(out, record_to_csv(record))
     for path, text in texts.items():
         write_text(path, text)
     _print_steps(done, description, out)
-    with suppress(InputError):  # a table that is no record is written as it is
-        units = Units(description.units.force, description.units.length, description.units.time)
-        _print_audit(audit(Record(record, str(out))), None, units)
+    for doubt in list_doubts(table, description, done):
+        console().print(f"- caution: {doubt}")
+    if findings is not None:
+        _print_audit(findings, None, Units(description.units.force, description.units.length, description.units.time))
 
 
 def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:

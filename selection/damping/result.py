@@ -253,11 +253,13 @@ class SweepResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ConditionResult(SweepResult):
-    """The record of one mode from a raw table; ``steps``: what each conditioning step removed."""
+    """The record of one mode from a raw table; ``steps``: what each removed; ``doubts``: cautions on the readings."""
 
     steps: tuple[ConditioningStep, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """The steps in order."""
-        return tuple(f"{step.name} ({step.equation})" if step.equation else step.name for step in self.steps)
+        """The steps in order, then the doubts."""
+        named = (f"{step.name} ({step.equation})" if step.equation else step.name for step in self.steps)
+        return (*named, *self.doubts)

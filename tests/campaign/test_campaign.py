@@ -32,9 +32,8 @@ from damping.campaign.answer import (
     Campaign,
     ModeAnswer,
     Response,
-    SensorPrediction,
-    compare_predictions,
 )
+from damping.campaign.comparison import SensorPrediction, compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import fit_levels, tie_modes
@@ -45,7 +44,7 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _tabulate_modes
+from damping_pipelines.campaign import _tabulate_modes, _write_page
 from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
@@ -816,6 +815,111 @@ def test_a_run_is_held_against_what_was_predicted(bare_mode):
     assert "OUTSIDE" in str(found[1])
     elsewhere = [replace(at, frequency=60.0) for at in places]  # a mode's frequency is that of its levels
     assert compare_predictions(before, Campaign((bare_mode(60.0, elsewhere),), (), (), "g")) == ()
+
+
+def known(level: float, tested: bool, frequency: float = 50.0, z: float = 0.01) -> list[SensorPrediction]:
+    """Peaks of two sensors, 2/z and 1/z times the level, 2 % either way, with the frequency and damping there."""
+    return [
+        SensorPrediction(frequency, level, tested, name, "g", banded(share * level / z), frequency, banded(z))
+        for name, share in (("tip", 2.0), ("root", 1.0))
+    ]
+
+
+def banded(value: float) -> tuple[float, float, float]:
+    return value, 0.98 * value, 1.02 * value
+
+
+def place(level: float, frequency: float, z: float, gain: float = 1.0) -> At:
+    """A measured level of the structure of ``known``; ``gain``: of the sensor root."""
+    peaks = [
+        Response(name, "acceleration", "g", banded(share * level / z)) for name, share in (("tip", 2.0), ("root", gain))
+    ]
+    return At(level, True, frequency, banded(z), tuple(peaks), ())
+
+
+@pytest.mark.parametrize(
+    ("frequency", "z", "gain", "words"),
+    [
+        (50.0, 0.01, 1.0, []),
+        (50.2, 0.0102, 1.01, []),
+        (50.0, 0.02, 1.0, ["damping 2 % (1, 0.98 to 1.02 then, OUTSIDE)", "tip -6.0 dB", "root -6.0 dB"]),
+        (49.0, 0.01, 1.0, ["49 Hz (50 then, -2.0 %)"]),
+        (50.0, 0.01, 0.5, ["root -6.0 dB"]),
+    ],
+)
+def test_levels_that_were_tested_before_are_compared(bare_mode, frequency, z, gain, words):
+    before = [*known(0.5, True), *known(1.0, True), *known(2.0, False)]
+    places = [place(level, frequency, z, gain) for level in (0.5, 1.0)]
+    lines = describe_changes(before, Campaign((bare_mode(frequency, places),), (), (), "g"))
+    if not words:
+        assert lines == ("every level was tested before, and frequency, damping and peaks are the same",)
+        return
+    assert [line.split(":")[0] for line in lines] == [
+        "mode-1 at 0.5 g, tested before, has changed",
+        "mode-1 at 1 g, tested before, has changed",
+    ]
+    assert all(word in line for line in lines for word in words)
+    assert all(("OUTSIDE" in line, "dB" in line) == (z > 0.015, z > 0.015 or gain < 0.9) for line in lines)
+
+
+def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mode):
+    before = [*known(0.5, True), *known(1.0, True), *known(2.0, False)]
+    mode = bare_mode(50.0, [place(1.0, 50.0, 0.01), place(2.0, 49.5, 0.013), place(4.0, 50.0, 0.01)])
+    assert describe_changes(before, Campaign((mode,), (), (), "g")) == (
+        "mode-1 at 2 g: 49.5 Hz (50 predicted, -1.0 %); damping 1.3 % (1, 0.98 to 1.02 predicted, OUTSIDE)",
+        "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
+    )
+
+
+def test_modes_without_a_counterpart_are_named(bare_mode):
+    before = [*known(0.5, True), *known(1.0, True)]
+    mode = bare_mode(46.0, [place(level, 46.0, 0.01) for level in (0.5, 1.0)])
+    assert describe_changes(before, Campaign((mode,), (), (), "g")) == (
+        "mode-1, 46 Hz: the earlier campaign has no mode within 5 %, the nearest at 50 Hz",
+        "the mode of the earlier campaign at 50 Hz: none here within 5 %",
+    )
+    assert describe_changes((), Campaign((mode,), (), (), "g")) == ()
+
+
+def test_of_two_close_modes_the_nearer_is_compared(bare_mode):
+    """Both lie within the 5 % that make a mode the same."""
+    before = [row for f, z in ((50.0, 0.01), (51.5, 0.02)) for level in (0.5, 2.0) for row in known(level, False, f, z)]
+    for frequency, z in ((50.0, 0.01), (51.5, 0.02)):
+        mode = bare_mode(frequency, [place(1.0, frequency, z)])
+        found = compare_predictions(before, Campaign((mode,), (), (), "g"))
+        np.testing.assert_allclose([one.above_db for one in found], 0.0, atol=1e-9)
+
+
+def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
+    """It stands 1000 standard errors out of the noise at three levels, and 8 % lower at the fourth."""
+    rng = np.random.default_rng(8)
+    f = np.linspace(22.0, 80.0, 350)
+
+    def reading(first: float) -> np.ndarray:
+        modes = [g * f**2 / (at**2 - f**2 + 2j * z * at * f) for at, z, g in ((first, 0.012, 1.3), (58.0, 0.012, -0.5))]
+        return (1.0 + sum(modes)) * (1.0 + 0.004 * rng.normal(size=len(f)))
+
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        for level, first in ((0.1, 32.0), (0.2, 32.0), (0.4, 32.0), (0.8, 29.5)):
+            run = file.create_group(f"run_{level}g")
+            run["frequency"], run["control"] = f, np.full(len(f), level, dtype=complex)
+            run["tip"] = level * reading(first)
+            run["tip"].attrs["units"] = run["control"].attrs["units"] = "g"
+    found = analyse([tmp_path / "sine.h5"])
+    assert [round(mode.frequency) for mode in found.modes] == [58]
+    (note,) = (note for note in found.summary.notes if "left out" in note)
+    assert note.startswith("the mode near 32 Hz is left out, because its levels do not agree (32 Hz at 0.1 g")
+
+
+def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):
+    before = [*known(0.5, True), *known(1.0, True)]
+    mode = bare_mode(50.0, [place(level, 50.0, 0.02) for level in (0.5, 1.0)])
+    answer = Campaign((mode,), (0.5, 1.0), (), "g", level_name="force")
+    answer = replace(answer, changes=describe_changes(before, answer))
+    (section,) = (section for section in _write_page(answer) if section.title == "Predicted and measured")
+    text = str(section)
+    assert "No peak was predicted." in text
+    assert "mode-1 at 0.5 g, tested before, has changed" in text
 
 
 @pytest.fixture

@@ -323,8 +323,15 @@ def test_dynamic_stiffness_is_no_receptance(read: Read):
         "numerator": "        13    0    0    0 Force                N",
         "denominator": "         8    0    0    0 X  m",
     }
-    with pytest.raises(InputError, match="no data set is a response"):
+    with pytest.raises(InputError, match="no data set is a response: data set 1 is a ratio of force to displacement"):
         read(header(**swapped) + SINGLE + END)
+
+
+def test_a_frequency_response_of_magnitudes_is_named(read: Read):
+    """It is of a type that is expected, so the type alone says nothing."""
+    magnitudes = header(ordinate=2) + "  9.00000E-01  9.00000E-01  9.00000E-01\n" + END
+    with pytest.raises(InputError, match="a response: data set 1 is a frequency response of real values"):
+        read(magnitudes)
 
 
 def test_a_frequency_response_of_real_values_has_lost_its_phase(read: Read):

@@ -529,7 +529,7 @@ def test_a_parameter_of_a_simulator_without_a_tolerance_is_fixed(lab):
         (lambda A, phase: (A / 1000.0, phase), "the simulator's answer: the rows imply 1000 times the mass.*mm for m"),
         (lambda A, phase: (A * 25.4, phase), "the simulator's answer: the rows imply 0.03937 times .*mm for in"),
         (lambda A, phase: (A / 9.80665, phase), "the simulator's answer: the rows imply 9.8.*kgf for N"),
-        (lambda A, phase: (0.0 * A, phase), "the simulator's answer, column amplitude"),
+        (lambda A, phase: (0.0 * A, phase), "the amplitude that the simulator returns is 0 at force .* amplitudes > 0"),
     ],
 )
 def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wrong, said):

@@ -285,3 +285,86 @@ def test_degrees_that_are_taken_for_radians_are_told_how_to_be_stated(
     config.write_text(text.replace('"acceleration"', '"accel"'))
     run = damping("condition", raw, "--config", config, "--out", tmp_path / "record.csv")
     assert "'accel'; expected 'acceleration', 'velocity' or 'displacement'" in run.err
+
+
+PLAIN = """
+[units]
+force = "N"
+length = "m"
+time = "s"
+[raw]
+frequency = "f"
+force = "F"
+sweep = "run"
+[[sensors]]
+name = "tip"
+column = "a"
+quantity = "acceleration"
+[node]
+sensor = "tip"
+phase = "lag"
+[mode]
+phi = 1.0
+"""
+
+
+def write_test(folder: Path, text: str = PLAIN, ceiling: float = np.inf, turn: float = 0.0) -> list[object]:
+    """Two sweeps of an oscillator of 2 kg, 10 Hz and 1 %: arguments of the command; ``turn`` is added to the lag."""
+    rows = []
+    for label, force in (("low", 1.0), ("high", 3.0)):
+        for f in np.linspace(9.5, 10.5, 31):
+            Y = 2.0 * (2.0 * np.pi) ** 2 * (10.0**2 - f**2 + 2j * 0.01 * 10.0 * f)
+            a = min(float(force / abs(Y) * (2.0 * np.pi * f) ** 2), ceiling)
+            rows.append(f"{label},{f:.10g},{force},{a:.10g},{np.angle(Y) + turn:.10g}")
+    (folder / "raw.csv").write_text("\n".join(["run,f,F,a,lag", *rows, ""]))
+    (folder / "c.toml").write_text(text)
+    return ["condition", folder / "raw.csv", "--config", folder / "c.toml", "--out", folder / "record.csv"]
+
+
+def test_a_record_that_a_check_refuses_is_not_written(tmp_path: Path, damping: Callable[..., Any]) -> None:
+    """The phase of an acceleration is half a turn smaller than that of the displacement."""
+    words = write_test(tmp_path, turn=-np.pi)
+    run = damping(*words)
+    assert run.code == 1
+    assert "phase-sign (refuse)" in run.err
+    assert "lag = -pi in [node]" in run.err
+    assert not (tmp_path / "record.csv").exists()
+    assert damping(*words, "--despite", "phase-sign").code == 0
+    assert damping(*write_test(tmp_path, PLAIN.replace("[mode]", "lag = -3.14159265\n[mode]"), turn=-np.pi)).code == 0
+    found = read_record(tmp_path / "record.csv")
+    peak = int(np.argmax(found.column("amplitude")))
+    assert_allclose(found.column("phase")[peak], np.pi / 2, atol=1e-8)
+    assert_allclose(found.column("amplitude")[peak], 3.0 / (2.0 * (2.0 * np.pi * 10.0) ** 2 * 0.02), rtol=1e-9)
+
+
+def test_readings_that_stay_at_one_value_are_told(tmp_path: Path, damping: Callable[..., Any]) -> None:
+    """Accelerations are clipped, so displacements have no flat top: only the raw table shows it."""
+    assert "stay at" not in damping(*write_test(tmp_path)).out
+    run = damping(*write_test(tmp_path, ceiling=52.5))
+    assert run.code == 0
+    assert "readings of tip stay at 52.5 in sweep high" in run.out
+    assert "in sweep low" not in run.out
+
+
+def test_a_removal_beyond_every_amplitude_is_told(tmp_path: Path, damping: Callable[..., Any]) -> None:
+    """Readings in g whose unit is not stated are 9.8 times too small."""
+    other = '[[modes]]\nname = "2"\nphi = 1.0\nmass = 0.02\nfrequency = 11.0\n'
+    said = "mode 2 takes off up to"
+    small = PLAIN.replace('"acceleration"\n', '"acceleration"\nunit = 0.01\n') + other
+    assert said in " ".join(damping(*write_test(tmp_path, small), "--despite", "phase-sign").out.split())
+    usual = PLAIN + other.replace("0.02", "2.0")
+    assert said not in " ".join(damping(*write_test(tmp_path, usual), "--despite", "phase-sign").out.split())
+
+
+def test_steps_of_two_descriptions_are_not_mixed(tmp_path: Path, damping: Callable[..., Any]) -> None:
+    other = '[[modes]]\nname = "2"\nphi = 0.1\nmass = 2.0\nfrequency = 20.0\n'
+    steps = tmp_path / "steps"
+    (steps / "sub").mkdir(parents=True)
+    (steps / "notes.csv").write_text("mine")
+    assert damping(*write_test(tmp_path, PLAIN + other), "--steps", steps).code == 0
+    assert damping(*write_test(tmp_path, PLAIN + other), "--steps", steps).code == 0
+    before = {path.name: path.read_bytes() for path in steps.glob("*.csv")}
+    run = damping(*write_test(tmp_path), "--steps", steps)
+    assert run.code == 2
+    assert "04-adjacent-modes.csv: is a step of another run" in run.err
+    assert {path.name: path.read_bytes() for path in steps.glob("*.csv")} == before

@@ -211,6 +211,22 @@ def test_two_modes_that_beat_are_named() -> None:
     assert len(decay(t, x).force) > 4  # one alone is none
 
 
+def test_a_tone_beside_the_mode_is_said() -> None:
+    """Hum of 2 %, 5 % higher, beats with the decay when this has come down to it; alone, it falls to its noise."""
+    t, x = exponential(0.008, 120)
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(t))
+    (caution,) = (note for note in decay(t, x + noise + 0.02 * np.cos(1.05 * omega_n * t)).notes if "caution" in note)
+    told = float(caution.split("amplitude ")[1].split()[0])
+    assert 0.02 < told < 0.04  # both together, at most
+    assert not any("caution" in note for note in decay(t, x + noise).notes)
+
+
+def test_a_decay_too_short_for_a_level_is_said() -> None:
+    t, x = exponential(0.01, 60)
+    with pytest.raises(AnalysisError, match=r"no level of the decay .*; above the noise it lasts .* s, too short"):
+        decay(t[:360], np.concatenate([np.zeros(240), x[:120]]))  # 12 periods of rest, 6 of motion
+
+
 def test_a_blow_before_the_one_that_is_used_is_said() -> None:
     t, x = exponential(0.01, 120)
     step = t[1] - t[0]

@@ -22,18 +22,17 @@ from damping.campaign.answer import (
     Campaign,
     ModeAnswer,
     Response,
-    SensorPrediction,
-    compare_predictions,
     join_cautions,
     list_laws,
     predict_mode,
     rank_first,
 )
+from damping.campaign.comparison import SensorPrediction, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.modal_fit import Level
 from damping.campaign.notches import find_notches
 from damping.campaign.poles import receptance
-from damping.campaign.records import DrivenMode, fit_right_levels, tie_modes
+from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
 from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
 from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
@@ -90,11 +89,12 @@ def analyse(
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
-    summary.notes.extend(describe_shares(levels, trusted))
+    summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied)])
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
     campaign = _summed_up(Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive), summary)
-    return replace(campaign, outcomes=compare_predictions(before, campaign))
+    outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
+    return replace(campaign, outcomes=outcomes, changes=changes)
 
 
 def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:

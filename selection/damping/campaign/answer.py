@@ -118,45 +118,6 @@ class Outcome:
         )
 
 
-SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
-
-
-def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
-    """Compare every newly tested level with ``before``, the predicted and tested peaks of the earlier campaign.
-
-    Between levels a peak is interpolated linearly on logarithmic axes; outside there is no prediction.
-    """
-    predictions = []
-    for mode in campaign.modes:
-        near = [earlier for earlier in before if abs(earlier.frequency / mode.frequency - 1.0) < SAME_MODE]
-        for at in (at for at in mode.places if at.tested):
-            if any(earlier.tested and abs(earlier.level / at.input - 1.0) < 0.01 for earlier in near):
-                continue
-            for response in at.response:
-                same = (row for row in near if (row.sensor, row.unit) == (response.sensor, response.unit))
-                rows = sorted({row.level: row.band for row in same}.items())
-                level, bands = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-                if len(rows) < 2 or not level[0] <= at.input <= level[-1]:
-                    continue
-                band = [float(np.exp(np.interp(np.log(at.input), np.log(level), np.log(side)))) for side in bands.T]
-                predicted = (band[0], band[1], band[2])
-                peak = (mode.name, response.sensor, response.unit, at.input, response.band[0])
-                predictions.append(Outcome(*peak, predicted, campaign.unit))
-    return tuple(predictions)
-
-
-@dataclass(frozen=True)
-class SensorPrediction:
-    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``."""
-
-    frequency: float
-    level: float
-    tested: bool
-    sensor: str
-    unit: str
-    band: tuple[float, float, float]
-
-
 @dataclass(frozen=True)
 class ModeAnswer:
     """A mode with its record and its levels.
@@ -222,7 +183,7 @@ def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ())
 
 @dataclass(frozen=True)
 class Campaign:
-    """All modes, the levels and their unit, and the summary of the files."""
+    """All modes, the levels and their unit, the summary of the files, and the comparison with an earlier campaign."""
 
     modes: tuple[ModeAnswer, ...]
     levels: tuple[float, ...]
@@ -230,6 +191,7 @@ class Campaign:
     unit: str
     summary: Summary = field(default_factory=Summary)
     outcomes: tuple[Outcome, ...] = ()
+    changes: tuple[str, ...] = ()
     level_name: str = "amplitude"  #: quantity of a level
 
     @property
@@ -258,6 +220,7 @@ class Campaign:
                 for finding in mode.findings
             ],
             "outcomes": [asdict(row) | {"above_db": row.above_db, "held": row.held} for row in self.outcomes],
+            "changes": list(self.changes),
             "understood": self.summary.table.to_dict(orient="records"),
             "notes": list(self.summary.notes),
         }

@@ -155,6 +155,20 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
     return modes
 
 
+def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode]) -> list[str]:
+    """Modes that stand out of the noise at some level, but are none of those ``tied`` over all levels."""
+    lost = []
+    for k in set(range(len(levels[0].fit.frequency))) - {mode.number for mode in tied}:
+        clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
+        if not np.any(clear):
+            continue
+        unit = levels[0].run.drive_unit
+        found = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
+        what = f"the mode near {levels[0].fit.frequency[k]:.4g} Hz is left out, because its levels do not agree"
+        lost.append(f"{what} ({', '.join(found)}): a level in which it moved away or is hidden needs its own campaign")
+    return lost
+
+
 def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
     """Mode ``k`` of every level from the sensors that are not left out; None if none of them shows it."""
     names = levels[0].run.names

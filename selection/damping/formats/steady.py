@@ -87,7 +87,8 @@ def _stated_forces(series: Sequence[Series], stated: Stated) -> list[float | Non
     if not stated.forces:
         return [None] * len(series)
     if len(stated.forces) not in (1, len(series)):
-        raise InputError(f"{len(stated.forces)} forces", expected=f"1 or {len(series)}, one for each sweep")
+        several = f"1 or {len(series)}, one for each sweep" if len(series) > 1 else "1, as there is one sweep"
+        raise InputError(f"{len(stated.forces)} forces", expected=several)
     if any(not (np.isfinite(force) and force > 0.0) for force in stated.forces):
         raise InputError("--force is no force amplitude", expected="numbers > 0")
     many: list[float | None] = list(stated.forces)

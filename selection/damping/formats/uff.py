@@ -126,13 +126,13 @@ def _list_chosen(sets: list[DataSet], datasets: tuple[int, ...]) -> list[DataSet
     if bad is not None:
         raise InputError(f"no data set {bad}", expected=f"numbers from 1 to {len(sets)}")
     chosen = [sets[number - 1] for number in datasets] if datasets else [s for s in sets if s.function in _TAKEN]
-    for entry in chosen:
-        problem = _describe_unfit(entry)
-        if problem and datasets:
-            raise InputError(f"data set {entry.number} is {problem}", line=entry.line, expected=_EXPECTED)
-    chosen = [entry for entry in chosen if not _describe_unfit(entry)]
+    unfit = {entry.number: problem for entry in chosen if (problem := _describe_unfit(entry))}
+    first = next((f"data set {number} is {problem}" for number, problem in unfit.items()), "")
+    if unfit and datasets:
+        raise InputError(first, line=sets[min(unfit) - 1].line, expected=_EXPECTED)
+    chosen = [entry for entry in chosen if entry.number not in unfit]
     if not any(not entry.is_force for entry in chosen):
-        raise InputError("no data set is a response", expected=_EXPECTED)
+        raise InputError(f"no data set is a response{': ' if first else ''}{first}", expected=_EXPECTED)
     has_ratio = any(entry.function == 4 for entry in chosen)
     if has_ratio and not datasets:  # spectra of responses repeat their frequency responses
         chosen = [entry for entry in chosen if entry.function == 4 or (entry.is_force and not entry.is_time)]

@@ -162,6 +162,7 @@ def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
 
 #: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
 NONSENSE = ("units", "phase-unit", "phase-sign")
+REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
 Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 
@@ -191,7 +192,7 @@ class Simulator:
         """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
 
         Raises:
-            InputError: another signature, a value that is not finite, a tolerance below 0.
+            InputError: another signature, a value that is not finite or varies as a share of 0, a tolerance below 0.
         """
         if not callable(function):
             given = f"the simulator is of type {type(function).__name__}"
@@ -206,14 +207,13 @@ class Simulator:
         for parameter in parameters:
             pair = parameter.default
             if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
-                raise InputError(
-                    f"parameter {parameter.name} of the simulator", expected="a default (value, tolerance)"
-                )
+                told = f"parameter {parameter.name} of the simulator has no such default"
+                raise InputError(told, expected="a default (value, tolerance)")
             value, tolerance = map(float, pair)
-            if not np.isfinite(value):
-                raise InputError(
-                    f"parameter {parameter.name} of the simulator is {value:g}", expected="a finite number"
-                )
+            if not np.isfinite(value) or (value == 0.0 and tolerance > 0.0):
+                told = f"parameter {parameter.name} of the simulator is {value:g}"
+                expected = "a finite number" if value else "another number, or tolerance 0: a share of 0 is 0"
+                raise InputError(told, expected=expected)
             if not 0.0 <= tolerance < np.inf:
                 what = f"the tolerance of parameter {parameter.name} of the simulator is {tolerance:g}"
                 raise InputError(what, expected="a relative standard uncertainty, 0 or more")
@@ -257,11 +257,15 @@ class Simulator:
         """Audit the answer of the simulation to the forces and frequencies of a record.
 
         Raises:
-            InputError: units that are not those of the mode, a phase that is no lag in radians.
+            InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
         """
         asked = record.frame[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
         force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
         A, phase = self._answer(force, frequency, {})
+        again, turned = self._answer(force, frequency, {})
+        if (apart := float(np.max(np.abs(again * np.exp(1j * (turned - phase)) / A - 1.0)))) > REPEATED:
+            told = f"the simulator answers the same call twice, {100.0 * apart:.2g} % apart"
+            raise InputError(told, expected="one answer to one question: fix the seed, or let it converge further")
         answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")
         for finding in audit(answer, self.mode).findings:
             if finding.verdict == "refuse" and finding.check in NONSENSE:
@@ -273,23 +277,24 @@ class Simulator:
     ) -> tuple[FloatArray, FloatArray]:
         """Amplitude and phase of the simulation with some parameters changed; errors as of `_stiffness`."""
         expected = "(amplitude, phase), one number each per row"
-        try:
-            answer = self.function(force, frequency, **{**self.values, **changed})
+        moved = "".join(f" with {name} = {value:.6g}" for name, value in changed.items())
+        try:  # copies: a function may work in place
+            answer = self.function(force.copy(), frequency.copy(), **{**self.values, **changed})
             parts = [np.asarray(part) for part in answer] if isinstance(answer, tuple) else []
         except (Exception, SystemExit) as error:
             *_, at = extract_tb(error.__traceback__)
             where = "" if at.filename == __file__ else f" in line {at.lineno} of {Path(at.filename).name}"
-            raise InputError(f"the simulator ends with {error!r}{where}", expected=expected) from error
+            raise InputError(f"the simulator{moved} ends with {error!r}{where}", expected=expected) from error
         if len(parts) != 2:
             count = f" of {len(answer)}" if isinstance(answer, tuple) else ""
-            raise InputError(f"the simulator returns a {type(answer).__name__}{count}", expected=expected)
+            raise InputError(f"the simulator{moved} returns a {type(answer).__name__}{count}", expected=expected)
         for name, part in zip(("amplitude", "phase"), parts, strict=True):
-            returned = f"the {name} that the simulator returns"
+            returned = f"the {name} that the simulator{moved} returns"
             if part.dtype.kind not in "iuf" or part.shape != force.shape:
                 given = f"is of type {part.dtype} and shape {part.shape}, for {force.size} rows"
                 raise InputError(f"{returned} {given}", expected=expected)
-            if len(bad := np.flatnonzero(~np.isfinite(part))):
+            if len(bad := np.flatnonzero(~(np.isfinite(part) & ((part > 0) | (name == "phase"))))):
                 row = f"at force {force[bad[0]]:.4g} and {frequency[bad[0]]:.5g} Hz"
-                raise InputError(f"{returned} is {part[bad[0]]:g} {row}", expected=expected)
+                raise InputError(f"{returned} is {part[bad[0]]:g} {row}", expected=f"{expected}; amplitudes > 0")
         A, phase = (part.astype(np.float64) for part in parts)
         return A, phase

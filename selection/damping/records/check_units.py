@@ -230,7 +230,7 @@ _KINDS = {
     "negated": ("falls through -pi/2: it is the lead of the displacement, or of force over displacement", "negate it"),
     "minus pi": (
         "runs from -pi to 0: half a turn too small, as with a sensor mounted backwards or an acceleration's lag",
-        "add pi, or reverse the sensor",
+        "add pi (before it is conditioned: lag = -pi in [node]), or reverse the sensor",
     ),
     "acceleration": ("falls from pi to 0: it is the lead of the acceleration", "take pi - phase"),
 }

@@ -19,6 +19,9 @@ from damping.errors import AnalysisError
 from damping.signals import NodeMode
 from damping.signals.description import Description
 
+#: Names of the steps that remove motion in phase with the force.
+IN_PHASE = RIGID_BODY, ADJACENT_MODES, KNOWN_CORRECTION = "rigid body", "adjacent modes", "known correction"
+
 
 @dataclass(frozen=True)
 class ConditioningStep:
@@ -143,7 +146,7 @@ def remove_rigid_body(table: pd.DataFrame, raw: pd.DataFrame, description: Descr
         if not r2_over_i > 0.0 and description.mode.phi_drive is None:  # force and node at one place
             raise AnalysisError(f"R^2/I identified from column {rigid.identify_from} is {r2_over_i:.3g}, not positive")
     part = signals.node_correction(mode, [], F, omega, r2_over_i, omega_r).rigid_body
-    step = _in_phase("rigid body", "Eqs. 3.1.16-3.1.18", table, {"rigid body": part})
+    step = _in_phase(RIGID_BODY, "Eqs. 3.1.16-3.1.18", table, {"rigid body": part})
     return replace(step, constants={"r2_over_i": r2_over_i})
 
 
@@ -158,14 +161,14 @@ def remove_modes(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
         _require_outside(omega, other.omega, f"mode {named.name!r}")
     correction = signals.node_correction(mode, others, F, omega)
     parts = {f"mode {m.name}": part for m, part in zip(description.modes, correction.adjacent, strict=True)}
-    return _in_phase("adjacent modes", "Eqs. 3.1.13-3.1.15", table, parts)
+    return _in_phase(ADJACENT_MODES, "Eqs. 3.1.13-3.1.15", table, parts)
 
 
 def remove_correction(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:
     """Add a known total correction C_t in phase with the force (Eqs. 3.1.19, 3.1.22, 3.1.23)."""
     assert description.correction is not None  # else the step is not in the chain
     C_t = raw.loc[table.index, description.correction.column].to_numpy(float)
-    return _in_phase("known correction", "Eq. 3.1.19", table, {"total": C_t})
+    return _in_phase(KNOWN_CORRECTION, "Eq. 3.1.19", table, {"total": C_t})
 
 
 def to_modal_force(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:

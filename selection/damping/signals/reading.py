@@ -19,10 +19,11 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
+from damping.records.check_ceiling import find_ceiling
 from damping.records.keys import TomlTable, locate, read_schema, read_toml
 from damping.records.reading import read_table, require_column, require_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
-from damping.signals.chain import ConditioningStep, condition
+from damping.signals.chain import IN_PHASE, ConditioningStep, condition
 from damping.signals.description import Description
 
 _PART = 1e-3  #: share of an uncertainty by which a column is moved; the relative error of the difference is its square
@@ -75,6 +76,27 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
         row = int(np.isnan(change).argmax()) + 1
         raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
     return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
+
+
+def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[ConditioningStep, ...]) -> tuple[str, ...]:
+    """Cautions: readings that stand at a ceiling in a sweep, and removals beyond every measured amplitude."""
+    doubts = []
+    force = raw[description.raw.force].to_numpy(float)
+    labels = raw[description.raw.sweep].astype(str) if description.raw.sweep else pd.Series("", raw.index)
+    for sensor in description.sensors:
+        reading = raw[sensor.column].to_numpy(float) * (force if sensor.per_force else 1.0)
+        for label in labels.unique():
+            rows = (labels == label).to_numpy()
+            if find_ceiling(reading[rows], force[rows]) is not None:
+                stays = f"readings of {sensor.name} stay at {raw[sensor.column][rows].max():.4g}"
+                of_sweep = f" in sweep {label}" if label else ""
+                doubts.append(f"{stays}{of_sweep}: does the sensor, its amplifier or its range clip them?")
+    for step in (step for step in steps if step.name in IN_PHASE):
+        measured, removed = step.before["amplitude"].max(), step.removed.abs().max()
+        for part, most in removed[removed > measured].items():
+            more = f"{part} takes off up to {most:.3g}, more than the largest amplitude, {measured:.3g}"
+            doubts.append(f"{more}: do unit, factor, phi and mass belong together?")
+    return tuple(doubts)
 
 
 #: Notation of keys with several values.

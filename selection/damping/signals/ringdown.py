@@ -29,7 +29,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
-from damping.signals.windows import Window, even_times, flat_window, noise_beside, thinned
+from damping.signals.windows import Window, describe_lost, even_times, find_return, flat_window, noise_beside, thinned
 
 PERIODS = 6.0  #: periods of the window: it rejects frequencies farther away than some 2/periods of that of the mode
 APART = 2.0  #: least length of a window that separates two modes, over 1/(their distance)
@@ -42,7 +42,6 @@ WORST_SLOPE = 0.3  #: largest standard error of the slope of a level, over the s
 LARGEST_BEND = 0.15  #: largest bend of ln A over half a window: more would be smeared by the window
 OF_CUBIC = 0.15  #: error of the slope of a parabola if ln A has c u^3 over a level, |u| < 1/2, in c (<u^4>/<u^2>)
 SURE = 3.0  #: least cubic coefficient c, in standard errors, for which that error is added to the uncertainty
-LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 LARGEST_GROWTH = 1.5  #: a single mode does not grow again by more: noise and the window's image cause less growth,
 GROWN = 0.1  #: if it returns to this share of its largest amplitude
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
@@ -128,21 +127,16 @@ def ring_down(
     _refuse_growth(times[first:last], np.abs(z[first:last]))
     kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
     size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
-    lost = _describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
+    lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
     before = np.abs(z[: max(first - len(window.offsets), 0)])
     if np.max(before, initial=0.0) > max(ABOVE_NOISE * noise, GROWN * size):
         lost.append(f"motion before {times[first]:.4g} s is not used: an earlier blow is chosen by --start and --end")
+    if (again := find_return(np.abs(z[first:]), ABOVE_NOISE * noise, LARGEST_GROWTH) / window.omega_0**order) > 0.0:
+        doubt = f"levels below {again / GROWN:.3g} are doubtful; choose a part without, or another sensor"
+        lost.append(
+            f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
+        )
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
-
-
-def _describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
-    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
-    if peak >= since or largest <= LARGEST_LOSS * size:
-        return []
-    return [
-        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
-        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
-    ]
 
 
 def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
@@ -214,6 +208,8 @@ def _levels(
         levels //= 2
     if kept.empty:
         advice = "choose a part without what comes before the release (--start), or a sensor that shows one mode alone"
+        if cut.empty:  # the decay is shorter than its first level
+            notes = [f"above the noise it lasts {float(np.ptp(t)) if len(t) else 0.0:.3g} s, too short for a level"]
         raise AnalysisError("; ".join(["no level of the decay can be used", *notes, advice]))
     grown = np.flatnonzero(np.diff(kept["A"]) > 0.0)  # levels fall by more than the noise
     if len(grown):

@@ -13,6 +13,7 @@ _LARGEST_GAP = 2.5  # largest step between samples with jitter, over the mean st
 UNEVEN = 0.02  #: largest deviation from even times, over a step, that counts as rounding of printed times
 _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
+LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
 
 
@@ -122,3 +123,21 @@ def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
     return float(min(np.median(tail), np.median(floor)))
+
+
+def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
+    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
+    if peak >= since or largest <= LARGEST_LOSS * size:
+        return []
+    return [
+        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
+        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
+    ]
+
+
+def find_return(size: FloatArray, least: float, growth: float) -> float:
+    """Largest amplitude (n,) above ``least`` that is ``growth`` times a smaller one before it; 0 if there is none.
+
+    A tone beside the mode beats with its decay as soon as this has come down to it.
+    """
+    return float(np.max(size[(size > growth * np.minimum.accumulate(size)) & (size > least)], initial=0.0))

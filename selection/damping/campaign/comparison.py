@@ -1,0 +1,128 @@
+"""A campaign beside an earlier one: peaks against their predictions, and what has changed in modes and levels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.campaign.answer import At, Campaign, Outcome
+
+SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
+SAME_LEVEL = 0.01  #: levels of two campaigns are the same if they differ by less than this share
+SHIFTED = 0.01  #: shift of a frequency, relative, that is told at a level tested before: remounting shifts by less
+
+
+@dataclass(frozen=True)
+class SensorPrediction:
+    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
+
+    ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
+    """
+
+    frequency: float
+    level: float
+    tested: bool
+    sensor: str
+    unit: str
+    band: tuple[float, float, float]
+    at_frequency: float | None = None
+    ratio: tuple[float | None, ...] | None = None
+
+
+def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
+    """Compare every newly tested level with ``before``, the predicted and tested peaks of the earlier campaign.
+
+    Between levels a peak is interpolated linearly on logarithmic axes; outside there is no prediction.
+    """
+    predictions = []
+    for mode in campaign.modes:
+        near = _select_mode(before, mode.frequency)
+        for at in (at for at in mode.places if at.tested and not _was_tested(near, at)):
+            for response in at.response:
+                known = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
+                if known is not None:
+                    peak = (mode.name, response.sensor, response.unit, at.input, response.band[0])
+                    predictions.append(Outcome(*peak, (known[0], known[1], known[2]), campaign.unit))
+    return tuple(predictions)
+
+
+def describe_changes(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[str, ...]:
+    """A line for each mode at each new level, each changed level, and each mode or level without a counterpart."""
+    if not before:
+        return ()
+    lines: list[str] = []
+    matched = set()
+    for mode in campaign.modes:
+        near = _select_mode(before, mode.frequency)
+        if not near:
+            nearest = min((row.frequency for row in before), key=lambda other: abs(other / mode.frequency - 1.0))
+            no = f"the earlier campaign has no mode within {100 * SAME_MODE:g} %, the nearest at {nearest:.4g} Hz"
+            lines.append(f"{mode.name}, {mode.frequency:.4g} Hz: {no}")
+            continue
+        matched.add(near[0].frequency)
+        for at in (at for at in mode.places if at.tested):
+            lines += (f"{mode.name} at {at.input:.3g} {campaign.unit}{line}" for line in _describe_level(near, at))
+    for frequency in sorted({row.frequency for row in before} - matched):
+        lines.append(f"the mode of the earlier campaign at {frequency:.4g} Hz: none here within {100 * SAME_MODE:g} %")
+    return tuple(lines) or ("every level was tested before, and frequency, damping and peaks are the same",)
+
+
+def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
+    """At most one line on frequency and damping beside those known; and on the peaks at a level tested before."""
+    tested = _was_tested(near, at)
+    modal = {row.level: (row.at_frequency, *row.ratio) for row in near if row.ratio and None not in row.ratio}
+    known = _interpolate(modal, at.input)
+    if known is None:
+        yield ": outside the levels of the earlier campaign, nothing to compare"
+        return
+    word = "then" if tested else "predicted"
+    frequency, *ratio = known
+    shift = at.frequency / frequency - 1.0
+    told = [f"{at.frequency:.5g} Hz ({frequency:.5g} {word}, {100 * shift:+.1f} %)"]
+    changed = abs(shift) > SHIFTED
+    if at.ratio is not None:
+        apart = _are_apart(at.ratio, ratio)
+        changed |= apart
+        median, low, high = (f"{100 * part:.3g}" for part in ratio)
+        place = ", OUTSIDE" if apart else ""
+        told.append(f"damping {100 * at.ratio[0]:.3g} % ({median}, {low} to {high} {word}{place})")
+    for response in at.response if tested else ():
+        peak = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
+        if peak is not None and _are_apart(response.band, peak):
+            changed = True
+            told.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+.1f} dB")
+    if changed or not tested:
+        yield f"{', tested before, has changed' if tested else ''}: {'; '.join(told)}"
+
+
+def _select_mode(before: Sequence[SensorPrediction], frequency: float) -> list[SensorPrediction]:
+    """Rows of the earlier mode that is nearest in frequency; none if it is not the same."""
+    near = min((row.frequency for row in before), key=lambda other: abs(other / frequency - 1.0), default=np.inf)
+    return [row for row in before if row.frequency == near] if abs(near / frequency - 1.0) < SAME_MODE else []
+
+
+def _was_tested(near: Sequence[SensorPrediction], at: At) -> bool:
+    return any(row.tested and abs(row.level / at.input - 1.0) < SAME_LEVEL for row in near)
+
+
+def _list_peaks(near: Sequence[SensorPrediction], sensor: str, unit: str) -> dict[float, tuple[float, float, float]]:
+    """Peak of a sensor by level."""
+    return {row.level: row.band for row in near if (row.sensor, row.unit) == (sensor, unit)}
+
+
+def _are_apart(band: tuple[float, float, float], other: Iterable[float]) -> bool:
+    """Whether two bands (median, low, high) have nothing in common."""
+    _, low, high = other
+    return bool(band[1] > high or band[2] < low)
+
+
+def _interpolate(rows: Mapping[float, Sequence[float | None]], level: float) -> FloatArray | None:
+    """Values at a level between those of ``rows``, by level, on logarithmic axes; None outside, or of unknown ones."""
+    if len(rows) < 2 or not min(rows) * (1.0 - SAME_LEVEL) <= level <= max(rows) * (1.0 + SAME_LEVEL):
+        return None
+    known = np.array([rows[at] for at in sorted(rows)], dtype=np.float64)
+    values = [np.exp(np.interp(np.log(level), np.log(sorted(rows)), np.log(column))) for column in known.T]
+    return np.array(values) if np.isfinite(values).all() else None

@@ -1,0 +1,116 @@
+"""A user's own simulation that misbehaves: in every call, not only the first, the message says what and where."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import damping as dp
+from damping.gap.simulation import Simulator
+
+MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
+STIFFNESS = MASS * (2.0 * np.pi * FREQUENCY) ** 2
+FRICTION = 0.3
+
+
+def impedance(frequency: np.ndarray, stiffness: float = STIFFNESS) -> np.ndarray:
+    """Complex stiffness F/A of an oscillator with structural damping."""
+    return stiffness * (1.0 + 1j * LOSS) - MASS * (2.0 * np.pi * frequency) ** 2
+
+
+def simulate(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+    return force / np.abs(impedance(frequency, stiffness)), np.angle(impedance(frequency, stiffness))
+
+
+@pytest.fixture(scope="module")
+def record() -> dp.Record:
+    """The oscillator with constant friction R: |Z A + 4 i R/pi| = F."""
+    rng, rows = np.random.default_rng(3), []
+    for label, force in zip("ABC", (1.0, 2.0, 4.0), strict=True):
+        frequency = FREQUENCY * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 21))
+        Z, lost = impedance(frequency), 4.0 * FRICTION / np.pi
+        # |Z|^2 A^2 + 2 Im(Z) lost A + lost^2 - F^2 = 0
+        a, b, c = np.abs(Z) ** 2, Z.imag * lost, lost**2 - force**2
+        A = (np.sqrt(b**2 - a * c) - b) / a
+        phase = np.angle(Z * A + 1j * lost) + 0.005 * rng.normal(size=21)
+        noisy = A * (1.0 + 0.005 * rng.normal(size=21))
+        rows.append(
+            pd.DataFrame({"sweep": label, "force": force, "frequency": frequency, "amplitude": noisy, "phase": phase})
+        )
+    return dp.Record(pd.concat(rows, ignore_index=True))
+
+
+@pytest.fixture(scope="module")
+def mode() -> dp.Mode:
+    viscous = LOSS * MASS * 2.0 * np.pi * FREQUENCY
+    return dp.Mode(name="m", frequency=FREQUENCY, mass=MASS, damping={"viscous": {"coefficient": viscous}})
+
+
+def diagnose(record, mode, simulator):
+    return dp.diagnose(record, mode, simulate=simulator, compare=False)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan])
+def test_an_amplitude_that_is_none_after_a_change_names_the_parameter_and_the_row(record, mode, wrong):
+    def fails(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+        A, phase = simulate(force, frequency, stiffness=stiffness)
+        A[3] *= 1.0 if stiffness == STIFFNESS else wrong
+        return A, phase
+
+    with pytest.raises(dp.InputError, match=f"with stiffness = {STIFFNESS * np.exp(0.02):.6g} returns is") as caught:
+        diagnose(record, mode, fails)
+    assert f"at force 1 and {record.column('frequency')[3]:.5g} Hz" in str(caught.value)
+    assert "amplitudes > 0" in str(caught.value)
+
+
+def test_a_failure_after_a_change_names_the_parameter(record, mode):
+    def fails(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+        if stiffness != STIFFNESS:
+            raise RuntimeError("no convergence")
+        return simulate(force, frequency, stiffness=stiffness)
+
+    with pytest.raises(dp.InputError, match=r"the simulator with stiffness = 8055\.\d+ ends with RuntimeError"):
+        diagnose(record, mode, fails)
+
+
+def test_a_function_that_works_in_place_changes_no_record(record, mode):
+    def in_place(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+        answer = simulate(force, frequency, stiffness=stiffness)
+        force *= 0.5
+        frequency *= 2.0
+        return answer
+
+    given, expected = (diagnose(record, mode, function) for function in (in_place, simulate))
+    assert given.to_json() == expected.to_json()
+    assert given.to_json()["effects"] == ["coulomb-friction"]
+    found = given.to_json()["parameters"]["coulomb-friction"]["coefficient"]
+    np.testing.assert_allclose(found, FRICTION, rtol=0.03)
+
+
+def test_two_answers_to_one_call_are_refused(record, mode):
+    rng = np.random.default_rng(1)
+
+    def noisy(scale):
+        def function(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+            A, phase = simulate(force, frequency, stiffness=stiffness)
+            return A * (1.0 + scale * rng.normal(size=A.size)), phase
+
+        return function
+
+    with pytest.raises(dp.InputError, match=r"answers the same call twice, [1-9]\.\d % apart"):
+        diagnose(record, mode, noisy(0.01))
+    assert diagnose(record, mode, noisy(1e-9)).to_json()["effects"] == ["coulomb-friction"]
+
+
+def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):
+    def shifted(force, frequency, *, shift=(0.0, 0.1)):
+        return simulate(force, frequency, stiffness=STIFFNESS + shift)
+
+    with pytest.raises(dp.InputError, match="parameter shift of the simulator is 0; expected another number"):
+        Simulator.read(shifted, mode)
+
+    def held(force, frequency, *, shift=(0.0, 0.0)):
+        return simulate(force, frequency, stiffness=STIFFNESS + shift)
+
+    assert Simulator.read(held, mode).tolerances == {"shift": 0.0}
