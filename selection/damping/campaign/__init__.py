@@ -30,6 +30,7 @@ from damping.campaign.answer import (
     rank_first,
 )
 from damping.campaign.decays import answer_decays
+from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import Level
 from damping.campaign.notches import find_notches
 from damping.campaign.poles import receptance
@@ -91,9 +92,13 @@ def analyse(
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
     summary.notes.extend(describe_shares(levels, trusted))
+    delay = (levels[0].run.delay, measure_delay(levels)[1]) if levels[0].run.delay else None
+    if delay:
+        summary.note(describe_delay(*delay))
     modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
-    campaign = _summed_up(Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive), summary)
+    known = Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive, delay=delay)
+    campaign = _summed_up(known, summary)
     return replace(campaign, outcomes=compare_predictions(before, campaign))
 
 

@@ -231,6 +231,8 @@ class Campaign:
     summary: Summary = field(default_factory=Summary)
     outcomes: tuple[Outcome, ...] = ()
     level_name: str = "amplitude"  #: quantity of a level
+    #: Time in s by which all sensors lag the drive, removed from the motions, and its standard error; None: none.
+    delay: tuple[float, float] | None = None
 
     @property
     def tested(self) -> tuple[int, int]:
@@ -252,6 +254,7 @@ class Campaign:
             "design": list(self.design),
             "level_name": self.level_name,
             "level_unit": self.unit,
+            "delay": dict(zip(("seconds", "error"), self.delay, strict=True)) if self.delay else None,
             "audit": [
                 asdict(finding) | {"sweeps": list(finding.sweeps), "mode": mode.name}
                 for mode in self.modes

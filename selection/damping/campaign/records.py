@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
+from damping.campaign.delays import remove_delay
 from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
@@ -101,10 +102,11 @@ def _choose_first(
 def fit_right_levels(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
 ) -> tuple[list[Level], dict[str, str]]:
-    """Every level fitted without misread sensors, and the reason for each of these (see ``find_misread``)."""
+    """Every level fitted without misread sensors and delay, and the reason for each of the former (`find_misread`)."""
     levels = fit_levels(runs, frequencies)
     misread = find_misread(levels, trusted)
-    return fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels, misread
+    levels = fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels
+    return remove_delay(levels, lambda runs: fit_levels(runs, frequencies)), misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
@@ -120,7 +122,7 @@ def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
 def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
 
-    ``harmonic``: 3 for the third harmonics of the sensors.
+    The delay of the sensors is removed. ``harmonic``: 3 for the third harmonics of the sensors.
     """
     assert run.drive is not None
     drive_unit = unit(run.drive_unit)
@@ -133,6 +135,7 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     for sensor in run.channels:
         samples = np.asarray(sensor.samples if harmonic == 1 else sensor.third)[keep]
         motion = samples * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
+        motion = motion * np.exp(1j * w * run.delay) if run.delay else motion
         rows.append(motion / drive_unit.factor if sensor.per_drive else motion / drive)
     return f, np.array(rows), np.abs(drive)
 
