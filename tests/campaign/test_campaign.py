@@ -26,7 +26,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.api import rank
-from damping.campaign import _find_input, analyse, find_notches
+from damping.campaign import analyse, find_notches
 from damping.campaign.answer import (
     At,
     Campaign,
@@ -38,6 +38,7 @@ from damping.campaign.answer import (
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.errors import AnalysisError, InputError
@@ -835,8 +836,8 @@ def test_a_notched_run_is_taken_at_its_input():
     drive = np.where(np.abs(f - 50.0) < 3.0, 4.0, 10.0)
     run = CampaignRun("r", 10.0, "N", f, drive.astype(complex), ())
     level = Level(run, f, np.zeros((0, 201)), drive, None)
-    assert _find_input(level, 50.0) == 4.0
-    assert _find_input(level, 45.0) == 10.0
+    assert find_input(level, 50.0) == 4.0
+    assert find_input(level, 45.0) == 10.0
 
 
 def test_rows_beside_a_notch_are_fitted_at_their_own_input(tmp_path, few_laws):
