@@ -27,26 +27,20 @@ from scipy.signal import lsim
 
 from damping.api import rank
 from damping.campaign import analyse, find_notches
-from damping.campaign.answer import (
-    At,
-    Campaign,
-    ModeAnswer,
-    Response,
-    SensorPrediction,
-    compare_predictions,
-)
+from damping.campaign.answer import Campaign, ModeAnswer, compare_predictions
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
+from damping.campaign.values import At, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _tabulate_modes
+from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
@@ -894,9 +888,9 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
     modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
     notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
-    (said,) = _tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
+    (said,) = tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
     assert said == "1.00 (0.900 to 1.10) at 12 N, notched: 7.82 N at the mode"
-    table = _tabulate_modes(Campaign(modes, (), (), "g"))
+    table = tabulate_modes(Campaign(modes, (), (), "g"))
     assert not table.isna().any(axis=None)
     assert list(table["damping ratio at the last design level, %"]) == [
         "1.00 (0.900 to 1.10) at 10 g",

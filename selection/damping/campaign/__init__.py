@@ -17,15 +17,14 @@ import numpy as np
 from damping.campaign.answer import (
     LEAST_SPREAD,
     NORMAL_90,
-    At,
     Campaign,
     ModeAnswer,
-    SensorPrediction,
     compare_predictions,
     join_cautions,
     list_laws,
     predict_mode,
     rank_first,
+    read_curve,
 )
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -36,6 +35,7 @@ from damping.campaign.responses import Forecast, add_responses, find_input
 from damping.campaign.runs import Corrections, DesignLevel
 from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
+from damping.campaign.values import At, SensorPrediction
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
@@ -135,16 +135,16 @@ def _forecast(
         if measured:
             spread, (frequency, z) = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k]
             ratio = (z, z * exp(-spread), z * exp(spread))
+            errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
         else:
-            zeta, frequency = curve.damping_ratio, float(curve.frequency.median[k])
-            ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
+            frequency, ratio, errors = read_curve(curve, k)
         cautions = (*join_cautions(prepared, apart, () if measured else curve.cautions[k]), *mode.cautions)
         shown.append(levels[k] if measured and (all(moved) or not moved[k]) else straight[-1])
         stated, reached = float(levels[k].run.level or 0.0) if measured else level, None
         if stated != level:
             cautions, reached = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}"), level
         known = ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
-        places.append(At(stated, measured, frequency, known, (), cautions, reached))
+        places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
     forces = tuple(float(of_force * level) for level in wanted)
     fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
     return Forecast(mode, ModeAnswer(rank_first(prepared, seed), tuple(places), *fields), tuple(shown))
@@ -183,6 +183,18 @@ def _find_steady(
         return frequency, ratio
     A, F = (amplitude, force) if swept and isfinite(amplitude) else (A, F)
     return w / (2.0 * pi), F / (2.0 * prepared.mode.mass * w**2 * A)
+
+
+def _find_errors(
+    mode: DrivenMode, level: Level, k: int, frequency: float, ratio: float, *, read: bool
+) -> tuple[float, float]:
+    """Standard errors of frequency (Hz) and damping ratio of level number ``k``, by the noise of its rows.
+
+    If ``read`` at the phase resonance of rows: with the error of a phase, of which the slope is 1/(z f), as well.
+    """
+    frame = mode.record.frame
+    phase = float(frame.loc[frame["sweep"] == level.name, "phase_sd"].median()) if read else 0.0
+    return frequency * hypot(mode.frequency_sd[k], ratio * phase), ratio * hypot(mode.ratio_sd[k], phase)
 
 
 def _is_moved(resonance: float, ratio: float, fitted: float) -> bool:

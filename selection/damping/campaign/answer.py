@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from damping.campaign.values import At, Notch, Outcome, SensorPrediction
 from damping.extrapolation import Extrapolation, predict_record
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.formats.series import Summary
 from damping.ranking import weigh_laws
@@ -23,99 +25,6 @@ LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 #: Least relative standard uncertainty of a measured damping ratio, for noise of the drive and calibration.
 LEAST_SPREAD = 0.01
-
-
-@dataclass(frozen=True)
-class Response:
-    """Peak of a sensor: ``band`` is (median, low, high) in ``unit``."""
-
-    sensor: str
-    quantity: str
-    unit: str
-    band: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class At:
-    """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
-
-    ``reached``: the input at the mode, if the run was notched there and the input is not the level.
-    """
-
-    level: float
-    tested: bool
-    frequency: float
-    ratio: tuple[float, float, float] | None
-    response: tuple[Response, ...]
-    cautions: tuple[str, ...]
-    reached: float | None = None
-
-    @property
-    def input(self) -> float:
-        """The input at the mode."""
-        return self.level if self.reached is None else self.reached
-
-
-@dataclass(frozen=True)
-class Notch:
-    """The notch that the limit of a sensor requires at one mode.
-
-    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
-    top level at this mode, in dB. Levels are in ``drive_unit``.
-    """
-
-    mode: str
-    sensor: str
-    unit: str
-    limit: float
-    design: float
-    level: float
-    depth_db: float
-    low: float | None
-    high: float | None
-    more_db: float
-    tested: float
-    drive_unit: str = ""
-
-    def __str__(self) -> str:
-        tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
-        more = f"at most {self.more_db:+.1f} dB from the {tested} tested at this mode"
-        if self.low is None or self.high is None:
-            return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
-        notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
-        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {design}; {more}"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A measured peak and its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
-
-    mode: str
-    sensor: str
-    unit: str
-    level: float
-    measured: float
-    predicted: tuple[float, float, float]
-    drive_unit: str = ""
-
-    @property
-    def above_db(self) -> float:
-        """Measured peak over the predicted median, dB."""
-        return float(20.0 * np.log10(self.measured / self.predicted[0]))
-
-    @property
-    def held(self) -> bool:
-        """Whether the measured peak lies in the predicted band."""
-        return self.predicted[1] <= self.measured <= self.predicted[2]
-
-    def __str__(self) -> str:
-        median, low, high = self.predicted
-        place, level = "within" if self.held else "OUTSIDE", f"{self.level:.3g} {self.drive_unit}".rstrip()
-        return (
-            f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
-            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
-        )
 
 
 SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
@@ -143,18 +52,6 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
                 peak = (mode.name, response.sensor, response.unit, at.input, response.band[0])
                 predictions.append(Outcome(*peak, predicted, campaign.unit))
     return tuple(predictions)
-
-
-@dataclass(frozen=True)
-class SensorPrediction:
-    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``."""
-
-    frequency: float
-    level: float
-    tested: bool
-    sensor: str
-    unit: str
-    band: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -211,6 +108,13 @@ def rank_first(prepared: PreparedRecord, seed: int) -> str:
 def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
     """The laws that predictions average, each with its weight."""
     return tuple((law.name, law.weight) for law in predicted.plan.laws)
+
+
+def read_curve(curve: Curve, row: int) -> tuple[float, tuple[float, float, float], tuple[float, float]]:
+    """Frequency (Hz), band of the damping ratio, and standard errors of both of a row, as of a normal."""
+    f, zeta = curve.frequency.form(row), curve.damping_ratio.form(row)
+    errors = tuple((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
+    return f["median"], (zeta["median"], zeta["low"], zeta["high"]), (errors[0], errors[1])
 
 
 def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
@@ -287,7 +191,9 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
                 "tested": at.tested,
                 "input": at.input,
                 "frequency": at.frequency,
+                "frequency_error": at.frequency_error,
                 "damping_ratio": _band(at.ratio),
+                "damping_ratio_error": at.ratio_error,
                 "response": [
                     {"sensor": response.sensor, "quantity": response.quantity, "unit": response.unit}
                     | _band(response.band)

@@ -35,8 +35,8 @@ class DrivenMode:
     """A mode of all levels.
 
     ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN for a sensor left out; ``reference`` is
-    the index of the sensor of the coordinate. ``frequency``, ``ratio``, ``ratio_sd`` (levels,). ``left_out``: reasons
-    by sensor.
+    the index of the sensor of the coordinate. ``frequency``, relative ``frequency_sd``, ``ratio``, ``ratio_sd``
+    (levels,). ``left_out``: reasons by sensor.
     """
 
     number: int
@@ -44,6 +44,7 @@ class DrivenMode:
     residues: FloatArray
     residues_sd: FloatArray
     frequency: FloatArray
+    frequency_sd: FloatArray
     ratio: FloatArray
     ratio_sd: FloatArray
     left_out: dict[str, str]
@@ -181,20 +182,21 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         if mac < ALIKE:
             cautions += (f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})",)
     residues = np.where(kept, mean, np.nan)
-    frequency, ratio, ratio_sd = (
-        np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
-    )
+    names_of = ("frequency", "frequency_sd", "ratio", "ratio_sd")
+    poles = {name: np.array([getattr(level.fit, name)[k] for level in levels]) for name in names_of}
     relative = error / np.abs(mean)
     mass_sd = max(0.005, float(relative[reference]))
     mode = Mode(
         name=f"mode-{number}",
-        frequency=float(frequency[0]),
+        frequency=float(poles["frequency"][0]),
         mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
         tolerance=Tolerance(frequency=0.001, mass=mass_sd, viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
     record = _record(levels, k, residues, reference, mode.name)
-    return DrivenMode(k, reference, residues, relative, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
+    return DrivenMode(
+        k, reference, residues, relative, **poles, left_out=left_out, cautions=cautions, record=record, mode=mode
+    )
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:

@@ -9,11 +9,12 @@ from math import exp, hypot, log, pi
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import NORMAL_90, At, ModeAnswer, Response
+from damping.campaign.answer import NORMAL_90, ModeAnswer
 from damping.campaign.modal_fit import Level, ModalFit
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode
 from damping.campaign.runs import LABEL_AGREES, ORDERS
+from damping.campaign.values import At, Response
 from damping.formats.quantity import unit
 
 _SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
