@@ -10,9 +10,9 @@ from pathlib import Path
 import pandas as pd
 
 from damping.campaign import analyse
-from damping.campaign.answer import At, Campaign, ModeAnswer
-from damping.campaign.comparison import SensorPrediction
+from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.runs import DesignLevel, read_corrections
+from damping.campaign.values import SensorPrediction
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
 from damping.plots import to_svg
@@ -21,6 +21,15 @@ from damping.records.mode import describe_mode_to_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
+from damping_pipelines.campaign_tables import (
+    describe_level,
+    group_cautions,
+    tabulate_damping,
+    tabulate_modes,
+    tabulate_notches,
+    tabulate_outcomes,
+    tabulate_peaks,
+)
 from damping_pipelines.forms import CampaignForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
@@ -29,6 +38,7 @@ from damping_pipelines.terminal import (
     console,
     number,
     number_whole,
+    number_with_error,
     parse_number,
     parse_pairs,
     report_findings,
@@ -153,106 +163,18 @@ def _frequencies(text: str | None) -> list[float]:
 def _write_page(answer: Campaign) -> list[Section]:
     """Write the page: modes, their damping against level, and the response of every sensor at the design levels."""
     parts: dict[str, Block] = {
-        "modes": Table(_tabulate_modes(answer), "", {"frequency, Hz": _hertz}),
-        "limits": Table(_tabulate_notches(answer), ""),
-        "outcomes": Table(_tabulate_outcomes(answer), ""),
+        "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": _hertz}),
+        "limits": Table(tabulate_notches(answer), ""),
+        "outcomes": Table(tabulate_outcomes(answer), ""),
         "files": Table(answer.summary.table, ""),
     }
     for mode in answer.modes:
         parts |= _draw_levels(mode, answer.input_name, answer.unit)
-        parts[f"{mode.name} peaks"] = Table(_tabulate_peaks(mode, answer.unit), "")
-    cautions = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
+        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit), "")
+        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit), "")
+    cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
     values = vars(answer) | {"cautions": cautions, "input": answer.input_name, "tested": answer.tested, "hertz": _hertz}
     return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
-
-
-def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
-    """The peak of every sensor at every tested and design level, with the input at the mode if it differs."""
-    return pd.DataFrame(
-        {
-            "level": _describe_level(at, unit),
-            "kind": "measured" if at.tested else "predicted",
-            "sensor": peak.sensor,
-            **dict(zip(("median", "low", "high"), peak.band, strict=True)),
-            "unit": peak.unit,
-        }
-        for at in mode.places
-        for peak in at.response
-    )
-
-
-def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
-    """Each caution of a mode once, with its levels unless it applies to all."""
-    levels: dict[str, list[str]] = {}
-    for at in mode.places:
-        for caution in dict.fromkeys(at.cautions):
-            levels.setdefault(caution, []).append(f"{at.level:.4g} {unit}".rstrip())
-    everywhere = len(mode.places)
-    return [caution if len(at) == everywhere else f"at {', '.join(at)}: {caution}" for caution, at in levels.items()]
-
-
-def _tabulate_notches(answer: Campaign) -> pd.DataFrame:
-    """Notches that the limits of sensors require at each mode."""
-    unit = answer.unit
-    return pd.DataFrame(
-        {
-            "mode": notch.mode,
-            "sensor": notch.sensor,
-            "limit": f"{notch.limit:g} {notch.unit}",
-            f"design level, {unit}": notch.design,
-            f"largest input, {unit}": notch.level,
-            "notch, dB": f"{notch.depth_db:.1f}" if notch.low else "none",
-            "from, Hz": notch.low,
-            "to, Hz": notch.high,
-            f"top level tested at the mode, {unit}": notch.tested,
-            "next level, dB above it at most": f"{notch.more_db:+.1f}",
-        }
-        for mode in answer.modes
-        for notch in mode.notches
-    )
-
-
-def _tabulate_modes(answer: Campaign) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "mode": mode.name,
-            "frequency, Hz": mode.frequency,
-            "damping ratio at the lowest level, %": _describe_ratio(mode.places[0], answer.unit),
-            "damping ratio at the last design level, %": _describe_ratio(mode.places[-1], answer.unit),
-            "law": mode.law,
-            "sensors left out": ", ".join(mode.left_out) or "none",
-        }
-        for mode in answer.modes
-    )
-
-
-def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
-    """Predictions made before the last runs, beside the measurements."""
-    return pd.DataFrame(
-        {
-            "mode": outcome.mode,
-            "sensor": outcome.sensor,
-            f"input, {answer.unit}": outcome.level,
-            "measured": outcome.measured,
-            **dict(zip(("predicted", "low", "high"), outcome.predicted, strict=True)),
-            "unit": outcome.unit,
-            "above, dB": f"{outcome.above_db:+.1f}",
-            "in the band": "yes" if outcome.held else "no",
-        }
-        for outcome in answer.outcomes
-    )
-
-
-def _describe_ratio(at: At, unit: str) -> str:
-    """A damping ratio in per cent with its level, which may differ between modes, and with the notched input."""
-    ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio or ()]
-    band = "{} ({} to {})".format(*ratio) if ratio else "no answer"
-    return f"{band} at {_describe_level(at, unit)}"
-
-
-def _describe_level(at: At, unit: str) -> str:
-    notched = "" if at.reached is None else f", notched: {at.reached:.3g} {unit} at the mode"
-    return f"{at.level:.4g} {unit}{notched}"
 
 
 def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
@@ -278,7 +200,7 @@ def _show(answer: Campaign, out: Path) -> None:
     for note in answer.summary.notes:
         to.print(f"- {note}")
     level = f"{answer.level_name} [{answer.unit}]" if answer.unit else answer.level_name
-    damping = PlainTable("damping of each mode", (level, "Hz", "damping %", "low", "high"), ("mode",))
+    damping = PlainTable("damping of each mode", (level, "Hz", "damping %", "±", "low", "high"), ("mode",))
     peaks = PlainTable("peak of the sensor that moves most", (level, "peak", "low", "high"), ("mode", "sensor"))
     for mode in answer.modes:
         for at in mode.places:
@@ -286,13 +208,15 @@ def _show(answer: Campaign, out: Path) -> None:
             largest = max(at.response, key=lambda response: response.band[0], default=None)
             peak = [number_whole(part, 3, "#") for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            damping.add_row(mode.name, number(at.level), number_whole(at.frequency, 5, "#"), *ratio)
+            hertz = number_with_error(at.frequency, at.frequency_error) if at.frequency_error else _hertz(at.frequency)
+            error = number_whole(100.0 * at.ratio_error, 2) if at.ratio_error else "-"
+            damping.add_row(mode.name, number(at.level), hertz, ratio[0], error, *ratio[1:])
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
-        notched = [f"{mode.name} at {_describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
+        notched = [f"{mode.name} at {describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
         for line in (*left_out, *notched, *mode.notches):
             to.print(f"- {line}")
     for line in (*answer.changes, *answer.outcomes):

@@ -28,7 +28,7 @@ from damping_pipelines.terminal import (
     PlainTable,
     console,
     number,
-    number_whole,
+    number_with_error,
     progress,
     report_findings,
     suggest,
@@ -196,17 +196,11 @@ def print_loads(result: LoadsResult) -> None:
 FARTHER = "±: to the farther end of the frequency band."
 
 
-_MOST_DECIMALS = 6  #: of a frequency whose band is narrower still
-
-
 def _state_frequency(row: Mapping[Hashable, Any]) -> str:
     """A frequency with the width of its band, if any."""
     f, low, high = (float(row[f"frequency{end}"]) for end in ("", "_low", "_high"))
     farther = max(f - low, high - f)
-    if not farther > 0.0:
-        return number_whole(f)
-    decimals = 1 - math.floor(math.log10(farther))  # of the ±, which has two digits
-    return f"{f:.{min(max(decimals, 0), _MOST_DECIMALS)}f} ± {number_whole(farther, 2)}"
+    return number_with_error(f, farther)
 
 
 def _name_laws(laws: Iterable[Band | Member]) -> str:

@@ -188,6 +188,17 @@ def number_whole(value: float, digits: int = 4, mark: str = "") -> str:
     return f"{value:{mark}.{digits}g}".rstrip(".") if math.isfinite(value) else "-"
 
 
+_MOST_DECIMALS = 6  #: of a value whose error is smaller still
+
+
+def number_with_error(value: float, error: float | None) -> str:
+    """A value with the decimals of two digits of its error, ``11.393 ± 0.012``; without one if there is no error."""
+    if error is None or not error > 0.0:
+        return number_whole(value)
+    decimals = 1 - math.floor(math.log10(error))
+    return f"{value:.{min(max(decimals, 0), _MOST_DECIMALS)}f} ± {number_whole(error, 2)}"
+
+
 def parse_number(text: str) -> float:
     """The number in a word; NaN if it is none."""
     try:

@@ -26,25 +26,23 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from damping.api import rank
-from damping.campaign import _find_input, analyse, find_notches
-from damping.campaign.answer import (
-    At,
-    Campaign,
-    ModeAnswer,
-    Response,
-)
-from damping.campaign.comparison import SensorPrediction, compare_predictions, describe_changes
+from damping.campaign import analyse, find_notches
+from damping.campaign.answer import Campaign, ModeAnswer
+from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
+from damping.campaign.values import At, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _tabulate_modes, _write_page
+from damping_pipelines.campaign import _write_page
+from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
 
 G = 9.80665
@@ -939,8 +937,8 @@ def test_a_notched_run_is_taken_at_its_input():
     drive = np.where(np.abs(f - 50.0) < 3.0, 4.0, 10.0)
     run = CampaignRun("r", 10.0, "N", f, drive.astype(complex), ())
     level = Level(run, f, np.zeros((0, 201)), drive, None)
-    assert _find_input(level, 50.0) == 4.0
-    assert _find_input(level, 45.0) == 10.0
+    assert find_input(level, 50.0) == 4.0
+    assert find_input(level, 45.0) == 10.0
 
 
 def test_rows_beside_a_notch_are_fitted_at_their_own_input(tmp_path, few_laws):
@@ -997,9 +995,9 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
     modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
     notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
-    (said,) = _tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
+    (said,) = tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
     assert said == "1.00 (0.900 to 1.10) at 12 N, notched: 7.82 N at the mode"
-    table = _tabulate_modes(Campaign(modes, (), (), "g"))
+    table = tabulate_modes(Campaign(modes, (), (), "g"))
     assert not table.isna().any(axis=None)
     assert list(table["damping ratio at the last design level, %"]) == [
         "1.00 (0.900 to 1.10) at 10 g",

@@ -149,3 +149,75 @@ def test_a_drive_in_another_unit_than_all_labels_is_said(tmp_path, drive, said):
     notes = read_runs([dwell(tmp_path / "a.h5", drive=drive)], 10_000_000)[1].notes
     assert [note for note in notes if re.search(f"caution: in every run the drive reads {said}", note)]
     assert not any("every run" in note for note in read_runs([dwell(tmp_path / "b.h5")], 10_000_000)[1].notes)
+
+
+def brush(f, force, *, hertz, mass, ratio, growth):
+    """Receptance with the damping ratio (1 + growth A) ratio, as of velocity-squared drag; A by bisection."""
+    w, w_n = 2 * np.pi * f, 2 * np.pi * hertz
+    low, high = np.zeros_like(f), np.full_like(f, force / (mass * ratio * w_n**2))
+    for _ in range(60):
+        A = 0.5 * (low + high)
+        H = 1.0 / mass / (w_n**2 - w**2 + 2j * ratio * (1.0 + growth * A) * w_n * w)
+        low, high = np.where(force * np.abs(H) < A, low, A), np.where(force * np.abs(H) < A, A, high)
+    return H
+
+
+def test_a_close_neighbour_follows_its_own_law_beyond_the_test(tmp_path, few_laws):
+    """Modes 5 % apart whose damping grows twofold from the top level to four times it, by velocity-squared drag.
+
+    With the neighbour at its tested damping the peaks were up to a third off.
+    """
+    modes = [
+        partial(brush, hertz=38.0, mass=5.0, ratio=0.008, growth=2000.0),
+        partial(brush, hertz=39.9, mass=6.0, ratio=0.0064, growth=2000.0),
+    ]
+    found = analyse([write(tmp_path / "a.h5", np.linspace(32.0, 48.0, 600), modes)], [8.0, 16.0], [38.0, 39.9]).modes
+    for mode, hertz in zip(found, (38.0, 39.9), strict=True):
+        for at in mode.places:
+            fine = hertz * (1.0 + 1.5 * at.ratio[0] * np.linspace(-1.0, 1.0, 2001))
+            motion = at.level * (2 * np.pi * fine) ** 2 * (SHAPES @ [one(fine, at.level) for one in modes])
+            for one, size in zip(at.response, np.abs(motion), strict=True):
+                peaks = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1
+                peak = size[min(peaks, key=lambda place: abs(place - 1000), default=1000)]
+                assert one.band[1] < peak < one.band[2], (mode.name, at.level, one, peak)
+                assert one.band[0] == pytest.approx(peak, rel=0.01), (mode.name, at.level, one)
+
+
+def balance(f, force):
+    """Accelerations (2, n) of two coupled masses under a force on the first, each with a velocity-squared damper.
+
+    Harmonic balance: the damper is the linear one of 8/(3 pi) d times the amplitude of velocity, found by iteration.
+    """
+    w, m, c, d = 2 * np.pi * f, 5.0, 12.0, np.array([60.0, 150.0])
+    k, between = m * (2 * np.pi * 38.0) ** 2, 0.09 * m * (2 * np.pi * 38.0) ** 2
+    x, equivalent = np.zeros((2, len(f)), complex), np.zeros((2, len(f)))
+    for _ in range(300):
+        (a, b), shared = k + between - m * w**2 + 1j * w * (c + equivalent), -between
+        x = force / (a * b - shared**2) * np.array([b, np.full(len(f), -shared)])
+        equivalent = 0.5 * (equivalent + 8 / (3 * np.pi) * d[:, np.newaxis] * np.abs(w * x))
+    return -(w**2) * x
+
+
+def test_bands_hold_where_dampers_couple_the_modes(tmp_path):
+    """Two modes 8 % apart, each damper in both: the damping of one grows with the motion of the other, and shapes turn.
+
+    Up to 11 % of a peak at four times the top level, within its band.
+    """
+    f, rng = np.linspace(32.0, 48.0, 500), np.random.default_rng(2)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for force in (5.0, 10.0, 20.0):
+            run = file.create_group(f"run_{force}N")
+            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
+            run["force"].attrs["units"] = "N"
+            for name, row in zip("ab", balance(f, force), strict=True):
+                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
+                run[name] = row * noise
+                run[name].attrs["units"] = "m/s^2"
+    modes = analyse([tmp_path / "a.h5"], [40.0, 80.0]).modes
+    assert len(modes) == 2
+    for mode in modes:
+        fine = np.linspace(0.97 * mode.frequency, 1.03 * mode.frequency, 2001)
+        for at in mode.places:
+            peaks = np.max(np.abs(balance(fine, at.level)), axis=1)
+            for one, peak in zip(at.response, peaks, strict=True):
+                assert one.band[1] < peak < one.band[2], (mode.name, at.level, one, peak)

@@ -6,36 +6,36 @@ Results at a tested level are measured; at a design level they come from the law
 amplitude A at a modal force F gives one of damping ratio, z = F/(2 m w^2 A).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import exp, hypot, isfinite, log, pi
+from math import exp, hypot, isfinite, pi
 from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import FloatArray
 from damping.campaign.answer import (
     LEAST_SPREAD,
     NORMAL_90,
-    At,
     Campaign,
     ModeAnswer,
-    Response,
     join_cautions,
     list_laws,
     predict_mode,
     rank_first,
+    read_curve,
 )
-from damping.campaign.comparison import SensorPrediction, compare_predictions, describe_changes
+from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
+from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import Level
 from damping.campaign.notches import find_notches
-from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
-from damping.campaign.runs import LABEL_AGREES, ORDERS, Corrections, DesignLevel
+from damping.campaign.responses import Forecast, add_responses, find_input
+from damping.campaign.runs import Corrections, DesignLevel
 from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
+from damping.campaign.values import At, SensorPrediction
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
@@ -44,7 +44,6 @@ from damping.formats.series import Summary
 from damping.infer import SEED
 from damping.records.text import DEFAULT_MAX_SIZE
 
-_SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
 #: Distance of the phase resonance from the fitted frequency, in half-power half-widths, beyond which a level is read at
 #: the former: the fit has one frequency for a whole level, and a stiffness that changes with amplitude bends the peak.
 BENT = 0.1
@@ -90,9 +89,14 @@ def analyse(
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied)])
-    modes = tuple(_answer_driven(levels, mode, inputs, seed, limits or {}) for mode in tied)
+    delay = (levels[0].run.delay, measure_delay(levels)[1]) if levels[0].run.delay else None
+    if delay:
+        summary.note(describe_delay(*delay))
+    forecasts = [_forecast(levels, mode, inputs, seed, bool(limits)) for mode in tied]
+    modes = tuple(_answer_driven(levels, mode, forecasts, inputs, limits or {}) for mode in forecasts)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
-    campaign = _summed_up(Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive), summary)
+    known = Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive, delay=delay)
+    campaign = _summed_up(known, summary)
     outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
     return replace(campaign, outcomes=outcomes, changes=changes)
 
@@ -105,17 +109,19 @@ def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
     return replace(campaign, summary=summary)
 
 
-def _answer_driven(
-    levels: Sequence[Level], mode: DrivenMode, design: Sequence[DesignLevel], seed: int, limits: Mapping[str, float]
-) -> ModeAnswer:
-    """Tested and design levels of a mode of a driven structure, and the notches required by ``limits``."""
+def _forecast(
+    levels: Sequence[Level], mode: DrivenMode, design: Sequence[DesignLevel], seed: int, limited: bool
+) -> Forecast:
+    """Frequency and damping of a mode of a driven structure at its tested, design and, if ``limited``, further levels.
+
+    The further levels are those at which responses are needed for notches.
+    """
     run = levels[0].run
     of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
-    tested = [_find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
+    tested = [find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
     wanted = [level.at(float(mode.frequency[-1])) for level in design]
-    # levels at which responses are needed for notches
     asked = [*tested, *wanted]
-    if limits:
+    if limited:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
     predicted, prepared = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
     loads, apart = predicted.loads, predicted.plan.fit.level_caution
@@ -124,53 +130,43 @@ def _answer_driven(
     steady = [_find_steady(prepared, lev.name, of_force * F, A, float(f), float(z)) for lev, F, A, f, z in fitted]
     moved = [_is_moved(f, z, float(at)) for at, (f, z) in zip(mode.frequency, steady, strict=True)]
     straight = [lev for lev, bent in zip(levels, moved, strict=True) if not bent] or levels
-    places = []
+    places, shown = [], []
     for k, level in enumerate(asked):
         measured = k < len(levels)
         if measured:
             spread, (frequency, z) = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k]
             ratio = (z, z * exp(-spread), z * exp(spread))
+            errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
         else:
-            zeta, frequency = curve.damping_ratio, float(curve.frequency.median[k])
-            ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
+            frequency, ratio, errors = read_curve(curve, k)
         cautions = (*join_cautions(prepared, apart, () if measured else curve.cautions[k]), *mode.cautions)
-        of_run = levels[k] if measured else None
-        shown = of_run if of_run and (all(moved) or not moved[k]) else straight[-1]
-        at = frequency, ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
-        places.append(_answer_level(shown, of_run, mode, level, *at, cautions))
-    known = mode.mode.name, places[len(tested) :], max(tested)
-    swept = float(levels[-1].f.min()), float(levels[-1].f.max())
-    notches = [find_notches(*known, level, limits, swept, run.drive_unit) for level in wanted]
+        shown.append(levels[k] if measured and (all(moved) or not moved[k]) else straight[-1])
+        stated, reached = float(levels[k].run.level or 0.0) if measured else level, None
+        if stated != level:
+            cautions, reached = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}"), level
+        known = ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
+        places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
     forces = tuple(float(of_force * level) for level in wanted)
-    answers = tuple(places[: len(tested) + len(wanted)])
-    fields = (mode.left_out, mode.record, mode.mode, forces, tuple(chain.from_iterable(notches)), apart)
-    return ModeAnswer(rank_first(prepared, seed), answers, *fields, list_laws(predicted))
+    fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
+    return Forecast(mode, ModeAnswer(rank_first(prepared, seed), tuple(places), *fields), tuple(shown))
 
 
-def _answer_level(
-    shown: Level,
-    tested: Level | None,
-    mode: DrivenMode,
-    level: float,
-    frequency: float,
-    ratio: tuple[float, float, float] | None,
-    cautions: tuple[str, ...],
-) -> At:
-    """The responses at a ``level`` at the mode, of the run ``tested`` at it, if any, by the fit of the level ``shown``.
-
-    Unless that is the run's own, the residues are those of all levels.
-    """
-    run = shown.run
-    response: tuple[Response, ...] = ()
-    if ratio:
-        residues = mode.residues_at(shown) if shown is tested else (mode.residues, mode.residues_sd)
-        drive = level * unit(run.drive_unit).factor
-        response = tuple(_list_responses(shown, mode.number, residues, frequency, ratio, drive))
-    stated = float(tested.run.level or 0.0) if tested else level
-    if stated == level:
-        return At(level, tested is not None, frequency, ratio, response, cautions)
-    cautions = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}")
-    return At(stated, True, frequency, ratio, response, cautions, level)
+def _answer_driven(
+    levels: Sequence[Level],
+    own: Forecast,
+    forecasts: Sequence[Forecast],
+    design: Sequence[DesignLevel],
+    limits: Mapping[str, float],
+) -> ModeAnswer:
+    """A mode with the responses of its sensors at all levels, and the notches required by ``limits``."""
+    run = levels[0].run
+    places = [add_responses(levels, own, forecasts, k) for k in range(len(own.answer.places))]
+    known = own.answer.name, places[len(levels) :], max(at.input for at in places[: len(levels)])
+    swept = float(levels[-1].f.min()), float(levels[-1].f.max())
+    wanted = places[len(levels) :][: len(design)]
+    notches = [find_notches(*known, at.level, limits, swept, run.drive_unit) for at in wanted]
+    answers = (*places[: len(levels)], *wanted)
+    return replace(own.answer, places=answers, notches=tuple(chain.from_iterable(notches)))
 
 
 def _find_steady(
@@ -190,59 +186,18 @@ def _find_steady(
     return w / (2.0 * pi), F / (2.0 * prepared.mode.mass * w**2 * A)
 
 
+def _find_errors(
+    mode: DrivenMode, level: Level, k: int, frequency: float, ratio: float, *, read: bool
+) -> tuple[float, float]:
+    """Standard errors of frequency (Hz) and damping ratio of level number ``k``, by the noise of its rows.
+
+    If ``read`` at the phase resonance of rows: with the error of a phase, of which the slope is 1/(z f), as well.
+    """
+    frame = mode.record.frame
+    phase = float(frame.loc[frame["sweep"] == level.name, "phase_sd"].median()) if read else 0.0
+    return frequency * hypot(mode.frequency_sd[k], ratio * phase), ratio * hypot(mode.ratio_sd[k], phase)
+
+
 def _is_moved(resonance: float, ratio: float, fitted: float) -> bool:
     """Whether a phase resonance (Hz) lies beside the ``fitted`` frequency by more than ``BENT``."""
     return abs(resonance / fitted - 1.0) > BENT * ratio
-
-
-def _find_input(level: Level, frequency: float) -> float:
-    """The input at a mode in the unit of the drive: the run's level, unless it was notched there."""
-    stated = float(level.run.level or 0.0)
-    measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
-    return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
-
-
-def _list_responses(
-    level: Level,
-    k: int,
-    seen: tuple[FloatArray, FloatArray],
-    frequency: float,
-    ratio: tuple[float, float, float],
-    drive: float,
-) -> Iterator[Response]:
-    """Peak of every sensor kept, at a band of damping ratios (median, low, high); the largest gives the lowest peak.
-
-    ``seen``: residues (sensors,) of mode number ``k``, NaN for a sensor left out, and their relative standard errors.
-    """
-    residues, residues_sd = seen
-    peaks = np.array([_peaks(level, k, residues, z) for z in (ratio[0], ratio[2], ratio[1])]) * drive
-    for s, sensor in enumerate(level.run.channels):
-        if np.isfinite(residues[s]):
-            size = peaks[:, s] / (2.0 * pi * frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
-            spread = NORMAL_90 * float(hypot(residues_sd[s], level.fit.noise[0] / 3.0))
-            median, low, high = (float(part) for part in size)
-            below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
-            band = (median, median * exp(-below), median * exp(above))
-            yield Response(sensor.name, sensor.quantity, sensor.unit, band)
-
-
-def _peaks(level: Level, k: int, residues: FloatArray, ratio: float) -> FloatArray:
-    """|H| of each sensor (sensors,) at its peak nearest to the resonance, including the other modes and the base.
-
-    Modes keep the distances of the level: neighbours move with amplitude too. For a sensor without a peak there (on the
-    flank of a neighbouring mode) it is |H| at the resonance.
-    """
-    fit, frequency = level.fit, float(level.fit.frequency[k])
-    f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
-    columns = fit.columns(f)
-    columns[:, 2 + k] = (
-        fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
-    )
-    coefficients = fit.local[k].copy()
-    coefficients[:, 2 + k] = np.nan_to_num(residues)
-    size = np.abs(coefficients @ columns.T)
-    middle = len(f) // 2
-    inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
-    places = [np.flatnonzero(row) + 1 for row in inner]
-    nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
-    return np.asarray(size[np.arange(len(size)), nearest])

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from damping.campaign.values import At, Notch, Outcome
 from damping.extrapolation import Extrapolation, predict_record
+from damping.extrapolation.curve import Curve
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.formats.series import Summary
 from damping.ranking import weigh_laws
@@ -23,99 +25,6 @@ LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
 #: Least relative standard uncertainty of a measured damping ratio, for noise of the drive and calibration.
 LEAST_SPREAD = 0.01
-
-
-@dataclass(frozen=True)
-class Response:
-    """Peak of a sensor: ``band`` is (median, low, high) in ``unit``."""
-
-    sensor: str
-    quantity: str
-    unit: str
-    band: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class At:
-    """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
-
-    ``reached``: the input at the mode, if the run was notched there and the input is not the level.
-    """
-
-    level: float
-    tested: bool
-    frequency: float
-    ratio: tuple[float, float, float] | None
-    response: tuple[Response, ...]
-    cautions: tuple[str, ...]
-    reached: float | None = None
-
-    @property
-    def input(self) -> float:
-        """The input at the mode."""
-        return self.level if self.reached is None else self.reached
-
-
-@dataclass(frozen=True)
-class Notch:
-    """The notch that the limit of a sensor requires at one mode.
-
-    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
-    top level at this mode, in dB. Levels are in ``drive_unit``.
-    """
-
-    mode: str
-    sensor: str
-    unit: str
-    limit: float
-    design: float
-    level: float
-    depth_db: float
-    low: float | None
-    high: float | None
-    more_db: float
-    tested: float
-    drive_unit: str = ""
-
-    def __str__(self) -> str:
-        tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
-        more = f"at most {self.more_db:+.1f} dB from the {tested} tested at this mode"
-        if self.low is None or self.high is None:
-            return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
-        notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
-        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {design}; {more}"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A measured peak and its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
-
-    mode: str
-    sensor: str
-    unit: str
-    level: float
-    measured: float
-    predicted: tuple[float, float, float]
-    drive_unit: str = ""
-
-    @property
-    def above_db(self) -> float:
-        """Measured peak over the predicted median, dB."""
-        return float(20.0 * np.log10(self.measured / self.predicted[0]))
-
-    @property
-    def held(self) -> bool:
-        """Whether the measured peak lies in the predicted band."""
-        return self.predicted[1] <= self.measured <= self.predicted[2]
-
-    def __str__(self) -> str:
-        median, low, high = self.predicted
-        place, level = "within" if self.held else "OUTSIDE", f"{self.level:.3g} {self.drive_unit}".rstrip()
-        return (
-            f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
-            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
-        )
 
 
 @dataclass(frozen=True)
@@ -174,6 +83,13 @@ def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
     return tuple((law.name, law.weight) for law in predicted.plan.laws)
 
 
+def read_curve(curve: Curve, row: int) -> tuple[float, tuple[float, float, float], tuple[float, float]]:
+    """Frequency (Hz), band of the damping ratio, and standard errors of both of a row, as of a normal."""
+    f, zeta = curve.frequency.form(row), curve.damping_ratio.form(row)
+    errors = tuple((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
+    return f["median"], (zeta["median"], zeta["low"], zeta["high"]), (errors[0], errors[1])
+
+
 def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
     """Notes on preparation, the caution ``apart`` on a level unless it is in the ``row``, and cautions of the row."""
     known = not apart or any(apart in caution for caution in row)
@@ -193,6 +109,8 @@ class Campaign:
     outcomes: tuple[Outcome, ...] = ()
     changes: tuple[str, ...] = ()
     level_name: str = "amplitude"  #: quantity of a level
+    #: Time in s by which all sensors lag the drive, removed from the motions, and its standard error; None: none.
+    delay: tuple[float, float] | None = None
 
     @property
     def tested(self) -> tuple[int, int]:
@@ -214,6 +132,7 @@ class Campaign:
             "design": list(self.design),
             "level_name": self.level_name,
             "level_unit": self.unit,
+            "delay": dict(zip(("seconds", "error"), self.delay, strict=True)) if self.delay else None,
             "audit": [
                 asdict(finding) | {"sweeps": list(finding.sweeps), "mode": mode.name}
                 for mode in self.modes
@@ -247,7 +166,9 @@ def _mode_form(mode: ModeAnswer) -> dict[str, Any]:
                 "tested": at.tested,
                 "input": at.input,
                 "frequency": at.frequency,
+                "frequency_error": at.frequency_error,
                 "damping_ratio": _band(at.ratio),
+                "damping_ratio_error": at.ratio_error,
                 "response": [
                     {"sensor": response.sensor, "quantity": response.quantity, "unit": response.unit}
                     | _band(response.band)

@@ -3,33 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import At, Campaign, Outcome
+from damping.campaign.answer import Campaign
+from damping.campaign.values import At, Outcome, SensorPrediction
 
 SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
 SAME_LEVEL = 0.01  #: levels of two campaigns are the same if they differ by less than this share
 SHIFTED = 0.01  #: shift of a frequency, relative, that is told at a level tested before: remounting shifts by less
-
-
-@dataclass(frozen=True)
-class SensorPrediction:
-    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
-
-    ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
-    """
-
-    frequency: float
-    level: float
-    tested: bool
-    sensor: str
-    unit: str
-    band: tuple[float, float, float]
-    at_frequency: float | None = None
-    ratio: tuple[float | None, ...] | None = None
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:

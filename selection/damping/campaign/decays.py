@@ -18,17 +18,17 @@ from damping.campaign.answer import (
     LEAST_SPREAD,
     LEVEL,
     NORMAL_90,
-    At,
     Campaign,
     ModeAnswer,
-    Response,
     join_cautions,
     list_laws,
     predict_mode,
     rank_first,
+    read_curve,
 )
 from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
+from damping.campaign.values import At, Response
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -252,19 +252,21 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
     # reading of the sensor along the backbone: levels are readings
     along = np.geomspace(float(table["amplitude"].iloc[0]) / REACH, REACH * top, _ALONG)
-    frequency = backbone.frequency_at(along, LEVEL).median
-    along, frequency = along[np.isfinite(frequency)], frequency[np.isfinite(frequency)]
+    hertz = backbone.frequency_at(along, LEVEL).median
+    along, hertz = along[np.isfinite(hertz)], hertz[np.isfinite(hertz)]
     size = 1.0 / _find_factor(run.channels[0])
-    reading = along * (2.0 * pi * frequency) ** ORDERS[sensor.quantity] * size
+    reading = along * (2.0 * pi * hertz) ** ORDERS[sensor.quantity] * size
     measured = table[table["amplitude"].isin(mode.tops)]
     places = []
     for row in measured.to_dict("records"):
         w, A, F = 2.0 * pi * float(row["frequency"]), float(row["amplitude"]), float(row["force"])
-        z, spread = F / (2.0 * w**2 * A), NORMAL_90 * hypot(float(row["force_sd"]) / F, LEAST_SPREAD)
+        z, sd = F / (2.0 * w**2 * A), float(row["force_sd"]) / F
+        spread, f = NORMAL_90 * hypot(sd, LEAST_SPREAD), float(row["frequency"])
         level = A * w ** ORDERS[sensor.quantity] * size
         ratio = (z, z * exp(-spread), z * exp(spread))
         response = tuple(_list_shaped(run, mode, level))
-        places.append(At(level, True, float(row["frequency"]), ratio, response, mode.cautions))
+        # the slopes of the phase and of the logarithm of amplitude have one error
+        places.append(At(level, True, f, ratio, response, mode.cautions, None, f * z * sd, z * sd))
     beyond = [level.at(float(mode.mode.frequency)) for level in design] or [2.0 * places[-1].level]
     far = [level for level in beyond if not reading[0] <= level <= reading[-1]]
     if far:
@@ -276,11 +278,11 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     places = [replace(at, cautions=(*at.cautions, *join_cautions(prepared, apart))) for at in places]
     curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, prepared.data)
     for k, level in enumerate(beyond):
-        zeta, of = curve.damping_ratio, curve.frequency
-        ratio = (float(zeta.median[k]), float(zeta.low[k]), float(zeta.high[k]))
+        frequency, ratio, errors = read_curve(curve, k)
         cautions = (*mode.cautions, *join_cautions(prepared, apart, curve.cautions[k]))
-        response, known = tuple(_list_shaped(run, mode, level)), ratio if np.isfinite(ratio).all() else None
-        places.append(At(level, False, float(of.median[k]), known, response, cautions))
+        response = tuple(_list_shaped(run, mode, level))
+        known = (ratio, response, cautions, None, *errors) if np.isfinite(ratio).all() else (None, response, cautions)
+        places.append(At(level, False, frequency, *known))
     forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
     fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
     return ModeAnswer(law, tuple(places), *fields)

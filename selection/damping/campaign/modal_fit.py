@@ -41,14 +41,17 @@ class ModalFit(Poles):
 
     ``ratio_sd`` (modes,) relative; ``residues``, ``residues_sd`` (sensors, modes); ``local`` (modes, sensors,
     2 + modes): coefficients of c, of e (per Hz^2) and of every mode in the band of each. ``noise`` (2,): relative and
-    constant part of the noise of H.
+    constant part of the noise of H. ``frequency_sd`` (modes,) relative. ``delay`` (clusters, 3): the delay in s of
+    all sensors that lowers the misfit most, to first order, its standard error, and the squared misfit in its units.
     """
 
+    frequency_sd: FloatArray
     ratio_sd: FloatArray
     residues: FloatArray
     residues_sd: FloatArray
     local: FloatArray
     noise: FloatArray
+    delay: FloatArray
 
     def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
         """H (sensors, n) minus all terms but one mode: its residue times sign w^2 G, and noise."""
@@ -208,7 +211,7 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
     """Residues and standard errors of every mode in its band, with the poles of its cluster free."""
     sensors, modes = len(H), len(poles.frequency)
     residues, residues_sd = np.zeros((sensors, modes)), np.zeros((sensors, modes))
-    local, ratio_sd = np.zeros((modes, sensors, 2 + modes)), np.zeros(modes)
+    local, pole_sd, delays = np.zeros((modes, sensors, 2 + modes)), np.zeros((2, modes)), []
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
         columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
@@ -217,19 +220,31 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
         free = 3 * len(cluster) + np.count_nonzero(poles.friction[cluster])
         freedom = max(2 * residual.size - sensors * width - free, 1)
         misfit = max(float(np.sum(np.abs(residual) ** 2)) / freedom, 1.0)
-        variance = np.diag(misfit * _covariance(f[rows], columns, coefficients, sd, cluster, poles))
+        jacobian = _stack_derivatives(f[rows], columns, coefficients, sd, cluster, poles)
+        size = _measure_size(jacobian)
+        inverse = np.linalg.pinv(jacobian / size, rcond=1e-10)
+        deviation = np.sqrt(misfit * np.sum(inverse**2, axis=1)) / size
+        delayed = _stack_parts(-2j * np.pi * f[rows] * (coefficients @ columns.T) / sd)
+        delayed -= jacobian @ (inverse @ delayed / size)  # what no other parameter explains
+        square, rest = max(float(delayed @ delayed), 1e-300), _stack_parts(residual)
+        delays.append((float(delayed @ rest) / square, np.sqrt(misfit / square), float(rest @ rest) / misfit))
         for place, k in enumerate(cluster):
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
-            residues_sd[:, k] = np.sqrt(variance[[s * width + 2 + k for s in range(sensors)]])
-            ratio_sd[k] = np.sqrt(variance[sensors * width + place])
+            residues_sd[:, k] = deviation[[s * width + 2 + k for s in range(sensors)]]
+            pole_sd[:, k] = deviation[sensors * width + place + np.array([len(cluster), 0])]
     parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign, poles.drive)
-    return ModalFit(*parameters, ratio_sd, residues, residues_sd, local, noise)
+    return ModalFit(*parameters, pole_sd[0], pole_sd[1], residues, residues_sd, local, noise, np.array(delays))
 
 
-def _covariance(
+def _stack_parts(values: ComplexArray) -> FloatArray:
+    """Real, then imaginary parts of each sensor (sensors, n), sensor by sensor."""
+    return np.stack([values.real, values.imag], axis=1).ravel()
+
+
+def _stack_derivatives(
     f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
-    """Covariance of all coefficients, then of ln z, f (relative), s and t of the modes in the cluster."""
+    """Derivatives by all coefficients, then by ln z, f (relative), s and t of the modes in the cluster."""
     sensors, width, n = *coefficients.shape, len(f)
     moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
     jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
@@ -240,9 +255,7 @@ def _covariance(
             rows = slice((2 * s + part) * n, (2 * s + part + 1) * n)
             jacobian[rows, s * width : (s + 1) * width] = getattr(block, of_part)
             jacobian[rows, sensors * width :] = getattr(extra, of_part)
-    size = _measure_size(jacobian)
-    inverse = np.linalg.pinv(jacobian / size, rcond=1e-10)
-    return np.asarray((inverse @ inverse.T) / np.outer(size, size))
+    return jacobian
 
 
 def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, float]]:

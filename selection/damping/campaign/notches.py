@@ -12,7 +12,7 @@ from math import inf, log10, sqrt
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import At, Notch
+from damping.campaign.values import At, Notch
 
 
 def find_notches(

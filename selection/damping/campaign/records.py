@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
+from damping.campaign.delays import remove_delay
 from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
@@ -34,8 +35,8 @@ class DrivenMode:
     """A mode of all levels.
 
     ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN for a sensor left out; ``reference`` is
-    the index of the sensor of the coordinate. ``frequency``, ``ratio``, ``ratio_sd`` (levels,). ``left_out``: reasons
-    by sensor.
+    the index of the sensor of the coordinate. ``frequency``, relative ``frequency_sd``, ``ratio``, ``ratio_sd``
+    (levels,). ``left_out``: reasons by sensor.
     """
 
     number: int
@@ -43,6 +44,7 @@ class DrivenMode:
     residues: FloatArray
     residues_sd: FloatArray
     frequency: FloatArray
+    frequency_sd: FloatArray
     ratio: FloatArray
     ratio_sd: FloatArray
     left_out: dict[str, str]
@@ -101,10 +103,11 @@ def _choose_first(
 def fit_right_levels(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
 ) -> tuple[list[Level], dict[str, str]]:
-    """Every level fitted without misread sensors, and the reason for each of these (see ``find_misread``)."""
+    """Every level fitted without misread sensors and delay, and the reason for each of the former (`find_misread`)."""
     levels = fit_levels(runs, frequencies)
     misread = find_misread(levels, trusted)
-    return fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels, misread
+    levels = fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels
+    return remove_delay(levels, lambda runs: fit_levels(runs, frequencies)), misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
@@ -120,7 +123,7 @@ def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
 def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, ComplexArray, FloatArray]:
     """Frequencies (n,), accelerations per unit of drive (sensors, n) and the drive's amplitude (n,), all in SI.
 
-    ``harmonic``: 3 for the third harmonics of the sensors.
+    The delay of the sensors is removed. ``harmonic``: 3 for the third harmonics of the sensors.
     """
     assert run.drive is not None
     drive_unit = unit(run.drive_unit)
@@ -133,6 +136,7 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     for sensor in run.channels:
         samples = np.asarray(sensor.samples if harmonic == 1 else sensor.third)[keep]
         motion = samples * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
+        motion = motion * np.exp(1j * w * run.delay) if run.delay else motion
         rows.append(motion / drive_unit.factor if sensor.per_drive else motion / drive)
     return f, np.array(rows), np.abs(drive)
 
@@ -192,20 +196,21 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
         if mac < ALIKE:
             cautions += (f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})",)
     residues = np.where(kept, mean, np.nan)
-    frequency, ratio, ratio_sd = (
-        np.array([getattr(level.fit, name)[k] for level in levels]) for name in ("frequency", "ratio", "ratio_sd")
-    )
+    names_of = ("frequency", "frequency_sd", "ratio", "ratio_sd")
+    poles = {name: np.array([getattr(level.fit, name)[k] for level in levels]) for name in names_of}
     relative = error / np.abs(mean)
     mass_sd = max(0.005, float(relative[reference]))
     mode = Mode(
         name=f"mode-{number}",
-        frequency=float(frequency[0]),
+        frequency=float(poles["frequency"][0]),
         mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
         tolerance=Tolerance(frequency=0.001, mass=mass_sd, viscous=0.05, from_record=True),
         units=Units("N", "m", "s"),
     )
     record = _record(levels, k, residues, reference, mode.name)
-    return DrivenMode(k, reference, residues, relative, frequency, ratio, ratio_sd, left_out, cautions, record, mode)
+    return DrivenMode(
+        k, reference, residues, relative, **poles, left_out=left_out, cautions=cautions, record=record, mode=mode
+    )
 
 
 def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:

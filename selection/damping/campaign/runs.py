@@ -150,7 +150,7 @@ class CampaignRun:
     """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors.
 
     ``rate`` (n,): sweep rate in Hz/s, if known. ``left_out``: sensors removed from the channels because of their
-    readings, with reasons.
+    readings, with reasons. ``delay``: time in s by which all sensors lag the drive; channels are as in the file.
     """
 
     label: str
@@ -162,6 +162,7 @@ class CampaignRun:
     is_time: bool = False
     rate: FloatArray | None = None
     left_out: Mapping[str, str] = field(default_factory=dict)
+    delay: float = 0.0
 
     @property
     def is_base_driven(self) -> bool:

@@ -1,0 +1,122 @@
+"""Peaks of all sensors at a mode and level, with every mode at its own frequency and damping there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import exp, hypot, log, pi
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.campaign.answer import NORMAL_90, ModeAnswer
+from damping.campaign.modal_fit import Level, ModalFit
+from damping.campaign.poles import receptance
+from damping.campaign.records import DrivenMode
+from damping.campaign.runs import LABEL_AGREES, ORDERS
+from damping.campaign.values import At, Response
+from damping.formats.quantity import unit
+
+_SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
+#: Change of amplitude, in ln, from which the damping within a level follows from that at two levels.
+_APART = 0.05
+_SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """A mode, its ``answer`` without responses, and for each place in it the level whose fit ``shown`` there."""
+
+    mode: DrivenMode
+    answer: ModeAnswer
+    shown: tuple[Level, ...]
+
+
+def find_input(level: Level, frequency: float) -> float:
+    """The input at a mode in the unit of the drive: the run's level, unless it was notched there."""
+    stated = float(level.run.level or 0.0)
+    measured = float(np.interp(frequency, level.f, level.drive)) / unit(level.run.drive_unit).factor
+    return stated if abs(measured / stated - 1.0) <= LABEL_AGREES else measured
+
+
+def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Forecast], place: int) -> At:
+    """The place of a mode with its responses, by the fit of the level ``shown``.
+
+    Unless that is the run's own, the residues are those of all levels. At levels that were not tested, all modes move
+    as their ``forecasts`` say.
+    """
+    at, level, mode = own.answer.places[place], own.shown[place], own.mode
+    if at.ratio is None:
+        return at
+    tested = at.tested and level is levels[place]
+    residues = mode.residues_at(level) if tested else (mode.residues, mode.residues_sd)
+    others = [(one.mode.number, one.answer.places[place]) for one in forecasts]
+    fits = (level.fit,) if at.tested else tuple(_move_modes(level, others, part) for part in range(3))
+    return replace(at, response=tuple(_list_responses(level, fits, mode.number, residues, at)))
+
+
+def _move_modes(level: Level, others: Sequence[tuple[int, At]], part: int) -> ModalFit:
+    """The fit of a level with modes, by number, as they are at another; ``part`` of bands: 0 median, 1 low, 2 high.
+
+    Within the level, damping is the tested friction and a line in amplitude through the ratios of both levels.
+    """
+    fit = level.fit
+    frequency, ratio, slope, friction = (v.copy() for v in (fit.frequency, fit.ratio, fit.slope, fit.friction))
+    for k, at in others:
+        if at.ratio is None:
+            continue
+        z, f = float(fit.ratio[k]), float(fit.frequency[k])
+        frequency[k], ratio[k] = at.frequency, at.ratio[part]
+        # amplitude is input/(z f^2)
+        grown = at.input / find_input(level, f) * z / at.ratio[0] * (f / at.frequency) ** 2
+        friction[k] *= z / at.ratio[0] / grown
+        if abs(log(grown)) > _APART:
+            rest = z / at.ratio[0] - 1.0 - friction[k] * (grown - 1.0)
+            slope[k] = np.clip(rest / (1.0 / grown - 1.0), *_SLOPES)
+        friction[k] = min(friction[k], 1.0, 1.0 + slope[k])
+    return replace(fit, frequency=frequency, ratio=ratio, slope=slope, friction=friction)
+
+
+def _list_responses(
+    level: Level, fits: Sequence[ModalFit], k: int, seen: tuple[FloatArray, FloatArray], at: At
+) -> Iterator[Response]:
+    """Peak of every sensor kept, at a band of damping ratios (median, low, high); the largest gives the lowest peak.
+
+    ``fits``: by the median, low and high ratios of all modes, or a single one. ``seen``: residues (sensors,) of mode
+    number ``k``, NaN for a sensor left out, and their relative standard errors.
+    """
+    assert at.ratio is not None
+    residues, residues_sd = seen
+    drive = at.input * unit(level.run.drive_unit).factor
+    peaks = np.array([_peaks(fits[0], k, residues, z) for z in (at.ratio[0], at.ratio[2], at.ratio[1])]) * drive
+    beside = np.array([_peaks(fit, k, residues, at.ratio[0]) for fit in fits[1:]] or [peaks[0] / drive]) * drive
+    for s, sensor in enumerate(level.run.channels):
+        if np.isfinite(residues[s]):
+            size = peaks[:, s] / (2.0 * pi * at.frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
+            by_others = float(np.max(np.abs(np.log(beside[:, s] / peaks[0, s]))))
+            spread = hypot(NORMAL_90 * float(hypot(residues_sd[s], fits[0].noise[0] / 3.0)), by_others)
+            median, low, high = (float(part) for part in size)
+            below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
+            band = (median, median * exp(-below), median * exp(above))
+            yield Response(sensor.name, sensor.quantity, sensor.unit, band)
+
+
+def _peaks(fit: ModalFit, k: int, residues: FloatArray, ratio: float) -> FloatArray:
+    """|H| of each sensor (sensors,) at its peak nearest to the resonance, including the other modes and the base.
+
+    For a sensor without a peak there (on the flank of a neighbouring mode) it is |H| at the resonance.
+    """
+    frequency = float(fit.frequency[k])
+    f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
+    columns = fit.columns(f)
+    columns[:, 2 + k] = (
+        fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
+    )
+    coefficients = fit.local[k].copy()
+    coefficients[:, 2 + k] = np.nan_to_num(residues)
+    size = np.abs(coefficients @ columns.T)
+    middle = len(f) // 2
+    inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
+    places = [np.flatnonzero(row) + 1 for row in inner]
+    nearest = [int(p[np.argmin(np.abs(p - middle))]) if len(p) else middle for p in places]
+    return np.asarray(size[np.arange(len(size)), nearest])

@@ -1,0 +1,120 @@
+"""Values of a campaign's results: a mode at a level, the peak of a sensor, a notch, a prediction and its outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Response:
+    """Peak of a sensor: ``band`` is (median, low, high) in ``unit``."""
+
+    sensor: str
+    quantity: str
+    unit: str
+    band: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class At:
+    """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
+
+    ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown. ``reached``: the input at the
+    mode, if the run was notched there and the input is not the level.
+    """
+
+    level: float
+    tested: bool
+    frequency: float
+    ratio: tuple[float, float, float] | None
+    response: tuple[Response, ...]
+    cautions: tuple[str, ...]
+    reached: float | None = None
+    frequency_error: float | None = None
+    ratio_error: float | None = None
+
+    @property
+    def input(self) -> float:
+        """The input at the mode."""
+        return self.level if self.reached is None else self.reached
+
+
+@dataclass(frozen=True)
+class Notch:
+    """The notch that the limit of a sensor requires at one mode.
+
+    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
+    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
+    top level at this mode, in dB. Levels are in ``drive_unit``.
+    """
+
+    mode: str
+    sensor: str
+    unit: str
+    limit: float
+    design: float
+    level: float
+    depth_db: float
+    low: float | None
+    high: float | None
+    more_db: float
+    tested: float
+    drive_unit: str = ""
+
+    def __str__(self) -> str:
+        tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
+        more = f"at most {self.more_db:+.1f} dB from the {tested} tested at this mode"
+        if self.low is None or self.high is None:
+            return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
+        notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
+        return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: {notch} below {design}; {more}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A measured peak and its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
+
+    mode: str
+    sensor: str
+    unit: str
+    level: float
+    measured: float
+    predicted: tuple[float, float, float]
+    drive_unit: str = ""
+
+    @property
+    def above_db(self) -> float:
+        """Measured peak over the predicted median, dB."""
+        return float(20.0 * np.log10(self.measured / self.predicted[0]))
+
+    @property
+    def held(self) -> bool:
+        """Whether the measured peak lies in the predicted band."""
+        return self.predicted[1] <= self.measured <= self.predicted[2]
+
+    def __str__(self) -> str:
+        median, low, high = self.predicted
+        place, level = "within" if self.held else "OUTSIDE", f"{self.level:.3g} {self.drive_unit}".rstrip()
+        return (
+            f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
+            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
+        )
+
+
+@dataclass(frozen=True)
+class SensorPrediction:
+    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
+
+    ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
+    """
+
+    frequency: float
+    level: float
+    tested: bool
+    sensor: str
+    unit: str
+    band: tuple[float, float, float]
+    at_frequency: float | None = None
+    ratio: tuple[float | None, ...] | None = None
