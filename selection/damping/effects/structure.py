@@ -31,7 +31,7 @@ PATH = (
 _LOSS = FormVariable.between(0.002, 0.1, starts=(0.0,))
 #: Modal mass of one of two close modes over that of the other.
 _SHARE = FormVariable.between(0.2, 5.0, starts=(0.0,))
-#: Prior odds of a second mode against planar coupling, the usual cause of two close modes: 1 to 4.
+#: Prior odds of a second mode against planar coupling, the usual cause of two close modes: 1 to 4; of two, the square.
 _OWN_MASS = 0.25
 
 
@@ -278,4 +278,5 @@ NEIGHBOURS = Effect(
     forms=pair_forms,
     simulate=simulate_pair,
     need="sweep",
+    prior=_OWN_MASS**2,
 )
