@@ -85,8 +85,7 @@ def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[Condit
     labels = raw[description.raw.sweep].astype(str) if description.raw.sweep else pd.Series("", raw.index)
     for sensor in description.sensors:
         written = raw[sensor.column].to_numpy(float)
-        for label in labels.unique():
-            rows = (labels == label).to_numpy()
+        for label, rows in labels.groupby(labels, sort=False).indices.items():
             top = find_ceiling(written[rows], force[rows], per_force=sensor.per_force)
             if top is not None:
                 stays = f"readings of {sensor.name}{' times force' * sensor.per_force} stay at {top:.4g}"
