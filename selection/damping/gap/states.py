@@ -127,28 +127,16 @@ _CROSS_READING = 0.05
 
 
 def refuse_states(states: Sequence[State]) -> None:
-    """InputError for a state that is a copy of another, or names other units than the first."""
-    _refuse_copies(states)
-    _refuse_other_units(states)
-
-
-def _refuse_copies(states: Sequence[State]) -> None:
-    """InputError for two states of which the shorter repeats rows of the other, identical in every column."""
+    """InputError for a state that names other units than the first, or a copy: one whose rows all repeat another's."""
     for (j, (first, _)), (k, (other, _)) in combinations(enumerate(states, 1), 2):
-        columns = first.frame.columns.tolist()
-        if columns == other.frame.columns.tolist() and _share_rows(first, other, columns) == min(
-            len(first), len(other)
-        ):
+        columns, fewer = first.frame.columns.tolist(), min(len(first), len(other))
+        if columns == other.frame.columns.tolist() and _share_rows(first, other, columns) == fewer:
             message = f"the rows of states {j} and {k} are identical in every column"
             raise InputError(message, file=other.source or None, expected="each measured state once")
-
-
-def _refuse_other_units(states: Sequence[State]) -> None:
-    """InputError for a further state that names other units than the first: masses and coefficients are shared."""
-    first = states[0][1]
-    for number, (_, mode) in enumerate(states[1:], 2):
+    units = states[0][1].units
+    for number, (_, mode) in enumerate(states[1:], 2):  # masses and coefficients are shared
         for what, unit in vars(mode.units).items():
-            named = getattr(first.units, what)
+            named = getattr(units, what)
             if unit and named and unit != named:
                 message = f"state {number} has its {what} in {unit}, the first in {named}"
                 raise InputError(message, file=mode.source or None, expected="states in the same units")
