@@ -145,13 +145,12 @@ def refuse_states(states: Sequence[State]) -> None:
 def list_crossing(states: Sequence[State]) -> list[str]:
     """Cautions about motion across the measured axis where the rig is stated to have one plane."""
     cautions = []
-    for number, (record, mode) in enumerate(states, 1):
+    for k, (record, mode) in enumerate(states):
         share = record.column("amplitude_y", 0.0).max() / record.column("amplitude").max()
         if mode.rig.planes == 1 and share > _CROSS_READING:
-            of_state = f" of state {number}" if len(states) > 1 else ""
             cautions.append(
-                f"amplitude_y{of_state} reaches {share:.0%} of the amplitude, while [rig] planes = 1 excludes "
-                "motion across: no explanation with a second plane was tried"
+                f"amplitude_y{_name((k,), states)} reaches {share:.0%} of the amplitude, while [rig] planes = 1 "
+                "excludes motion across: no explanation with a second plane was tried"
             )
     return cautions
 
@@ -173,7 +172,7 @@ def list_repeated(states: Sequence[State]) -> list[str]:
 def list_unread(states: Sequence[State]) -> list[str]:
     """Cautions about further channels of records that are not used: half of a phasor is missing, or it is 0."""
     cautions = []
-    for number, (record, _) in enumerate(states, 1):
+    for k, (record, _) in enumerate(states):
         for channel in FURTHER_CHANNELS:
             amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
             read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
@@ -184,8 +183,7 @@ def list_unread(states: Sequence[State]) -> list[str]:
             ):
                 if unread.any():
                     rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
-                    of_state = f" of state {number}" if len(states) > 1 else ""
-                    cautions.append(f"{name}{of_state} is {fault}{rows} and is not used: {why}")
+                    cautions.append(f"{name}{_name((k,), states)} is {fault}{rows} and is not used: {why}")
     return cautions
 
 
