@@ -252,14 +252,14 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
         description: the keys of a CONDITION.toml, or the path of one (:mod:`damping.signals.description`).
 
     Raises:
-        InputError: a description or a table that contradicts itself. AnalysisError: a step that cannot be done on it.
+        InputError: a description or a table that contradicts itself.
+        AnalysisError: a requested step cannot be done on this table.
     """
     from damping.signals.reading import check_raw, condition_steps, list_doubts, read_description  # noqa: PLC0415 - its schema loads slowly
 
     check_kind(frame, pd.DataFrame, "table")
     described = read_description(description)
-    raw = check_raw(frame, described)
-    steps = condition_steps(raw, described)
+    steps = condition_steps(raw := check_raw(frame, described), described)
     named = Record(steps[-1].after, described.title or "conditioned")
     return ConditionResult(named, named.source, steps=steps, doubts=list_doubts(raw, described, steps))
 

@@ -869,6 +869,12 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
     )
 
 
+def test_a_single_level_is_compared_with_itself(bare_mode):
+    mode = bare_mode(49.0, [place(1.0, 49.0, 0.01)])
+    (line,) = describe_changes(known(1.0, True), Campaign((mode,), (), (), "g"))
+    assert line.startswith("mode-1 at 1 g, tested before, has changed: 49 Hz (50 then, -2.0 %)")
+
+
 def test_modes_without_a_counterpart_are_named(bare_mode):
     before = [*known(0.5, True), *known(1.0, True)]
     mode = bare_mode(46.0, [place(level, 46.0, 0.01) for level in (0.5, 1.0)])

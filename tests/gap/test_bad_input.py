@@ -199,7 +199,6 @@ def test_model_and_record_of_different_modes(lab, honest, ratio):
     with pytest.raises(AnalysisError, match="different modes") as refused:
         diagnose(honest(frequency=ratio), lab.mode())
     assert "simulated resonance 3 Hz" in str(refused.value)
-    assert ("rad/s?" in str(refused.value)) == (ratio == 2 * np.pi)
 
 
 @pytest.mark.parametrize("times", [7.0, 25.0, 50.0])

@@ -275,6 +275,10 @@ def test_a_record_that_fits_where_its_levels_scatter_as_one_rig_in_ten_says_so_f
     (verdict,) = describe_diagnosis(found)["verdict"]
     assert "only if the readings of the levels scatter by 2.50%" in verdict
     assert "already fits" not in verdict
+    assert "free within their tolerance" in verdict
+    mode = replace(found.mode, tolerance=replace(found.mode.tolerance, from_record=True))
+    (verdict,) = describe_diagnosis(replace(found, mode=mode))["verdict"]
+    assert "taken from this very record, fits the test to its noise" in verdict
 
 
 def test_a_drive_that_slows_down_as_the_motion_grows_is_told_beside_the_spring_it_imitates(lab):

@@ -11,7 +11,7 @@ import pytest
 from audit_cases import LAWS, Bench, at_one_amplitude, clean, dropped_out, measured, record_of
 
 from damping.records import audit
-from damping.records.check_ceiling import check_ceiling
+from damping.records.check_ceiling import check_ceiling, find_ceiling
 from damping.records.view import View
 
 BENCH = Bench(levels=3, rows=41, noise=0.005, span=(-6.0, 6.0))
@@ -67,6 +67,19 @@ def test_a_clipped_sine_is_named_by_its_phases_whatever_the_damping_and_the_spri
     """Noise after clipping, as of an instrument whose input clips."""
     bench = replace(BENCH, law=law, bend=bend, rows=61)
     assert found_in(measured(clipped_sine(share)(clean(bench)), bench), bench) == ["sensor-saturation"]
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_a_response_per_force_with_few_digits_has_no_ceiling(digits):
+    """Times a force of more digits it has many; clipped, it stands at its ceiling times the force."""
+    f = np.linspace(17.0, 23.0, 121)
+    H = 0.01 / np.abs(1.0 - (f / 20.0) ** 2 + 0.1j * (f / 20.0))
+    F = np.full(len(f), 3.3337) * (1.0 + 0.01 * np.sin(f))
+    rounded = np.array([float(f"{value:.{digits - 1}e}") for value in H])
+    assert find_ceiling(rounded, np.full(len(f), 3.3337), per_force=True) is None
+    assert find_ceiling(H, F, per_force=True) is None
+    found = find_ceiling(np.minimum(H * F, 0.2) / F, F, per_force=True)
+    assert found == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("law", LAWS)

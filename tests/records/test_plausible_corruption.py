@@ -99,6 +99,15 @@ def taken_again(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
     return pd.concat([table, tops]).sort_values("sweep", kind="stable", ignore_index=True)
 
 
+def run_again(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """The first level run again at a force within a hundredth, every reading with two digits."""
+    again = table[table["sweep"] == "A"].assign(sweep="again")
+    again = again.assign(**{name: 1.004 * again[name] for name in ("force", "amplitude")})
+    again["amplitude"] *= 1.0 + 3e-3 * rng.standard_normal(len(again))
+    both = pd.concat([table, again], ignore_index=True)
+    return both.assign(amplitude=[float(f"{value:.2g}") for value in both["amplitude"]], phase=both["phase"].round(2))
+
+
 #: What goes wrong, by the check that is to name it, and whether it is to be refused.
 WRONG: dict[str, tuple[str, bool, Change]] = {
     "amplitude in another unit": ("units", True, scaled("amplitude")),
@@ -131,6 +140,7 @@ RIGHT: dict[str, Change] = {
     "another column": lambda t, _: t.assign(temperature=21.0),
     "one level fewer": lambda t, _: t[t["sweep"] != t["sweep"].iloc[-1]],
     "a point taken again": taken_again,
+    "a level run again": run_again,
     "two digits": lambda t, _: t.assign(
         amplitude=[float(f"{value:.2g}") for value in t["amplitude"]], phase=t["phase"].round(2)
     ),
@@ -175,6 +185,13 @@ def test_what_is_done_by_right_is_neither_refused_nor_called_a_copy(name):
         if found.verdict == "refuse" or copied:
             refused.append(f"{bench}: {found}")
     assert not refused
+
+
+def test_levels_in_a_large_unit_of_length_are_no_copies():
+    """Amplitudes of less than a nanometre, in metres."""
+    table = draw(0)[1].drop(columns="phase")
+    small = table.assign(amplitude=1e-9 * table["amplitude"] / table["amplitude"].max())
+    assert "repeated-sweep" not in [finding.check for finding in audit(record_of(small)).findings]
 
 
 def words(command: str, folder, record, mode) -> tuple[object, ...]:

@@ -221,6 +221,13 @@ def test_a_tone_beside_the_mode_is_said() -> None:
     assert not any("caution" in note for note in decay(t, x + noise).notes)
 
 
+def test_another_blow_after_a_decay_is_no_tone_beside_it() -> None:
+    t, x = exponential(0.03, 120)
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(t))
+    again = np.concatenate([np.zeros(len(t) // 2), 0.5 * x[: len(t) - len(t) // 2]])
+    assert not any("caution" in note for note in decay(t, x + again + noise).notes)
+
+
 def test_a_decay_too_short_for_a_level_is_said() -> None:
     t, x = exponential(0.01, 60)
     with pytest.raises(AnalysisError, match=r"no level of the decay .*; above the noise it lasts .* s, too short"):

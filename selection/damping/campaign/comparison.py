@@ -103,8 +103,8 @@ def _are_apart(band: tuple[float, float, float], other: Iterable[float]) -> bool
 
 
 def _interpolate(rows: Mapping[float, Sequence[float | None]], level: float) -> FloatArray | None:
-    """Values at a level between those of ``rows``, by level, on logarithmic axes; None outside, or of unknown ones."""
-    if len(rows) < 2 or not min(rows) * (1.0 - SAME_LEVEL) <= level <= max(rows) * (1.0 + SAME_LEVEL):
+    """Values at a level at or between those of ``rows``, by level, on logarithmic axes; None outside, or if unknown."""
+    if not rows or not min(rows) * (1.0 - SAME_LEVEL) <= level <= max(rows) * (1.0 + SAME_LEVEL):
         return None
     known = np.array([rows[at] for at in sorted(rows)], dtype=np.float64)
     values = [np.exp(np.interp(np.log(level), np.log(sorted(rows)), np.log(column))) for column in known.T]

@@ -138,8 +138,7 @@ class Source:
         require_finite(f"drive of {run.label}", run.drive)
         drive, limits = np.abs(run.drive), {}
         for channel in run.channels:
-            A = np.abs(channel.samples) * (drive if channel.per_drive else 1.0)
-            limits[channel.name] = find_ceiling(A, drive)
+            limits[channel.name] = find_ceiling(np.abs(channel.samples), drive, per_force=channel.per_drive)
         return self.leave_clipped(limits, run)
 
     def leave_clipped(self, limits: Mapping[str, float | None], run: CampaignRun) -> CampaignRun:

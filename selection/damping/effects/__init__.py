@@ -44,7 +44,9 @@ FOREIGN: dict[str, Effect] = {
 } | {
     effect.name: effect
     for effect in (
-        *foreign.SINGLE,
+        foreign.SLOW_SPRING,
+        foreign.FALLING_FRICTION,
+        foreign.MEMORY,
         contact.RUB,
         contact.LOOSE_DASHPOT,
         structure.NEIGHBOURS,

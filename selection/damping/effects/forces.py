@@ -180,21 +180,21 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     One joint, many with unbounded or bounded limits, or one that yields gradually; less of a simulated one.
     """
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
-    spread = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
+    limits = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
     kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
     return (
         _joint_form((limit,), scales),
-        _joint_form((spread, kappa), scales),
-        _joint_form((spread, kappa), scales, "bounded"),
-        _joint_form((spread,), scales, "smooth"),
+        _joint_form((limits, kappa), scales),
+        _joint_form((limits, kappa), scales, "bounded"),
+        _joint_form((limits,), scales, "smooth"),
         *less_forms(SLIP, scales),
     )
 
 
 def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = "") -> Form:
     def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        spread = {"kappa": kappa[0]} if kappa else {}
-        return {"stiffness": stiffness, "limit": limit} | spread | ({switch: 1.0} if switch else {})
+        switches = ({"kappa": kappa[0]} if kappa else {}) | ({switch: 1.0} if switch else {})
+        return {"stiffness": stiffness, "limit": limit} | switches
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness)
 

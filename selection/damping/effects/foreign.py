@@ -180,7 +180,3 @@ MEMORY = Effect(
     simulate=simulate_memory,
     need="sweep",  # at resonance alone it is a damper
 )
-
-
-#: Foreign causes that count once (`damping.effects.FOREIGN`).
-SINGLE = (SLOW_SPRING, FALLING_FRICTION, MEMORY)

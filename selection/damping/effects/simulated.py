@@ -36,12 +36,7 @@ def factor_forms(effect: Effect, simulated: Mapping[str, float], scales: Scales)
         return {**simulated, leading: simulated[leading] * share}
 
     def change(terms: Terms, beyond: Floats) -> Terms:
-        scaled = build(**part(np.exp(beyond + np.copysign(least, beyond))))
-        forces = (
-            scaled if number < terms.simulated and force.name == scaled.name else force
-            for number, force in enumerate(terms.forces)
-        )
-        return terms._replace(forces=tuple(forces))
+        return _exchange(terms, effect.damping, build(**part(np.exp(beyond + np.copysign(least, beyond)))))
 
     def report(beyond: Floats) -> dict[str, Floats]:
         relative = np.expm1(beyond + np.copysign(least, beyond))
@@ -50,6 +45,14 @@ def factor_forms(effect: Effect, simulated: Mapping[str, float], scales: Scales)
     # neither side mirrors the other: both begin at 3 tolerances
     options: dict[str, Any] = {"largest": _MOST_FACTOR, "replaces": effect.damping, "sizes": _FACTORS, "mirror": ""}
     return effect.either_sign(report, change=change, **options)
+
+
+def _exchange(terms: Terms, name: str, other: Force) -> Terms:
+    """The terms with the simulated force called ``name`` replaced by another."""
+    forces = (
+        other if number < terms.simulated and force.name == name else force for number, force in enumerate(terms.forces)
+    )
+    return terms._replace(forces=tuple(forces))
 
 
 def less_forms(effect: Effect, scales: Scales) -> tuple[Form, ...]:
@@ -76,12 +79,7 @@ def instead_form(effect: Effect, kind: Callable[[Floats], Force], scales: Scales
     equal = float(viscous) / float(kind(1.0).quadrature(scales.A_high, scales.omega_n))
 
     def change(terms: Terms, strength: Floats) -> Terms:
-        force = kind(equal * strength**_KNOWN_SIZE)
-        forces = (
-            force if number < terms.simulated and isinstance(other, Viscous) else other
-            for number, other in enumerate(terms.forces)
-        )
-        return terms._replace(forces=tuple(forces))
+        return _exchange(terms, Viscous.name, kind(equal * strength**_KNOWN_SIZE))
 
     def report(strength: Floats) -> dict[str, Floats]:
         return {"coefficient": equal * strength**_KNOWN_SIZE, "instead": 1.0}

@@ -88,9 +88,9 @@ class SlippingForce(GrowingForce):
 class Slip(SlippingForce):
     """One joint of stiffness k = K - K1 that sticks up to the amplitude A1.
 
-    The joint follows the displacement with slope k between the forces
-    -k A1 and k A1 and slips at either; its loop is a parallelogram of area 4 k A1 (A - A1), which is the energy per
-    cycle (the printed Eq 2.4.3 is not: erratum E243). Both averages saturate: C tends to 4 k A1/pi.
+    The joint follows the displacement with slope k between the forces -k A1 and k A1 and slips at either; its loop is a
+    parallelogram of area 4 k A1 (A - A1), which is the energy per cycle (the printed Eq 2.4.3 is not: erratum E243).
+    Both averages saturate: C tends to 4 k A1/pi.
     """
 
     label: ClassVar[str] = "slip joint (bilinear)"

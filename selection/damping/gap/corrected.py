@@ -141,10 +141,8 @@ def describe_spring(fit: ModelFit) -> list[str]:
     mass or of a true frequency omega (1 - s a/2) that is recorded as omega, by the width of the resonance too. None
     with third harmonics, which only the spring has in full.
     """
-    if (
-        not {"stiffness-hardening", "stiffness-softening"} & set(fit.effects)
-        or "third" in fit.model.problem.rows.channels
-    ):
+    springs = {"stiffness-hardening", "stiffness-softening"}
+    if springs.isdisjoint(fit.effects) or "third" in fit.model.problem.rows.channels:
         return []
     return [
         "a stiffness or mass that follows the mean square of the motion, or a drive whose frequency departs from the "

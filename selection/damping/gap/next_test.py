@@ -166,7 +166,8 @@ def rank_tests(
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
     if not worth:  # no test excludes some rivals; tests may exclude the others
-        excludable = [rival for at, rival in enumerate(rivals) if _best_odds(runs, at, rival.hypothesis.best) > WORTH]
+        most = [max(_odds([run.missed[at]], rival.hypothesis.best) for run in runs) for at, rival in enumerate(rivals)]
+        excludable = [rival for rival, odds in zip(rivals, most, strict=True) if odds > WORTH]
         if 0 < len(excludable) < len(rivals):
             return rank_tests([listed[0], *excludable], fitted, in_library, command, unit, columns, imitations)
         first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
@@ -174,12 +175,7 @@ def rank_tests(
     elif max(test.probability for test in worth) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
         worth += [pair for pair in foresee_pairs(first) if pair.probability >= COVER]
-    return tuple(sorted(worth, key=_by_probability))
-
-
-def _by_probability(test: NextTest) -> float:
-    """Sort key: least for tests that settle the case, which stay in their order, then for the surest."""
-    return -min(test.probability, COVER)
+    return tuple(sorted(worth, key=lambda test: -min(test.probability, COVER)))  # tests that settle it stay in order
 
 
 def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
@@ -258,11 +254,6 @@ def _miss(seen: Rows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Mis
     by_gain, by_frequency = misfit.by_sweep()
     C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
     return _Missed(misfit.r[0], (misfit.r[1:] - misfit.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
-
-
-def _best_odds(runs: Sequence[_Run], at: int, rival: ModelFit) -> float:
-    """The largest log odds of a single run against a rival, the ``at``-th of those compared."""
-    return max(_odds([run.missed[at]], rival) for run in runs)
 
 
 def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:

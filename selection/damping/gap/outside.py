@@ -1,6 +1,6 @@
 """Causes outside the library, weighed against the leading explanation.
 
-These are the forces and parts of `damping.effects.foreign`, and amplitudes of another quantity than displacement.
+These are the effects of `damping.effects.FOREIGN`, and amplitudes of another quantity than displacement.
 """
 
 from collections.abc import Mapping, Sequence

@@ -173,10 +173,10 @@ def refuse_rows(states: Sequence[State]) -> None:
             f"{states[0][0].source}: {count} rows; at most {MOST_ROWS} can be diagnosed: keep every second row"
         )
     for record, mode in states:
-        refuse_other_mode(read_rows(record, mode), mode)
+        _refuse_other_mode(read_rows(record, mode), mode)
 
 
-def refuse_other_mode(rows: Rows, mode: Mode) -> None:
+def _refuse_other_mode(rows: Rows, mode: Mode) -> None:
     """AnalysisError for a record that is plainly of another mode.
 
     Its frequencies, or the largest amplitudes per force of all its sweeps, lie far from the mode's frequency, and no
@@ -194,14 +194,10 @@ def refuse_other_mode(rows: Rows, mode: Mode) -> None:
     of_sweeps = np.array([hertz[run[np.argmax(response[run])]] for run in rows.runs])
     if inside and (edge or broad or np.abs(of_sweeps / mode.frequency - 1.0).min() < _ANOTHER_MODE):
         return
-    message = (
+    raise AnalysisError(
         f"model and record are of different modes: simulated resonance {mode.frequency:g} Hz, "
         f"record {hertz.min():g} to {hertz.max():g} Hz with its largest response at {peak:g} Hz"
     )
-    for factor, meaning in ((2.0 * pi, "rad/s"), (1.0 / 60.0, "1/min")):
-        if abs(peak / (mode.frequency * factor) - 1.0) < 0.5 * _ANOTHER_MODE:
-            message += f" (are the record's frequencies in {meaning}?)"
-    raise AnalysisError(message)
 
 
 def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:

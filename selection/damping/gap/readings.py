@@ -12,6 +12,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.problem import Setting
 from damping.gap.size import measure_gap, regular_values, root_mean_square
 from damping.gap.unknowns import roughness, spread
+from damping.gap.where import by_quantity
 
 #: The noise is plainly too large where the residuals, plus two standard errors, are below this share of it.
 _QUIET = 0.8
@@ -48,9 +49,7 @@ def list_far_readings(fit: ModelFit) -> tuple[FarReading, ...]:
     """Readings that a fit treats as wild, the farthest first."""
     rows = fit.model.problem.rows
     r = fit.r * np.where(fit.wild, fit.model.scatter.dispersion, 0.0)
-    quantities = {"amplitude": r[: len(rows)]}
-    if rows.has_phase:
-        quantities["phase"] = r[len(rows) : 2 * len(rows)]
+    quantities = by_quantity(rows, r)
     for channel, name in (("third", "third harmonic"), ("cross", "motion across")):
         if channel in rows.channels:
             quantities[name] = np.hypot(*r[rows.places(channel)].reshape(2, -1))

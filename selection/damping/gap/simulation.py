@@ -135,9 +135,7 @@ class Simulation:
             weighed=of_states["mass"],
             stated=of_states["damping"],
             beside=() if self.simulator is None else (self.simulator.beside(deviation[:, first:]),),
-            law=rates.get("law", 0.0),
-            ringing=rates.get("ringing", 0.0),
-            begun=rates.get("begun", 0.0),
+            **rates,
         )
 
 
@@ -207,13 +205,13 @@ class Simulator:
         for parameter in parameters:
             pair = parameter.default
             if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
-                told = f"parameter {parameter.name} of the simulator has no such default"
-                raise InputError(told, expected="a default (value, tolerance)")
+                what = f"parameter {parameter.name} of the simulator has no such default"
+                raise InputError(what, expected="a default (value, tolerance)")
             value, tolerance = map(float, pair)
             if not np.isfinite(value) or (value == 0.0 and tolerance > 0.0):
-                told = f"parameter {parameter.name} of the simulator is {value:g}"
+                what = f"parameter {parameter.name} of the simulator is {value:g}"
                 expected = "a finite number" if value else "another number, or tolerance 0: a share of 0 is 0"
-                raise InputError(told, expected=expected)
+                raise InputError(what, expected=expected)
             if not 0.0 <= tolerance < np.inf:
                 what = f"the tolerance of parameter {parameter.name} of the simulator is {tolerance:g}"
                 raise InputError(what, expected="a relative standard uncertainty, 0 or more")
@@ -264,8 +262,8 @@ class Simulator:
         A, phase = self._answer(force, frequency, {})
         again, turned = self._answer(force, frequency, {})
         if (apart := float(np.max(np.abs(again * np.exp(1j * (turned - phase)) / A - 1.0)))) > REPEATED:
-            told = f"the simulator answers the same call twice, {100.0 * apart:.2g} % apart"
-            raise InputError(told, expected="one answer to one question: fix the seed, or let it converge further")
+            what = f"the simulator answers the same call twice, {100.0 * apart:.2g} % apart"
+            raise InputError(what, expected="one answer to one question: fix the seed, or let it converge further")
         answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")
         for finding in audit(answer, self.mode).findings:
             if finding.verdict == "refuse" and finding.check in NONSENSE:

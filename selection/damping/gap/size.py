@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from damping.arrays import BoolArray, FloatArray
+from damping.effects import CATALOGUE
 from damping.effects.contract import Terms
 from damping.gap.corrected import CONTENT
 from damping.gap.fit import ModelFit, fit_model
@@ -26,8 +27,6 @@ MOST_FOLDS = 3
 #: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
 _CLOSED = 0.8
 _FAILED = 0.5
-#: Effects of single sweeps or of one state, which cannot predict a level that is held out.
-_OF_ONE_SWEEP = {"drift", "level-offset"}
 
 
 @dataclass(frozen=True)
@@ -223,7 +222,9 @@ class HeldOut(Gap):
 
 def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -> list[str]:
     """The caution where an explanation closes the gap, but not on levels that did not choose it."""
-    if _OF_ONE_SWEEP & leading.key or held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+    if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
+        return []
+    if any(CATALOGUE[name].passing for name in leading.effects):  # no other level predicts it
         return []
     if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
         return []

@@ -127,28 +127,16 @@ _CROSS_READING = 0.05
 
 
 def refuse_states(states: Sequence[State]) -> None:
-    """InputError for a state that is a copy of another, or names other units than the first."""
-    _refuse_copies(states)
-    _refuse_other_units(states)
-
-
-def _refuse_copies(states: Sequence[State]) -> None:
-    """InputError for two states of which the shorter repeats rows of the other, identical in every column."""
+    """InputError for a state that names other units than the first, or a copy: one whose rows all repeat another's."""
     for (j, (first, _)), (k, (other, _)) in combinations(enumerate(states, 1), 2):
-        columns = first.frame.columns.tolist()
-        if columns == other.frame.columns.tolist() and _share_rows(first, other, columns) == min(
-            len(first), len(other)
-        ):
+        columns, fewer = first.frame.columns.tolist(), min(len(first), len(other))
+        if columns == other.frame.columns.tolist() and _share_rows(first, other, columns) == fewer:
             message = f"the rows of states {j} and {k} are identical in every column"
             raise InputError(message, file=other.source or None, expected="each measured state once")
-
-
-def _refuse_other_units(states: Sequence[State]) -> None:
-    """InputError for a further state that names other units than the first: masses and coefficients are shared."""
-    first = states[0][1]
-    for number, (_, mode) in enumerate(states[1:], 2):
+    units = states[0][1].units
+    for number, (_, mode) in enumerate(states[1:], 2):  # masses and coefficients are shared
         for what, unit in vars(mode.units).items():
-            named = getattr(first.units, what)
+            named = getattr(units, what)
             if unit and named and unit != named:
                 message = f"state {number} has its {what} in {unit}, the first in {named}"
                 raise InputError(message, file=mode.source or None, expected="states in the same units")
@@ -157,13 +145,12 @@ def _refuse_other_units(states: Sequence[State]) -> None:
 def list_crossing(states: Sequence[State]) -> list[str]:
     """Cautions about motion across the measured axis where the rig is stated to have one plane."""
     cautions = []
-    for number, (record, mode) in enumerate(states, 1):
+    for k, (record, mode) in enumerate(states):
         share = record.column("amplitude_y", 0.0).max() / record.column("amplitude").max()
         if mode.rig.planes == 1 and share > _CROSS_READING:
-            of_state = f" of state {number}" if len(states) > 1 else ""
             cautions.append(
-                f"amplitude_y{of_state} reaches {share:.0%} of the amplitude, while [rig] planes = 1 excludes "
-                "motion across: no explanation with a second plane was tried"
+                f"amplitude_y{_name((k,), states)} reaches {share:.0%} of the amplitude, while [rig] planes = 1 "
+                "excludes motion across: no explanation with a second plane was tried"
             )
     return cautions
 
@@ -185,7 +172,7 @@ def list_repeated(states: Sequence[State]) -> list[str]:
 def list_unread(states: Sequence[State]) -> list[str]:
     """Cautions about further channels of records that are not used: half of a phasor is missing, or it is 0."""
     cautions = []
-    for number, (record, _) in enumerate(states, 1):
+    for k, (record, _) in enumerate(states):
         for channel in FURTHER_CHANNELS:
             amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
             read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
@@ -196,8 +183,7 @@ def list_unread(states: Sequence[State]) -> list[str]:
             ):
                 if unread.any():
                     rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
-                    of_state = f" of state {number}" if len(states) > 1 else ""
-                    cautions.append(f"{name}{of_state} is {fault}{rows} and is not used: {why}")
+                    cautions.append(f"{name}{_name((k,), states)} is {fault}{rows} and is not used: {why}")
     return cautions
 
 

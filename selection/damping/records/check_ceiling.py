@@ -148,19 +148,21 @@ def _is_flat(run: Run) -> bool:
     return bool(linear and risen > 2.0 * STEEPEST * fallen)
 
 
-def find_ceiling(A: FloatArray, F: FloatArray) -> float | None:
-    """The value at which amplitudes A (n,) of a sweep stand under a steady force F (n,); None if there is none.
+def find_ceiling(written: FloatArray, F: FloatArray, *, per_force: bool = False) -> float | None:
+    """The value at which amplitudes of a sweep stand under a steady force F (n,); None if there is none.
 
     Four measurements do not agree to the last digit by chance. A smooth top has twice as many rows within four times
-    the distance below its largest. A response held by its controller has a falling force.
+    the distance below its largest. A response held by its controller has a falling force. ``written``: the amplitudes
+    as a table has them (n,), if ``per_force`` over F.
     """
+    A = written * F if per_force else written
     top = float(A.max(initial=0.0))
     below = 1.0 - A / top if top > 0.0 else np.zeros(len(A))
     near, beside = below <= LAST_DIGIT, int(np.sum(below <= 4.0 * LAST_DIGIT))
     if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
         return None
     steady = np.ptp(F[near]) <= STEADY * F[near].max()
-    return top if steady and _count_digits(A) == DIGITS else None
+    return top if steady and _count_digits(written) == DIGITS else None
 
 
 def find_resolution(A: FloatArray) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.records.check_ceiling import find_resolution
-from damping.records.runs import FEWEST_ROWS, Run
+from damping.records.runs import FEWEST_ROWS, Run, slide_median
 from damping.records.view import Finding, View, label_sweeps
 
 
@@ -34,15 +34,15 @@ NOISE_OF_COPY = 5.0  #: and if the noise of their rows exceeds that by this fact
 
 def _find_factor(first: Run, second: Run) -> float | None:
     """The constant factor between the amplitudes of two runs; None if they are not copies."""
-    if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9):
+    if len(first) != len(second) or not np.allclose(first.omega, second.omega, rtol=1e-9, atol=0.0):
         return None
     if first.phase is not None and (
         second.phase is None or not np.allclose(first.phase, second.phase, rtol=0.0, atol=1e-9)
     ):
         return None
-    same = np.allclose(first.A, second.A, rtol=1e-12)
+    same = np.allclose(first.A, second.A, rtol=1e-12, atol=0.0)
     if len(first) < FEWEST_ROWS:
-        return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12) else None
+        return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12, atol=0.0) else None
     ratio = np.log(second.A / first.A)
     noisy = first.noise > NOISE_OF_COPY * COPY
     scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
@@ -102,16 +102,13 @@ def _find_pasted_rows(runs: Sequence[Run]) -> Iterator[tuple[tuple[Run, int, int
     seen: dict[bytes, list[tuple[Run, int]]] = {}
     for run in runs:
         readings = np.column_stack([run.A] if run.phase is None else [run.A, run.phase])
-        size = FEWEST_COPIED[run.phase is None]
-        steps = np.abs(np.diff(run.A)) if len(run) >= size else np.empty(0)
-        least = LEAST_STEP * find_resolution(run.A) if len(steps) else 0.0
-        for k in range(len(run) - size + 1):
-            if np.median(steps[k : k + size - 1]) < least:
-                continue
+        size, least = FEWEST_COPIED[run.phase is None], LEAST_STEP * find_resolution(run.A)
+        moves = slide_median(np.abs(np.diff(run.A)), size - 1) >= least if len(run) >= size else np.empty(0)
+        for k in np.flatnonzero(moves).tolist():
             earlier = seen.setdefault(readings[k : k + size].tobytes(), [])
             for other, start in earlier:
                 copied = other is run or _find_factor(other, run) is None  # else a copy of the whole sweep
-                if copied and not _is_at_one_place(run, k, other, start, size):
+                if copied and _expect_change(run, k, other, start, size) >= least:
                     last = k + size - 1
                     while _is_one_reading(run, last + 1, other, start + last + 1 - k):
                         last += 1
@@ -119,10 +116,15 @@ def _find_pasted_rows(runs: Sequence[Run]) -> Iterator[tuple[tuple[Run, int, int
             earlier.append((run, k))
 
 
-def _is_at_one_place(run: Run, k: int, other: Run, start: int, size: int) -> bool:
-    """Whether rows have the frequencies and forces of others, as where a computed sweep is repeated."""
-    pairs = ((run.omega, other.omega), (run.F, other.F))
-    return all(np.allclose(a[k : k + size], b[start : start + size], rtol=1e-9) for a, b in pairs)
+def _expect_change(run: Run, k: int, other: Run, start: int, size: int) -> float:
+    """Change of amplitude, to first order, by which rows differ from others of another frequency or force.
+
+    It is less than the last digit where a level is run again, by a test or in a computation.
+    """
+    here, there = slice(k, k + size), slice(start, start + size)
+    slope = np.median(np.abs(np.diff(run.A[here]))) / max(np.median(np.diff(run.omega[here])), 1e-300)
+    by_force = run.A[here] * np.abs(np.log(run.F[here] / other.F[there]))
+    return float(np.median(slope * np.abs(run.omega[here] - other.omega[there]) + by_force))
 
 
 def _is_one_reading(run: Run, k: int, other: Run, m: int) -> bool:

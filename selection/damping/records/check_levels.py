@@ -128,8 +128,7 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     gain = np.abs(course.to_numpy() - np.median(course[same])) < least
     centre, sure = float(np.median(x[same])), stated or 2 * int(same.sum()) > len(x)
     labels, force, mass = table["sweep"].astype(str).tolist(), table["force"].tolist(), table["mass"].tolist()
-    added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).median()
-    level_added = added.loc[labels].to_numpy(dtype=np.float64)
+    level_added = _list_medians(view, view.record.added_masses, table)
     beside = ~np.isin(level_added, level_added[same])
     return [
         OddMass(labels[k], force[k], mass[k], float(np.exp(x[k] - centre)), sure, bool(beside[k]))
@@ -150,8 +149,13 @@ def _is_known(leg: Leg) -> bool:
 def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
     """The mass that the record states for each sweep of the table, else that of the mode, else 1."""
     default = view.mode.mass if view.mode is not None and view.mode.drive == "force" else 1.0
-    by_sweep = pd.Series(view.record.masses(default)).groupby(view.record.frame["sweep"].astype(str)).median()
-    return np.asarray(by_sweep.loc[table["sweep"].astype(str)], dtype=np.float64)
+    return _list_medians(view, view.record.masses(default), table)
+
+
+def _list_medians(view: View, values: FloatArray, table: pd.DataFrame) -> FloatArray:
+    """Median of values (rows,) of the record in each sweep of the table."""
+    medians = pd.Series(values).groupby(view.record.frame["sweep"].astype(str)).median()
+    return np.asarray(medians.loc[table["sweep"].astype(str)], dtype=np.float64)
 
 
 def _find_shared(x: FloatArray, far: float, anchor: float) -> float:
@@ -287,6 +291,5 @@ def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding |
 def _free_of_added_mass(view: View, mode: Mode) -> FloatArray:
     """Frequencies of the levels, by force, Hz, as they would be without added mass."""
     table = view.implied.sort_values("force", kind="stable")
-    added = pd.Series(view.record.added_masses).groupby(view.record.frame["sweep"].astype(str)).first()
-    by_level = added.loc[table["sweep"].astype(str)].to_numpy(dtype=np.float64)
-    return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + by_level / mode.mass))
+    added = _list_medians(view, view.record.added_masses, table)
+    return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + added / mode.mass))

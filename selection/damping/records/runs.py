@@ -147,11 +147,11 @@ def find_run_peaks(run: Run) -> IntArray:
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
     smooth = run.compliance.copy()
-    smooth[1:-1] = _slide_median(run.compliance, 3)
+    smooth[1:-1] = slide_median(run.compliance, 3)
     return find_prominent(smooth, max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
 
 
-def _slide_median(values: FloatArray, width: int) -> FloatArray:
+def slide_median(values: FloatArray, width: int) -> FloatArray:
     """Medians of ``width`` neighbours, (n - width + 1,)."""
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(values, width), axis=1))
 
@@ -189,7 +189,7 @@ def count_beats(run: Run) -> int:
     """Number of beats on one side of the peak, ever lower and closer together, as after a resonance passed fast."""
     if len(run) < 10 * FEWEST_ROWS:
         return 0
-    smooth = _slide_median(run.compliance, 5)
+    smooth = slide_median(run.compliance, 5)
     peaks, prominences = find_prominent(smooth, max(SHALLOW, NOISE_BESIDE_PEAK * run.noise))
     if len(peaks) < 2:
         return 0

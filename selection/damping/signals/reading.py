@@ -84,11 +84,11 @@ def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[Condit
     force = raw[description.raw.force].to_numpy(float)
     labels = raw[description.raw.sweep].astype(str) if description.raw.sweep else pd.Series("", raw.index)
     for sensor in description.sensors:
-        reading = raw[sensor.column].to_numpy(float) * (force if sensor.per_force else 1.0)
-        for label in labels.unique():
-            rows = (labels == label).to_numpy()
-            if find_ceiling(reading[rows], force[rows]) is not None:
-                stays = f"readings of {sensor.name} stay at {raw[sensor.column][rows].max():.4g}"
+        written = raw[sensor.column].to_numpy(float)
+        for label, rows in labels.groupby(labels, sort=False).indices.items():
+            top = find_ceiling(written[rows], force[rows], per_force=sensor.per_force)
+            if top is not None:
+                stays = f"readings of {sensor.name}{' times force' * sensor.per_force} stay at {top:.4g}"
                 of_sweep = f" in sweep {label}" if label else ""
                 doubts.append(f"{stays}{of_sweep}: does the sensor, its amplifier or its range clip them?")
     for step in (step for step in steps if step.name in IN_PHASE):

@@ -131,7 +131,8 @@ def ring_down(
     before = np.abs(z[: max(first - len(window.offsets), 0)])
     if np.max(before, initial=0.0) > max(ABOVE_NOISE * noise, GROWN * size):
         lost.append(f"motion before {times[first]:.4g} s is not used: an earlier blow is chosen by --start and --end")
-    if (again := find_return(np.abs(z[first:]), ABOVE_NOISE * noise, LARGEST_GROWTH) / window.omega_0**order) > 0.0:
+    returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, LARGEST_GROWTH, len(window.offsets))
+    if (again := returned / window.omega_0**order) > 0.0:
         doubt = f"levels below {again / GROWN:.3g} are doubtful; choose a part without, or another sensor"
         lost.append(
             f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"

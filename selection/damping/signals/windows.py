@@ -135,9 +135,13 @@ def describe_lost(peak: float, since: float, largest: float, size: float, derive
     ]
 
 
-def find_return(size: FloatArray, least: float, growth: float) -> float:
+def find_return(size: FloatArray, least: float, growth: float, pause: int) -> float:
     """Largest amplitude (n,) above ``least`` that is ``growth`` times a smaller one before it; 0 if there is none.
 
-    A tone beside the mode beats with its decay as soon as this has come down to it.
+    A tone beside the mode beats with its decay as soon as this has come down to it. What follows more than ``pause``
+    samples without motion is another blow.
     """
+    moving = np.flatnonzero(size > least)
+    pauses = np.flatnonzero(np.diff(moving) > pause)
+    size = size[: moving[pauses[0]] + 1] if len(pauses) else size
     return float(np.max(size[(size > growth * np.minimum.accumulate(size)) & (size > least)], initial=0.0))
