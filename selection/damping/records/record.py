@@ -192,6 +192,13 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     return problems
 
 
+def describe_separator(names: Sequence[str]) -> str:
+    """A remark on a header that is not separated by commas; empty on one that is."""
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        return " (the header is separated by semicolons or tabs: damping import reads such files)"
+    return ""
+
+
 def require_columns(
     required: Iterable[str], names: Sequence[str], file: str | None = None, line: int | None = None
 ) -> None:
@@ -200,9 +207,7 @@ def require_columns(
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    hint = describe_meant(missing[0], names, likeness=0.6)
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        hint = " (the header is separated by semicolons or tabs: damping import reads such files)"
+    hint = describe_separator(names) or describe_meant(missing[0], names, likeness=0.6)
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
