@@ -14,9 +14,26 @@ import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
-from damping.records.keys import A_NUMBER, BLANK_COLUMNS, IN_BLANK, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
-from damping.records.record import CellProblem, Record, describe_separator, find_problems, require_columns
-from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, count, describe_shortened, read_bytes, unguarded
+from damping.records.keys import (
+    A_NUMBER,
+    BLANK_COLUMNS,
+    IN_BLANK,
+    NO_NUMBERS,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    TEXT_COLUMNS,
+)
+from damping.records.record import CellProblem, Record, find_problems, require_columns
+from damping.records.text import (
+    DEFAULT_MAX_SIZE,
+    NUMBER,
+    CsvRows,
+    count,
+    describe_separator,
+    describe_shortened,
+    read_bytes,
+    unguarded,
+)
 
 MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
 MOST_COLUMNS = 2000  #: most columns of a header: a bound on memory and time
@@ -231,11 +248,16 @@ def require_column(
 def require_numbers(
     table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
 ) -> None:
-    """Raise InputError for the first column that is missing or not finite numbers; columns in ``text`` may be text."""
+    """Raise InputError for the first column that is missing, repeated or not finite numbers; ``text`` may be text."""
     for name in names:
         require_column(table, name, source)
+        if list(table.columns).count(name) > 1:
+            raise InputError("two columns of this name", file=source, column=name, expected="each name once")
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
+        kind = pd.api.types.infer_dtype(table[name])
+        if kind in NO_NUMBERS and kind != "boolean":  # one of 0 and 1 says whether
+            raise InputError(f"holds {kind} values", file=source, column=name, expected=NO_NUMBERS[kind])
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
         if not finite.all():
             row = int(np.argmin(finite))

@@ -30,6 +30,7 @@ from damping.records.text import (
     describe_as_html,
     describe_as_text,
     describe_meant,
+    describe_separator,
     describe_shortened,
     guarded,
 )
@@ -190,13 +191,6 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
         twin = int(np.argmax(table.iloc[: second + 1].duplicated(keep="last").to_numpy()))
         problems.append(CellProblem(second, None, "identical in every column", "each measured state once", twin))
     return problems
-
-
-def describe_separator(names: Sequence[str]) -> str:
-    """A remark on a header that is not separated by commas; empty on one that is."""
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        return " (the header is separated by semicolons or tabs: damping import reads such files)"
-    return ""
 
 
 def require_columns(
