@@ -68,6 +68,7 @@ class Point:
     amplitude: float
     remark: str
     tested: bool = True  #: not where the form says that it is beyond the test
+    at_force: bool = False  #: whether the ratios are those at the force, else at the amplitude
 
 
 def export_deck(source: Path, out: Path, code: str) -> None:
@@ -210,7 +211,8 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     force = np.nan if resonant is None else resonant
     amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
     within = (row.extrapolation_ratio or 1.0) <= 1.0 + ROUNDING if row.tested is None else row.tested
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, within)
+    at_force = row.force is not None and (row.amplitude is None or row.amplitude_low not in (None, row.amplitude))
+    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, within, at_force)
 
 
 @dataclass(frozen=True)
@@ -255,15 +257,18 @@ def fit_coefficients(
 
     ``si``: N and m in the units of force and amplitude; coefficients are then in SI.
 
-    The force at the low bound of damping is F low/median. AnalysisError: the form holds no
-    forces and amplitudes.
+    At the low bound of damping the amplitude is A median/low where the form was asked for forces, and the force is
+    F low/median where it was asked for amplitudes: each keeps zeta = F/(2 M omega^2 A). AnalysisError: the form holds
+    no forces and amplitudes.
     """
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
 
     omega = 2.0 * pi * np.array([point.frequency for point in points])
     newtons, metres = si or (1.0, 1.0)
-    A = np.array([metres * point.amplitude for point in points])
-    F = np.array([newtons * point.force * getattr(point, which) / point.median for point in points])
+    share = np.array([getattr(point, which) / point.median for point in points])
+    at_force = np.array([point.at_force for point in points])
+    A = np.array([metres * point.amplitude for point in points]) / np.where(at_force, share, 1.0)
+    F = np.array([newtons * point.force for point in points]) * np.where(at_force, 1.0, share)
     if not np.all(np.isfinite(A) & np.isfinite(F)):
         raise AnalysisError("coefficients need force and amplitude of each level: a form loads/1 or curve/1")
     columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]

@@ -180,6 +180,7 @@ class DampedRow(FormPart):
 
     force: float | None = None
     amplitude: float | None = None
+    amplitude_low: float | None = None
     median: float | None = None
     level: float | None = None
     frequency: float | None = None

@@ -94,8 +94,9 @@ class PlainTable:
     """Rows of text under headings, never wider than the terminal.
 
     If the width is too small, headings and names break at their spaces, words of names are shortened, and finally the
-    columns of numbers continue below, with the names repeated. Numbers are never cut. In a table without columns of
-    numbers the cells are wrapped. ``names, numbers``: headings on the left, of text, and on the right.
+    columns of numbers continue below, with the names repeated, or the first numbers where there are no names. Numbers
+    are never cut. In a table without columns of numbers the cells are wrapped. ``names, numbers``: headings on the
+    left, of text, and on the right.
     """
 
     def __init__(self, title: str, numbers: Iterable[str], names: Iterable[str] = ()) -> None:
@@ -121,7 +122,8 @@ class PlainTable:
         left = room
         for column in range(count, len(needed)):
             if blocks[-1] and left < needed[column] + _GAP:
-                blocks, left = [*blocks, []], room
+                first = [] if count or needed[0] + _GAP + needed[column] > width else [0]  # what identifies a row
+                blocks, left = [*blocks, first], room - sum(needed[at] + _GAP for at in first)
             blocks[-1].append(column)
             left -= needed[column] + _GAP
         lines = ["", *wrap(self.title, width)] if self.title else []

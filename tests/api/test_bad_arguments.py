@@ -79,6 +79,22 @@ def test_a_notebook_shows_records_and_modes():
 def test_axes_that_are_none():
     with pytest.raises(dp.InputError, match="ax is of type int; expected Axes"):
         sweeps(TABLE, axes=3)
+    for projection in ("polar", "3d"):
+        with pytest.raises(dp.InputError, match=f"ax has {projection} coordinates; expected Axes with a plain x and y"):
+            sweeps(TABLE, axes=Figure().add_subplot(projection=projection))
+
+
+@pytest.mark.parametrize(("cells", "said"), [
+    (TABLE["force"] + 1j, "table, column c: holds complex values; expected real numbers"),
+    (pd.date_range("2026-01-01", periods=len(TABLE)), "table, column c: holds datetime64 values; expected numbers"),
+])  # fmt: skip
+def test_a_regression_takes_no_column_that_is_no_number(cells, said):
+    """The imaginary part was dropped, and dates were counted in units of their storage."""
+    with pytest.raises(dp.InputError, match=said):
+        dp.regress(TABLE.assign(c=cells), response="force", terms="c, 1")
+    twice = pd.concat([TABLE, TABLE[["amplitude"]]], axis=1)
+    with pytest.raises(dp.InputError, match="column amplitude: two columns of this name"):
+        dp.regress(twice, response="force", terms="amplitude")
 
 
 def test_a_drawing_on_given_axes_has_its_legend():

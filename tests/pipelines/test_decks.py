@@ -254,6 +254,27 @@ def test_coefficients_carry_the_forces_they_came_from(deck):
     assert "6 x 6" in text
 
 
+def test_low_coefficients_reach_the_amplitude_of_the_low_ratio(deck):
+    """Under the forces asked for, damping of the low ratio resonates at F/(2 M omega^2 zeta), and at none less."""
+    omega, mass = 2.0 * pi * 25.0, 40.0
+    force, low = np.array([10.0, 40.0]), np.array([0.008, 0.012])
+    rows = [
+        {"force": f, "median": f / (2.0 * mass * omega**2 * 1.5 * z), "low": None, "high": None, "frequency": 25.0}
+        | {"damping_ratio": {"median": 1.5 * z, "low": z, "high": 2.0 * z}}
+        for f, z in zip(force, low, strict=True)
+    ]
+    curve = [
+        {**row, "amplitude": row["median"], "amplitude_low": 0.8 * row["median"], "force_low": row["force"]}
+        for row in rows
+    ]
+    for form in ({"format": "loads/1", "predictions": rows}, {"format": "curve/1", "rows": curve}):
+        text = deck({**form, "level": 0.9, "units": {"force": "N", "length": "m", "time": "s"}}, "openfast")
+        c1, c2 = (float(number) for number in re.findall(r"^(\S+)  AddB", text, re.MULTILINE))
+        square, line = 8.0 / (3.0 * pi) * c2 * omega**2, c1 * omega
+        A = (np.sqrt(line**2 + 4.0 * square * force) - line) / (2.0 * square)
+        np.testing.assert_allclose(A, force / (2.0 * mass * omega**2 * low), rtol=1e-6)  # nine digits are written
+
+
 def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):
     """c1 = 2.5 N/(m/s) and c2 = 19 N/(m/s)^2 by forces in kN and amplitudes in mm; a form without units says so."""
     c1, c2, omega = 2.5, 19.0, 2.0 * pi * 25.0

@@ -34,11 +34,12 @@ from damping_pipelines.fleet.dataset import (
     FleetSettings,
     FleetTask,
     find_cases,
+    list_skipped,
     row_of,
     seed_of,
     tasks_of,
 )
-from damping_pipelines.fleet.page import collect_facts, list_copies, tabulate_outliers
+from damping_pipelines.fleet.page import COLUMNS, _tabulate_records, collect_facts, list_copies, tabulate_outliers
 from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
@@ -519,10 +520,37 @@ def test_outliers_are_what_stands_apart():
             "average_absolute_percent": [*np.linspace(1.0, 2.0, 20), 1.5, 0.0],
         }
     )
+    table["record_sha256"] = table["name"]
     found = tabulate_outliers(table)
     assert list(found["name"]) == ["r20", "r21"]
     assert all("overprediction" in why and "error" not in why for why in found["why"])
     assert tabulate_outliers(table.assign(linear_overprediction_percent=1.0, average_absolute_percent=np.nan)).empty
+    copies = pd.concat([table[:20], *[table[9:10]] * 40], ignore_index=True)
+    error = "average_absolute_percent"
+    copies.loc[20:, error] += np.linspace(-1e-3, 1e-3, 40)  # each has a seed of its own
+    assert tabulate_outliers(copies).equals(tabulate_outliers(table[:20]))  # a copy is no evidence of a narrow fleet
+
+
+def test_what_is_not_read_is_named(tmp_path):
+    """A mode without its record, a name in capitals, a broken link and a folder of records below the folder."""
+    records = _one(tmp_path)
+    write_record(records / "further", "two", 1)
+    (records / "ALSO.CSV").write_text(record_text(2))
+    (records / "alone.toml").write_text(MODE)
+    (records / "broken.csv").symlink_to("nowhere.csv")
+    (records / "notes.txt").write_text("of the test")
+    cases = find_cases(records)
+    assert [case.name for case in cases] == ["one"]
+    assert list_skipped(records, cases) == ["ALSO.CSV", "alone.toml", "broken.csv", "further"]
+
+
+def test_amplitudes_on_the_page_have_their_units():
+    """Records in inches and in metres stand in one table."""
+    table = pd.DataFrame(index=range(3), columns=list(COLUMNS)).assign(
+        name=["a", "b", "c"], report="r.html", status=["done", "done", "failed"], median=[1.1, 0.03, np.nan]
+    )
+    frame = _tabulate_records(table.assign(units_length=["in", "m", None])).frame
+    assert list(frame["unit"]) == ["in", "m", ""]
 
 
 def test_a_key_counts_once(tmp_path):

@@ -56,6 +56,12 @@ def test_columns_that_do_not_fit_go_on_below_under_the_names():
     lines = table.fit(60)
     assert sum(line.startswith("A ") for line in lines) >= 2
     assert all(f"{i}.12345" in "\n".join(lines) for i in range(12))
+    table = PlainTable("without names", ("amplitude", *numbers[1:]))
+    table.add_row(*(f"{i}.12345" for i in range(12)))
+    for width in (60, 16):
+        lines = table.fit(width)
+        assert all(len(line) <= width for line in lines)
+        assert sum(line.split()[:1] == ["0.12345"] for line in lines) == (1 if width == 16 else 3)
 
 
 @pytest.mark.usefixtures("few_laws")

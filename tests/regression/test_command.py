@@ -54,6 +54,20 @@ def form_of(run: Run, *arguments: object) -> Any:
     return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} in JSON"))
 
 
+def test_a_response_that_is_its_own_term_is_named(run: Run, shoe: Path) -> None:
+    """y fitted to y is exact whatever the data: R^2 = 1 says nothing."""
+    note = "y is a factor of y, x*y^2: the response is fitted to itself"
+    assert note in form_of(run, shoe, "--response", "y", "--terms", "x, y, x*y^2")["notes"]
+    assert not form_of(run, shoe, "--response", "y", "--terms", "x")["notes"]
+
+
+def test_a_table_of_semicolons_and_decimal_commas_is_named(run: Run, shoe: Path) -> None:
+    shoe.write_text("x;y\n1,5;2,5\n2,5;4,5\n")
+    code, _, err = run(shoe, "--response", "y", "--terms", "x")
+    assert code == 2
+    assert "line 2: 3 cells in the row (the header is separated by semicolons or tabs: damping import reads" in err
+
+
 def test_the_form(run: Run, rough: Path) -> None:
     form = form_of(run, rough, "--response", "E", "--terms", "A^2*omega, A^3*omega")
     assert (form["format"], form["n"], form["response"]) == ("regress/1", 15, "E")

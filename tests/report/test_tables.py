@@ -15,6 +15,7 @@ from damping.forces import CubicStiffness, Sum, Viscous
 from damping.forces.powers import EXPONENT
 from damping.infer.checks import inference_data
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Law
+from damping.ranking.sharing import read_rows, tabulate_rows
 from damping.records.mode import Units
 from damping.records.resonance import tabulate_resonances
 from damping.report import (
@@ -35,7 +36,7 @@ from damping.report import (
 from damping.report.figures import leading, record_figures, trace_sweep
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
 from damping.report.study import render
-from damping.report.tables import record_tables, tabulate_design
+from damping.report.tables import record_tables, tabulate_design, tabulate_observations
 from damping_pipelines.study_files import add_damping_ratio
 from damping_reed1970 import LABELS
 
@@ -213,6 +214,27 @@ def test_lengths_are_said_as_people_say_them() -> None:
     assert format_gravity(0.1, 10.0, "in") == "1.02 g"
     assert format_gravity(0.1, 10.0, "") == "–"
     assert format_gravity(0.1, 10.0, "N") == "–"
+
+
+def test_lengths_of_a_table_are_in_one_unit(peaks: RecordResult) -> None:
+    """8 and 24 mm in metres: a column that mixes mm and m hides a factor of a thousand."""
+    design = peaks.design
+    assert design is not None
+    size = np.linspace(0.008, 0.024, len(design.force))
+    band = replace(design.average, median=size, low=0.9 * size, high=1.1 * size)
+    table = tabulate_design(replace(design, average=band, linear=2.0 * size), None, Units("N", "m", "s"))
+    assert list(table["median"])[:: len(size) - 1] == ["0.00800 m", "0.0240 m"]
+    assert table["band"][0] == "0.00720 to 0.00880 m"
+    assert table["linear"][0].startswith("0.0160 m (")
+
+
+def test_points_of_numbered_sweeps_are_told_apart(sweep: RecordResult) -> None:
+    """Row 11 of sweep 1 and row 1 of sweep 11 are two points of a table with a column for each."""
+    rows = tabulate_rows(sweep.data)
+    numbered = read_rows(rows.assign(sweep=np.where(rows.index < 12, "1", "11")))
+    points = list(tabulate_observations(replace(sweep, data=numbered))["point"])
+    assert (points[0], points[10], points[12]) == ("1:1", "1:11", "11:1")
+    assert len(set(points)) == len(points)
 
 
 def test_peak_accelerations_under_a_base_are_told_apart(peaks: RecordResult) -> None:

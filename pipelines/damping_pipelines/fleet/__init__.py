@@ -14,9 +14,9 @@ from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
-from damping.report import count
+from damping.report import count, format_joined
 from damping_pipelines.fleet import dataset, runners
-from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies
+from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, shorten
 from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import progress, tell
@@ -59,6 +59,9 @@ def fleet(
     )
     refuse_inputs("--out", out, records)
     cases = dataset.find_cases(records)
+    if skipped := dataset.list_skipped(records, cases):
+        names = format_joined(shorten(skipped))
+        print(f"damping: {records}: not read, as neither NAME.csv nor NAME/data.csv: {names}", file=sys.stderr)
     with sole_writer(out, ("fleet.html",), [path for case in cases for path in (case.record, case.model)]):
         kept = dataset.FleetDataSet(out / "records")
         for path in kept.set_broken_aside():

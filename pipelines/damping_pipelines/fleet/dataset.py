@@ -131,6 +131,17 @@ def find_cases(folder: Path) -> list[FleetCase]:
     return sorted(cases, key=lambda case: (case.name, case.is_model))
 
 
+def list_skipped(folder: Path, cases: Collection[FleetCase]) -> list[str]:
+    """Names in a folder that look like records or modes and are no case: modes alone, .CSV, folders of folders."""
+    taken = {case.entry for case in cases} | {case.model.name for case in cases}
+    skipped = []
+    for entry in os.scandir(folder):
+        seems = Path(entry.name).suffix.lower() in (".csv", ".toml")
+        if entry.name not in taken and (seems or (entry.is_dir() and any(Path(entry.path).glob("*.csv")))):
+            skipped.append(describe_shown(entry.name))
+    return sorted(skipped)
+
+
 def describe_shown(name: str) -> str:
     """A file name as text for any file and terminal, with escapes for invalid UTF-8 and control characters."""
     return escape_control(os.fsencode(name).decode("utf-8", "backslashreplace"))

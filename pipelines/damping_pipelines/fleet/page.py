@@ -19,7 +19,7 @@ from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, 
 MOST_TIED = 3
 #: Records below which no twentieth of them is left out: their whole range is said.
 RECORDS_OF_TEN = 20
-MOST_COPIES = 5  #: copies of a record, and records with copies, that are named
+MOST_COPIES = 5  #: copies of a record, records with copies, and files that are not read, that are named
 #: Points of the sorted figure: more cannot be told apart on paper.
 MOST_POINTS = 500
 #: Width of the line of an interval at most, points: two records have no bars as wide as the page.
@@ -71,6 +71,7 @@ COLUMNS = (
     *("name", "key", "status", "reason", "report", "law", "weight", "average_absolute_percent", "held_out_error"),
     *("load_law", "median", "low", "high", "linear_overprediction_percent", "linear_overprediction_low"),
     *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions", "record_sha256"),
+    "units_length",
 )
 #: Rows of a table of the page; the data set holds the rest.
 MOST_ROWS = 200
@@ -128,13 +129,13 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
     """Records that deviate from the fleet, with the reason: ``name, report, why``.
 
     A value is an outlier if it deviates by ``OUTLYING`` times 1.4826 of the median absolute deviation (the standard
-    deviation of a normal distribution); the error of the fit only upwards.
+    deviation of a normal distribution); the error of the fit only upwards. Copies of a record count once.
     """
     checks = (("overprediction", _OVER, True), ("error of the fit", "average_absolute_percent", False))
     reasons: dict[int, list[str]] = {}
     for what, column, both in checks:
         values = table[column].to_numpy(float)
-        known = values[np.isfinite(values)]
+        known = table[np.isfinite(values)].drop_duplicates("record_sha256")[column].to_numpy(float)
         if not len(known):
             continue
         middle = np.median(known)
@@ -157,14 +158,14 @@ def list_copies(table: pd.DataFrame) -> list[str]:
     read = table[table["status"] != "failed"]
     alike = [list(names) for _, names in read.groupby("record_sha256", sort=False)["name"] if len(names) > 1]
     sentences = [
-        f"{format_joined(_shorten(names))} are byte-for-byte copies of one record, which counts "
+        f"{format_joined(shorten(names))} are byte-for-byte copies of one record, which counts "
         f"{len(names)} times in every share"
         for names in alike
     ]
-    return _shorten(sentences, "records with copies")
+    return shorten(sentences, "records with copies")
 
 
-def _shorten(items: list[str], of: str = "") -> list[str]:
+def shorten(items: list[str], of: str = "") -> list[str]:
     """The first ``MOST_COPIES``, and the number of others."""
     more = len(items) - MOST_COPIES
     return items if more <= 0 else [*items[:MOST_COPIES], f"{more} more {of}".rstrip()]
@@ -237,6 +238,7 @@ def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
 def _tabulate_records(table: pd.DataFrame) -> Table:
     ordered = table.sort_values(_OVER, ascending=False, kind="stable", na_position="last").head(MOST_LISTED)
     numbers = {name: ordered[name].astype(float) for name in ("weight", "median", "low", "high")}
+    numbers["unit"] = ordered["units_length"].fillna("").where(ordered["median"].notna(), "")
     columns = {"record": _list_links(ordered), "status": ordered["status"], "law": ordered["law"], **numbers}
     frame = pd.DataFrame(columns | {"linear over": ordered[_OVER].astype(float)})
     return Table(frame, "", {"weight": format_share, "linear over": format_signed})

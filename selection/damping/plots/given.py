@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb, to_rgba
 
 from damping.arrays import FloatArray
-from damping.errors import check_kind
+from damping.errors import InputError, check_kind
 from damping.records.text import describe_shortened
 
 #: Height of a row, a bar below its name, and mean width of a letter of the name, points.
@@ -70,10 +70,12 @@ def drawn_on(axes: object, style: Mapping[Any, Any], palette: Collection[str]) -
     1 - L: lines are light, the area beyond the test is dark, and hues stay.
 
     Raises:
-        InputError: ``axes`` are no matplotlib axes.
+        InputError: ``axes`` are no matplotlib axes, or polar, in three dimensions, or of a map.
     """
     check_kind(axes, Axes, "ax")
     assert isinstance(axes, Axes)
+    if axes.name != "rectilinear":
+        raise InputError(f"ax has {axes.name} coordinates", expected="Axes with a plain x and y")
     before = set(axes.get_children())
     with rc_context({key: value for key, value in style.items() if "color" not in key and key != "legend.frameon"}):
         yield

@@ -14,9 +14,26 @@ import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
-from damping.records.keys import A_NUMBER, BLANK_COLUMNS, IN_BLANK, OPTIONAL_COLUMNS, REQUIRED_COLUMNS, TEXT_COLUMNS
+from damping.records.keys import (
+    A_NUMBER,
+    BLANK_COLUMNS,
+    IN_BLANK,
+    NO_NUMBERS,
+    OPTIONAL_COLUMNS,
+    REQUIRED_COLUMNS,
+    TEXT_COLUMNS,
+)
 from damping.records.record import CellProblem, Record, find_problems, require_columns
-from damping.records.text import DEFAULT_MAX_SIZE, NUMBER, CsvRows, count, describe_shortened, read_bytes, unguarded
+from damping.records.text import (
+    DEFAULT_MAX_SIZE,
+    NUMBER,
+    CsvRows,
+    count,
+    describe_separator,
+    describe_shortened,
+    read_bytes,
+    unguarded,
+)
 
 MOST_ROWS = 250_000  #: most rows of a table: a bound on memory and time
 MOST_COLUMNS = 2000  #: most columns of a header: a bound on memory and time
@@ -107,7 +124,7 @@ def _scan(data: bytes, columns: _Columns) -> _Scan:
     names = _list_names(header, header_line)
     require_columns(columns.required, names, line=header_line)
     growing: dict[str, list[str]] = {name: [] for name in names}
-    lines, problem = _data(rows, list(growing.values()))
+    lines, problem = _data(rows, list(growing.values()), describe_separator(names))
     if not len(lines):
         raise problem or InputError("no data rows", expected="at least one row below the header")
     scan = _Scan(pd.DataFrame(columns=names), lines)
@@ -132,17 +149,18 @@ def _list_names(header: list[str], line: int) -> list[str]:
     return names
 
 
-def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputError | None]:
+def _data(rows: CsvRows, growing: Sequence[list[str]], remark: str) -> tuple[IntArray, InputError | None]:
     """Lines of the rows up to the first unreadable or ragged row, and the problem with that row.
 
-    Cells are joined to their columns in blocks of rows, so that memory stays at a few times the size of the file.
+    ``remark`` on the header goes with a ragged row. Cells are joined to their columns in blocks of rows, so that memory
+    stays at a few times the size of the file.
     """
     lines = array("q")
     block: list[list[str]] = []
     problem = None
     for line, row in rows:
         if len(row) != len(growing):
-            message = f"{count(len(row), 'cell')} in the row"
+            message = f"{count(len(row), 'cell')} in the row{remark}"
             problem = InputError(message, line=line, expected=f"{len(growing)} as in the header")
             break
         if len(lines) == MOST_ROWS:
@@ -230,11 +248,16 @@ def require_column(
 def require_numbers(
     table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
 ) -> None:
-    """Raise InputError for the first column that is missing or not finite numbers; columns in ``text`` may be text."""
+    """Raise InputError for the first column that is missing, repeated or not finite numbers; ``text`` may be text."""
     for name in names:
         require_column(table, name, source)
+        if list(table.columns).count(name) > 1:
+            raise InputError("two columns of this name", file=source, column=name, expected="each name once")
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
+        kind = pd.api.types.infer_dtype(table[name])
+        if kind in NO_NUMBERS and kind != "boolean":  # one of 0 and 1 says whether
+            raise InputError(f"holds {kind} values", file=source, column=name, expected=NO_NUMBERS[kind])
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
         if not finite.all():
             row = int(np.argmin(finite))

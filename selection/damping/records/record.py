@@ -30,6 +30,7 @@ from damping.records.text import (
     describe_as_html,
     describe_as_text,
     describe_meant,
+    describe_separator,
     describe_shortened,
     guarded,
 )
@@ -200,9 +201,7 @@ def require_columns(
     missing = [name for name in required if name not in names]
     if not missing:
         return
-    hint = describe_meant(missing[0], names, likeness=0.6)
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        hint = " (the header is separated by semicolons or tabs: damping import reads such files)"
+    hint = describe_separator(names) or describe_meant(missing[0], names, likeness=0.6)
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 

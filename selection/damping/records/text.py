@@ -3,7 +3,7 @@
 import codecs
 import csv
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import isfinite
@@ -113,6 +113,13 @@ def describe_shortened(text: str, length: int = 30, mark: str = "...") -> str:
 def describe_cell(cell: str) -> str:
     """A cell that is not a number, for a message."""
     return repr(describe_shortened(cell.strip())) if cell.strip() else "an empty cell"
+
+
+def describe_separator(names: Sequence[str]) -> str:
+    """A remark on a header that is not separated by commas; empty on one that is."""
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        return " (the header is separated by semicolons or tabs: damping import reads such files)"
+    return ""
 
 
 def count(n: int, what: str) -> str:

@@ -84,6 +84,8 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     selected = select(design, choice)
     independent = {name: columns.numbers[name] for name in list_columns_of(terms)}
     notes, plane = list(columns.notes), None
+    if circular := [term.name for term in terms if response.strip() in term.columns]:
+        notes.append(f"{response.strip()} is a factor of {', '.join(circular)}: the response is fitted to itself")
     linear = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
     try:
         plane = fit(design_of(columns, response, linear))

@@ -139,7 +139,7 @@ def rank_subsets(models: Subsets, criterion: str, *, nonnegative: bool) -> Subse
     if nonnegative:
         keep &= ((models.coefficients > 0.0) == models.members).all(axis=1)
     if not keep.any():
-        sought = f"a {NAMES[criterion]}" + (" and every coefficient > 0" if nonnegative else "")
+        sought = f"a value of {NAMES[criterion]}" + (" and every coefficient > 0" if nonnegative else "")
         raise AnalysisError(f"no subset of the terms has {sought}")
     chosen = np.flatnonzero(keep)
     return models.take(chosen[np.argsort(scores[chosen], kind="stable")])

@@ -186,14 +186,18 @@ def tabulate_observations(result: RecordResult) -> pd.DataFrame:
 
 
 def _label_points(result: RecordResult) -> list[str]:
-    """A short label for each row: its sweep, and its number there where a sweep has several rows."""
+    """A short label for each row: its sweep, and its number there where a sweep has several rows.
+
+    A colon stands between them where a sweep is labelled by a number: row 11 of sweep 1 is not row 1 of sweep 11.
+    """
     data = result.data
     number = pd.Series(data.sweep).groupby(data.sweep).cumcount() + 1
     if len(data.sweeps) == 1:
         return [str(n) for n in number]
     several = data.rows_per_sweep[data.sweep] > 1
     numbers = [str(n) if many else "" for n, many in zip(number, several, strict=True)]
-    return [data.sweeps[s] + n for s, n in zip(data.sweep, numbers, strict=True)]
+    between = ":" if any(label[-1:].isdigit() for label in data.sweeps) else ""
+    return [data.sweeps[s] + (between + n if n else "") for s, n in zip(data.sweep, numbers, strict=True)]
 
 
 def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
@@ -220,21 +224,24 @@ def describe_coefficients(candidate: Candidate, units: Units) -> str:
 
 
 def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.DataFrame:
-    """Amplitude and damping at each design force, one row each, formatted for pages except ``times tested``."""
+    """Amplitude and damping at each design force, one row each, formatted for pages except ``times tested``.
+
+    All lengths are in one unit, that of the largest median.
+    """
+    average = design.average
+    factor, length = words.choose_length(units.length, average.median.max(initial=0.0, where=average.median > 0.0))
     table = pd.DataFrame(
         {
             "force": [words.format_force_text(force, units.force) for force in design.force],
             "times tested": design.ratio,
-            "median": [words.format_length(value, units.length) for value in design.average.median],
+            "median": [words.format_quantity(value, length) for value in factor * average.median],
             "band": [
-                words.format_length_band(a, b, units.length)
-                for a, b in zip(design.average.low, design.average.high, strict=True)
+                words.format_between(*ends, length)
+                for ends in zip(factor * average.low, factor * average.high, strict=True)
             ],
             "linear": [
-                f"{words.format_length(value, units.length)} ({words.format_signed(over)})"
-                if np.isfinite(over)
-                else words.format_length(value, units.length)
-                for value, over in zip(design.linear, design.overprediction, strict=True)
+                words.format_quantity(value, length) + (f" ({words.format_signed(over)})" if np.isfinite(over) else "")
+                for value, over in zip(factor * design.linear, design.overprediction, strict=True)
             ],
         }
     )
