@@ -59,9 +59,6 @@ def fleet(
     )
     refuse_inputs("--out", out, records)
     cases = dataset.find_cases(records)
-    if skipped := dataset.list_skipped(records, cases):
-        names = format_joined(shorten(skipped))
-        print(f"damping: {records}: not read, as neither NAME.csv nor NAME/data.csv: {names}", file=sys.stderr)
     with sole_writer(out, ("fleet.html",), [path for case in cases for path in (case.record, case.model)]):
         kept = dataset.FleetDataSet(out / "records")
         for path in kept.set_broken_aside():
@@ -70,6 +67,9 @@ def fleet(
         book = _Book(kept, out, _final(kept))
         if not replace:
             _refuse_loss(kept, dataset.tasks_of(cases, settings))
+        if skipped := dataset.list_skipped(records, cases):
+            names = format_joined(shorten(skipped))
+            print(f"damping: {records}: not read, as neither NAME.csv nor NAME/data.csv: {names}", file=sys.stderr)
         with progress("fleet", len(cases), each=True) as done:
             tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
