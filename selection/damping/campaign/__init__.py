@@ -89,6 +89,7 @@ def analyse(
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied)])
+    summary.notes.extend(f"caution: {mode.mode.name}: {text}" for mode in tied for text in mode.cautions)
     delay = (levels[0].run.delay, measure_delay(levels)[1]) if levels[0].run.delay else None
     if delay:
         summary.note(describe_delay(*delay))

@@ -130,7 +130,7 @@ def fit_level(
 
 def _measure_misfit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> float:
     """Sum of squared residuals over the noise."""
-    residual = _solve_residues(poles.columns(f), H, _evaluate_sd(H, noise))[1]
+    residual = solve_residues(poles.columns(f), H, evaluate_sd(H, noise))[1]
     return float(np.sum(np.abs(residual) ** 2))
 
 
@@ -147,11 +147,11 @@ def _fit_cluster(
     f: FloatArray, H: ComplexArray, cluster: Sequence[int], poles: Poles, noise: FloatArray, *, friction: bool = False
 ) -> Poles:
     """The poles with one cluster fitted, the others held; ``friction``: whether its share is free, else 0."""
-    sd, count, parts, columns = _evaluate_sd(H, noise), len(cluster), 3 + friction, poles.columns(f)
+    sd, count, parts, columns = evaluate_sd(H, noise), len(cluster), 3 + friction, poles.columns(f)
 
     def misfit(x: FloatArray) -> FloatArray:
         columns[:, 2 + np.array(cluster)] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
-        rest = _solve_residues(columns, H, sd)[1].ravel()
+        rest = solve_residues(columns, H, sd)[1].ravel()
         return np.concatenate([rest.real, rest.imag])
 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])
@@ -162,7 +162,7 @@ def _fit_cluster(
     return poles.with_cluster(cluster, *np.split(optimum.x, parts))
 
 
-def _solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
+def solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
     """Real coefficients (sensors, columns), and residuals (sensors, n) over the noise."""
     coefficients = np.empty((len(H), columns.shape[1]))
     residual = np.empty_like(H)
@@ -183,7 +183,7 @@ def _measure_size(columns: FloatArray) -> FloatArray:
     return np.where(size == 0.0, 1.0, size)
 
 
-def _evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
+def evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
     """Standard deviation (sensors, n) of the real and of the imaginary part of H."""
     return np.asarray(np.hypot(noise[0] * np.abs(H), noise[1]))
 
@@ -193,8 +193,8 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
     sizes, squares = [], []
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
-        sd = _evaluate_sd(H[:, rows], noise)
-        rest = _solve_residues(poles.columns(f[rows]), H[:, rows], sd)[1] * sd
+        sd = evaluate_sd(H[:, rows], noise)
+        rest = solve_residues(poles.columns(f[rows]), H[:, rows], sd)[1] * sd
         sizes.append((np.abs(H[:, rows]) ** 2).ravel())
         squares.append(0.5 * (np.abs(rest) ** 2).ravel())
     size, square = np.concatenate(sizes), np.concatenate(squares)
@@ -214,8 +214,8 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
     local, pole_sd, delays = np.zeros((modes, sensors, 2 + modes)), np.zeros((2, modes)), []
     for cluster in poles.clusters:
         rows = poles.rows_about(f, cluster)
-        columns, sd = poles.columns(f[rows]), _evaluate_sd(H[:, rows], noise)
-        coefficients, residual = _solve_residues(columns, H[:, rows], sd)
+        columns, sd = poles.columns(f[rows]), evaluate_sd(H[:, rows], noise)
+        coefficients, residual = solve_residues(columns, H[:, rows], sd)
         width = columns.shape[1]
         free = 3 * len(cluster) + np.count_nonzero(poles.friction[cluster])
         freedom = max(2 * residual.size - sensors * width - free, 1)

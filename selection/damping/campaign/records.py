@@ -14,6 +14,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
+from damping.campaign.merged import describe_excess, split_merged
 from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
@@ -103,11 +104,13 @@ def _choose_first(
 def fit_right_levels(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
 ) -> tuple[list[Level], dict[str, str]]:
-    """Every level fitted without misread sensors and delay, and the reason for each of the former (`find_misread`)."""
+    """Every level fitted without misread sensors and delay and with merged modes split, and why sensors are misread."""
     levels = fit_levels(runs, frequencies)
     misread = find_misread(levels, trusted)
     levels = fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels
-    return remove_delay(levels, lambda runs: fit_levels(runs, frequencies)), misread
+    levels = remove_delay(levels, lambda runs: fit_levels(runs, frequencies))
+    right = [level.run for level in levels]
+    return levels if len(frequencies) else split_merged(levels, lambda at: fit_levels(right, at)), misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
@@ -155,7 +158,8 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
     if not modes:
         near = ", ".join(f"{at:.4g}" for at in levels[0].fit.frequency)
         seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
-        raise AnalysisError(f"{seen} at every level: name the modes (--modes F1,F2,... in Hz)")
+        merged = [text for k in range(len(levels[0].fit.frequency)) for text in describe_excess(levels, k)]
+        raise AnalysisError("; ".join([f"{seen} at every level: name the modes (--modes F1,F2,... in Hz)", *merged]))
     return modes
 
 
@@ -189,7 +193,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     left_out |= dict.fromkeys(unseen, "it has no peak at this resonance")
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
-    cautions: tuple[str, ...] = ()
+    cautions = describe_excess(levels, k)
     for level, row in zip(levels[1:], r[1:, kept], strict=True):
         lowest = r[0, kept]
         mac = float((row @ lowest) ** 2 / ((row @ row) * (lowest @ lowest)))

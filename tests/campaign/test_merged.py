@@ -1,0 +1,55 @@
+"""Campaigns with two modes that show one peak, against the closed form of viscous modes."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+from damping.campaign import analyse
+from damping.campaign.modal_fit import find_peaks_of
+
+LEVELS = (1.0, 2.0, 4.0)
+RATIOS = (0.012, 0.016)
+SHAPES = np.array([[1.0, 0.8], [0.6, -0.7], [-0.4, 0.9]])
+F = np.linspace(25.0, 38.0, 400)
+
+
+def move(f, hertz):
+    """Accelerations (sensors, n) under 1 N; modal masses of 10 kg."""
+    w, w_n = 2 * np.pi * f, 2 * np.pi * np.array(hertz)[:, np.newaxis]
+    return -(w**2) / 10.0 * (SHAPES @ (1.0 / (w_n**2 - w**2 + 2j * np.array(RATIOS)[:, np.newaxis] * w_n * w)))
+
+
+def write(path, hertz):
+    """Runs at ``LEVELS`` with 0.3 % of noise."""
+    rng = np.random.default_rng(4)
+    with h5py.File(path, "w") as file:
+        for force in LEVELS:
+            run = file.create_group(f"run_{force}N")
+            run["frequency"], run["force"] = F, np.full(len(F), force, complex)
+            run["force"].attrs["units"] = "N"
+            for name, row in zip("abc", move(F, hertz), strict=True):
+                run[name] = force * row * (1.0 + 0.003 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F))))
+                run[name].attrs["units"] = "m/s^2"
+    return path
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.035])
+def test_two_modes_in_one_peak_are_told_apart(tmp_path, few_laws, apart):
+    """Answered as one mode, its peaks at four times the top level were up to 50 % off, outside their bands."""
+    hertz = (30.0, 30.0 * (1.0 + apart))
+    assert len(find_peaks_of(F, move(F, hertz), -1.0)) == 1
+    found = analyse([write(tmp_path / "a.h5", hertz)], [16.0])
+    assert [mode.frequency for mode in found.modes] == pytest.approx(hertz, rel=1e-3)
+    assert not any("two close modes" in note for note in found.summary.notes)
+    for mode, ratio in zip(found.modes, RATIOS, strict=True):
+        for at in mode.places:
+            assert at.ratio[1] < ratio < at.ratio[2], at
+
+
+def test_one_mode_named_for_two_gets_a_caution(tmp_path, few_laws):
+    found = analyse([write(tmp_path / "a.h5", (30.0, 31.05))], [16.0], [30.5])
+    (mode,) = found.modes
+    assert all(any("probably two close modes" in caution for caution in at.cautions) for at in mode.places)
+    assert any("mode-1: near" in note and "try --modes F1,F2" in note for note in found.summary.notes)
