@@ -64,6 +64,7 @@ def join_rows(parts: Sequence[_Rows]) -> _Rows:
         joined = np.concatenate(every)
     elif is_dataclass(first):
         each = {field.name: join_rows([getattr(part, field.name) for part in every]) for field in fields(first)}
+        # mypy does not see that ``first``, known by `is_dataclass`, is no class but an instance of one
         joined = replace(first, **each)  # type: ignore[type-var]
     elif isinstance(first, Mapping):
         joined = {key: join_rows([part[key] for part in every]) for key in first}

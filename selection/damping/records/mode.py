@@ -17,8 +17,7 @@ from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE
 
-#: Range of ln mass over its standard uncertainty beyond which masses differ: that of ten estimates of one mass exceeds
-#: it in 1.4 % of cases.
+#: Range of ln mass over its standard error beyond which masses differ: ten estimates of one mass do in 1.4 % of cases.
 STATES_APART = 5.0
 ROUNDED = 1.0 + 1e-12  #: largest ratio of a stiffness to an equal one that was converted from other units
 DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the motion of its base
