@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
 import pytest
 
 from damping.campaign import analyse
 from damping.campaign.modal_fit import find_peaks_of
+from tests.campaign.force_runs import write_force_runs
 
 LEVELS = (1.0, 2.0, 4.0)
 RATIOS = (0.012, 0.016)
@@ -22,17 +22,7 @@ def move(f, hertz):
 
 
 def write(path, hertz):
-    """Runs at ``LEVELS`` with 0.3 % of noise."""
-    rng = np.random.default_rng(4)
-    with h5py.File(path, "w") as file:
-        for force in LEVELS:
-            run = file.create_group(f"run_{force}N")
-            run["frequency"], run["force"] = F, np.full(len(F), force, complex)
-            run["force"].attrs["units"] = "N"
-            for name, row in zip("abc", move(F, hertz), strict=True):
-                run[name] = force * row * (1.0 + 0.003 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F))))
-                run[name].attrs["units"] = "m/s^2"
-    return path
+    return write_force_runs(path, F, LEVELS, lambda force: force * move(F, hertz), seed=4)
 
 
 @pytest.mark.parametrize("apart", [0.02, 0.035])

@@ -14,6 +14,7 @@ from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.series import Stated
+from tests.campaign.force_runs import write_force_runs
 
 LEVELS = (0.5, 1.0, 2.0, 4.0)
 SHAPES = np.array([[1.0, 0.42], [0.5, -0.63]])
@@ -38,19 +39,13 @@ def harden(f, force, *, hertz, mass, ratio, cubic):
 
 
 def write(path, f, receptances):
-    """Accelerations of two points under forces of ``LEVELS``, with 0.3 % of noise."""
-    rng = np.random.default_rng(5)
-    with h5py.File(path, "w") as file:
-        for force in LEVELS:
-            run = file.create_group(f"run_{force}N")
-            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
-            run["force"].attrs["units"] = "N"
-            modes = np.array([receptance(f, force) for receptance in receptances])
-            for name, shape in zip("ab", SHAPES[:, : len(modes)], strict=True):
-                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
-                run[name] = -force * (2 * np.pi * f) ** 2 * (shape @ modes) * noise
-                run[name].attrs["units"] = "m/s^2"
-    return path
+    """Accelerations of two points under forces of ``LEVELS``."""
+
+    def move(force):
+        modes = np.array([receptance(f, force) for receptance in receptances])
+        return -force * (2 * np.pi * f) ** 2 * (SHAPES[:, : len(modes)] @ modes)
+
+    return write_force_runs(path, f, LEVELS, move, seed=5)
 
 
 def test_a_mode_that_friction_hides_at_low_levels_is_found(tmp_path, few_laws):
