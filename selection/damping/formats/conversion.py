@@ -216,6 +216,22 @@ def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> 
     return stated.factor / (force.factor ** powers[0] * length.factor ** powers[1])
 
 
+def deviation_factor(what: str, quantity: str, known: Statements) -> float:
+    """Factor of a standard uncertainty to the unit of its ``quantity`` (``response`` or ``force``) in the file.
+
+    InputError: a unit of another kind.
+    """
+    text = known.facts.units.get(what, "")
+    if known.stated.consistent or text in ("", known.facts.units.get(quantity)):
+        return 1.0
+    own, of_quantity = unit(text, what=f"unit of {what}"), unit(known.unit_of(quantity))
+    if own.powers != of_quantity.powers:
+        expected = f"the unit of its quantity, such as {of_quantity.text}"
+        raise InputError(f"{what} in {text}", expected=expected)
+    known.summary.add(f"unit of {what}", text, _FOUND)
+    return own.factor / of_quantity.factor
+
+
 @dataclass(frozen=True)
 class TimeHistory:
     """A motion against time: ``t`` (n,) in s, ``signal`` (n,) the ``order``-th time derivative of displacement."""

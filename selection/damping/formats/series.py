@@ -32,7 +32,7 @@ class FileFacts:
     force_scaling: str | None = None  #: scaling of the force, if separate
     peak_assumed: bool = False  #: whether the scaling is assumed, and neither from a header nor from a role
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
-    units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
+    units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
 
 
