@@ -1025,6 +1025,32 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("header", "rows", "said"),
+    [
+        ("frequency [rpm],level [g rms]", "1200,1\n4800,2\n", ""),
+        ("frequency [Hz],level [m/s^2]", "20,1\n80,2\n", "--design in m/s^2; expected levels in g"),
+        ("frequency [furlong],level", "20,1\n80,2\n", "design.csv: frequency in furlong; expected one of hz"),
+    ],
+)
+def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, damping, monkeypatch, header, rows, said):
+    """1200 and 4800 a minute are 20 and 80 Hz; 1 g rms is a sine of sqrt(2) g."""
+    asked = []
+
+    def analyse(sources, levels, *_):
+        asked.extend(levels)
+        return Campaign((), LEVELS, (0.8,), "g")
+
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", analyse)
+    (tmp_path / "design.csv").write_text(f"{header}\n{rows}")
+    (tmp_path / "run.csv").write_text("lo")
+    run = damping("campaign", tmp_path / "run.csv", "--out", tmp_path / "out", "--design", tmp_path / "design.csv")
+    assert (run.code, said in run.err) == (2 if said else 0, True)
+    if not said:
+        np.testing.assert_allclose(asked[0].frequency, [20.0, 80.0], rtol=1e-15)
+        np.testing.assert_allclose(asked[0].level, [2**0.5, 8**0.5], rtol=1e-15)
+
+
 def test_every_file_that_was_read_is_sealed(tmp_path, damping, monkeypatch):
     """Files of one name are told apart; corrections and tables of design levels are inputs, too."""
     monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: Campaign((), LEVELS, (0.8,), "g"))
