@@ -20,7 +20,7 @@ from damping.formats.headers import ABSCISSAS
 from damping.formats.quantity import unit
 from damping.plots import to_svg
 from damping.plots.curves import mode_over_level
-from damping.records.mode import describe_mode_to_toml
+from damping.records.mode import describe_mode_to_toml, quote_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
@@ -96,13 +96,8 @@ def campaign(
 
 def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]) -> dict[str, bytes]:
     """Contents of every file by its name in the folder."""
-    asked = {mode.name: _name_forces(mode, answer) for mode in answer.modes}
-    settings = {
-        "title": title.replace("\\", "/").replace('"', "'"),
-        "seed": seed,
-        "modes": answer.modes,
-        "asked": asked,
-    }
+    asked = {mode.name: [quote_toml(text) for text in _name_forces(mode, answer)] for mode in answer.modes}
+    settings = {"title": quote_toml(title), "seed": seed, "modes": answer.modes, "asked": asked}
     texts = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record) for mode in answer.modes}
     texts |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode) for mode in answer.modes}
     texts["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings)

@@ -44,6 +44,7 @@ from damping.records.record import Record
 from damping_pipelines.campaign import _write_page
 from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
+from damping_pipelines.study_files import read_settings
 
 G = 9.80665
 #: (Hz, damping ratio at rest, growth with amplitude in 1/m, participation).
@@ -1049,6 +1050,20 @@ def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, dampin
     if not said:
         np.testing.assert_allclose(asked[0].frequency, [20.0, 80.0], rtol=1e-15)
         np.testing.assert_allclose(asked[0].level, [2**0.5, 8**0.5], rtol=1e-15)
+
+
+def test_a_study_file_holds_any_name(tmp_path, damping, monkeypatch, bare_mode):
+    """A quote, a backslash and a control character in the name of a file, and a quote in the unit of the drive."""
+    places = [At(level, level < 20.0, 41.0, (0.01, 0.009, 0.011), (), ()) for level in (10.0, 20.0)]
+    mode = replace(bare_mode(41.0, places), design_forces=(2.0,))
+    answer = Campaign((mode,), LEVELS, (0.8,), 'g"')
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: answer)
+    path = tmp_path / 'a"b\\c\x01.csv'
+    path.write_text("lo")
+    assert damping("campaign", path, "--out", tmp_path / "out").code == 0
+    settings = read_settings(tmp_path / "out" / "study.toml")
+    assert settings.title == f"Campaign: {path.name}"
+    assert settings.records[0].design_levels == ('20 g"',)
 
 
 def test_every_file_that_was_read_is_sealed(tmp_path, damping, monkeypatch):
