@@ -220,6 +220,26 @@ def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
 
 
 @pytest.mark.parametrize(
+    ("force", "motion", "said"),
+    [
+        ("Force [N rms]", "Accel [g]", "caution: peak assumed"),
+        ("Force [N]", "Accel [g rms]", "caution: the force is taken as peak, beside a response in rms"),
+        ("Force [N]", "Accel [g pk]", ""),
+        ("Force [N pp]", "Accel [g pk]", ""),
+    ],
+)
+def test_a_header_without_scaling_beside_one_with_it_gets_a_caution(truth, tmp_path, imported, force, motion, said):
+    columns = {"Frequency [Hz]": lambda _: truth.f, force: lambda F: np.full(len(truth.f), F)}
+    columns[motion] = lambda F: F * np.abs(truth.H)
+    stacked(truth, **columns).to_csv(tmp_path / "a.csv", index=False)
+    cautions = [note for note in imported(tmp_path / "a.csv").summary.notes if note.startswith("caution")]
+    assert len(cautions) == bool(said)
+    assert all(caution.startswith(said) for caution in cautions)
+    stated = {"scaling": "rms", "force_scaling": "rms"}
+    assert not any("caution" in note for note in imported(tmp_path / "a.csv", **stated).summary.notes)
+
+
+@pytest.mark.parametrize(
     ("force", "motion"),
     [
         ("Force RMS [N]", "Displ RMS [mm]"),

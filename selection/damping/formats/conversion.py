@@ -185,11 +185,14 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
             if stated.scaling not in (None, for_force) and not stated.force_scaling:
                 remark = f"the force is {for_force} (--scaling force=... to say so)"
                 known.summary.note(f"--scaling is that of the response; {remark}")
+        if "force" in facts.peak_assumed and not stated.force_scaling:
+            says = f"beside a response in {facts.scaling}: the file does not say"
+            known.summary.note(f"caution: the force is taken as peak, {says} (give --scaling force=rms or force=peak)")
         return SCALINGS[for_force]
     if name is None:
         message = "whether amplitudes are peak or rms is neither in the file nor stated"
         raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
-    if facts.peak_assumed and not stated.scaling:
+    if "response" in facts.peak_assumed and not stated.scaling:
         known.summary.add("amplitudes", name, "assumed: the file does not say")
         known.summary.note(
             "caution: peak assumed: the file does not say (give --scaling rms or peak-to-peak, else peak)"
