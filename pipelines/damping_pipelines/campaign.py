@@ -16,7 +16,7 @@ from damping.campaign.values import SensorPrediction
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
 from damping.formats.conversion import SCALINGS
-from damping.formats.headers import ABSCISSAS
+from damping.formats.headers import find_abscissa_factor
 from damping.formats.quantity import unit
 from damping.plots import to_svg
 from damping.plots.curves import mode_over_level
@@ -129,11 +129,7 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
         of_frequency, of_level = (table.headers[name] for name in named)
-        hertz = ABSCISSAS["frequency"].get(of_frequency.unit.lower() or "hz")
-        if hertz is None:
-            raise InputError(
-                f"frequency in {of_frequency.unit}", expected=f"one of {', '.join(ABSCISSAS['frequency'])}"
-            )
+        hertz = find_abscissa_factor("frequency", of_frequency.unit)
     peak = SCALINGS[of_level.scaling or "peak"]
     return DesignLevel(hertz * table.numbers["frequency"], peak * table.numbers["level"]), of_level.unit
 

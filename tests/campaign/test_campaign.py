@@ -488,6 +488,9 @@ def test_page_of_decays_names_no_input(tmp_path, damping, few_laws):
 
 def test_times_of_a_decay_may_be_in_ms(tmp_path):
     path = tmp_path / "d.csv"
+    path.write_text("time [msec.],tip [m/s^2]\n0,0\n1,1\n")
+    with pytest.raises(InputError, match=r"time in msec\.; expected one of s, .*ms"):
+        read_runs([path], SIZE)
     path.write_text("time [ms],tip [m/s^2]\n" + "".join(f"{k},{math.sin(k)}\n" for k in range(50)))
     np.testing.assert_allclose(read_runs([path], SIZE)[0][0].x, 1e-3 * np.arange(50), rtol=1e-12)
 

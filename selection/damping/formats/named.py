@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, PHASES
+from damping.formats.headers import ABSCISSAS, PHASES, find_abscissa_factor
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 
 
@@ -157,11 +157,8 @@ def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
         raise InputError(f"array of {role} has the shape {values.shape}", expected="one real number for each point")
-    text = units.get(role, "").lower()
-    known = ABSCISSAS[role]
-    if text and text not in known:
-        raise InputError(f"{role} in {units[role]}", expected=f"--unit {role}=UNIT of {', '.join(known)}")
-    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
+    factor = find_abscissa_factor(role, units.get(role, ""), f"--unit {role}=UNIT of")
+    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * factor)
 
 
 def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Samples, bool]:
