@@ -116,7 +116,10 @@ def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
-    """Rows at which a new sweep begins: the frequency goes back by half its range, or a constant force changes."""
+    """Rows at which a new sweep begins: the frequency goes back by half its range, or turns where the force changes.
+
+    Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
+    """
     starts: set[int] = set()
     rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
     first = 0  # index in ``rows`` of the current sweep's first row
@@ -130,8 +133,10 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     if force is not None:
         size = np.abs(force)
         changes = np.flatnonzero(size[1:] != size[:-1]) + 1
+        way = np.sign(np.diff(frequency))
+        onward = {k + 1 for k in range(1, len(way)) if way[k] == way[k - 1] != 0.0}
         if len(changes) < len(size) / _FEWEST_ROWS:  # a constant force, not one measured in every row
-            starts |= {int(row) for row in changes}
+            starts |= set(changes.tolist()) - onward
     return sorted(starts)
 
 
