@@ -106,6 +106,24 @@ def test_columns_of_one_name_are_told_apart_by_number(truth, tmp_path, imported,
     np.testing.assert_allclose(record.column("force"), truth.F, rtol=CLOSE)
 
 
+@pytest.mark.parametrize("before", ["phase_sd [deg]", "phase_3 [deg]"])
+def test_the_phase_is_told_from_columns_that_begin_so(truth, tmp_path, imported, before):
+    columns = {"frequency": truth.f, "force [N]": truth.F, "amplitude [mm]": 1e3 * truth.amplitude, before: 1.0}
+    columns["Phase [deg]"] = np.degrees(truth.lag)
+    record = imported(write(tmp_path / "a.csv", columns)).record
+    np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=0.0, atol=CLOSE)
+
+
+def test_of_two_phases_the_one_is_asked_for(truth, tmp_path, imported):
+    columns = {"frequency": truth.f, "force [N]": truth.F, "Displacement [mm]": 1e3 * truth.amplitude}
+    columns |= {"Phase 1 [deg]": 30.0 + np.degrees(truth.lag), "Phase 2 [deg]": np.degrees(truth.lag)}
+    path = write(tmp_path / "a.csv", columns)
+    with pytest.raises(InputError, match="line 1: several columns are 'phase'"):
+        imported(path)
+    stated = {"amplitude": "Displacement", "lag_deg": "Phase 2"}
+    np.testing.assert_allclose(imported(path, columns=stated).record.column("phase"), truth.lag, rtol=0.0, atol=CLOSE)
+
+
 @pytest.mark.parametrize("text", ["ms-2", "ms^-2", "ms-1", "N/ms^-1"])
 def test_metres_and_seconds_that_touch_are_no_milliseconds(text):
     assert find_powers(text) is None

@@ -15,6 +15,7 @@ from typing import Any
 
 from damping.errors import InputError
 from damping.formats.quantity import find_powers
+from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
@@ -166,12 +167,10 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
         motion = next((kind for kind, known in NAMES["motion"].items() if name in known), None)
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
-        # a phase with a known unit, or the column ``phase`` of a record
-        is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
         if motion and free and _may_be(motion, header):
             places["response" if is_time else "amplitude"], response = place, motion
-        elif is_angle and not is_time and "angle" not in places:
-            places["angle"] = place
+    if not is_time and (phases := list_phases(headers)):
+        places["angle"] = phases[0]
     of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)
     if of_moment and not {"response", "amplitude", "x"} & set(places):
         turning = [k for k, name in enumerate(names) if name in _ANGULAR]
@@ -181,6 +180,14 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
         places |= {"x": names.index("x"), "y": names.index("y")}
         places.pop("angle", None)
     return places, response
+
+
+def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
+    """Columns called ``phase``; else those that begin so and have the unit of an angle: of two sensors both."""
+    names = [header.name.lower() for header in headers]
+    own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
+    further = [k for k, name in enumerate(names) if name.startswith("phase") and headers[k].angle]
+    return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
 
 
 def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
