@@ -14,7 +14,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import PHASES, ColumnHeader, list_phases, merge_units, parse_header, recognise
+from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
 from damping.records.text import CsvRows, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
@@ -240,14 +240,10 @@ def _places(
 
 
 def _require_single(found: Mapping[str, int], headers: Sequence[ColumnHeader], line: int) -> None:
-    """Raise InputError if another column has the name of a found one, or is a phase too; f and F are different."""
-    titles = [header.title if len(header.title) == 1 else header.title.lower() for header in headers]
-    phases = "angle" in found and len(list_phases(headers)) > 1
-    twice = next((titles[place] for place in found.values() if titles.count(titles[place]) > 1), "phase" * phases)
-    if twice:
-        raise InputError(
-            f"several columns are {describe_shortened(twice)!r}", line=line, expected="one, or --column ROLE=NUMBER"
-        )
+    """Raise InputError if a column found by its name shares it with another."""
+    if name := find_shared_name(found, headers):
+        expected = "one, or --column ROLE=NAME or NUMBER"
+        raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
 
 
 def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]) -> tuple[dict[str, int], str | None]:

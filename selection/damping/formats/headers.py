@@ -7,7 +7,7 @@ frequency.
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -188,6 +188,14 @@ def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
     own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
     further = [k for k, name in enumerate(names) if name.startswith("phase") and headers[k].angle]
     return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
+
+
+def find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
+    """The first name that a column with a role shares with another, '' if none; f and F differ, all phases do not."""
+    titles = [header.title if len(header.title) == 1 else header.title.lower() for header in headers]
+    if "angle" in places and len(list_phases(headers)) > 1:
+        return "phase"
+    return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")
 
 
 def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
