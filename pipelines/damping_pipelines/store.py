@@ -215,12 +215,12 @@ def print_answer(page: str) -> bytes:
         source, printed = Path(folder) / "report.html", Path(folder) / "report.pdf"
         write_text(source, page.replace("</head>", ANSWER_ALONE, 1))
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
-        done = subprocess.run(
-            [*command, f"--print-to-pdf={printed}", source.as_uri()],
-            capture_output=True,
-            check=False,
-            timeout=LONGEST_PRINT,
-        )
+        words = [*command, f"--print-to-pdf={printed}", source.as_uri()]
+        try:
+            done = subprocess.run(words, capture_output=True, check=False, timeout=LONGEST_PRINT)
+        except subprocess.TimeoutExpired:
+            message = f"--pdf: {browser} has not printed within {LONGEST_PRINT:g} s; print report.html from any browser"
+            raise AnalysisError(message) from None
         if done.returncode or not printed.exists():
             raise AnalysisError(f"--pdf: {browser} ended with {done.returncode} and no page")
         return printed.read_bytes()

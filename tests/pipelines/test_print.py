@@ -26,3 +26,12 @@ def test_without_a_browser_it_says_what_to_do(monkeypatch):
     monkeypatch.setattr(store, "BROWSERS", ("no-such-browser",))
     with pytest.raises(AnalysisError, match=r"no-such-browser is installed; print report\.html from any browser"):
         store.print_answer("")
+
+
+def test_a_browser_that_hangs_is_not_waited_for(monkeypatch, tmp_path):
+    (tmp_path / "hangs").write_text("#!/bin/sh\nexec sleep 60\n")
+    (tmp_path / "hangs").chmod(0o755)
+    monkeypatch.setattr(store, "BROWSERS", (str(tmp_path / "hangs"),))
+    monkeypatch.setattr(store, "LONGEST_PRINT", 0.1)
+    with pytest.raises(AnalysisError, match=r"has not printed within 0\.1 s; print report\.html from any browser"):
+        store.print_answer("")
