@@ -70,7 +70,7 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         require_response(texts, columns.layout.names, stated, many=is_time)
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
-        response=columns.response,
+        response=columns.response or None,
         scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
         peak_assumed=columns.response is not None and not any(header.scaling for header in headers.values()),
         force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),

@@ -141,6 +141,7 @@ def _names_unit(text: str) -> bool:
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
     """Columns by role from the names in a table, and the response type from a name.
 
+    The type is '' for a single letter: ``A`` may be an amplitude of any kind, ``v`` a voltage; its unit tells.
     With a time, or a ``z`` beside them, ``x`` and ``y`` are not readings of an amplifier.
     """
     places: dict[str, int] = {}
@@ -158,7 +159,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
         # a phase with a known unit, or the column ``phase`` of a record
         is_angle = name.startswith("phase") and (header.angle or (name == "phase" and not header.unit))
         if motion and free and _may_be(motion, header):
-            places["response" if is_time else "amplitude"], response = place, motion
+            places["response" if is_time else "amplitude"], response = place, motion if len(name) > 1 else ""
         elif is_angle and not is_time and "angle" not in places:
             places["angle"] = place
     of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)
