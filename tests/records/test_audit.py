@@ -15,7 +15,7 @@ import damping as dp
 from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
-from damping.records.mode import Mode, Units, read_mode
+from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -428,3 +428,14 @@ def test_accelerations_given_as_displacements_are_doubted(length, times, doubted
     mode = Mode(name="x", frequency=60.0, mass=2.7 / times, units=Units("N", length, "s"))
     found = [finding for finding in audit(Record(table, "x"), mode).findings if "no structure survives" in finding.what]
     assert [finding.check for finding in found] == ["units"] * doubted
+
+
+@pytest.mark.parametrize("per_cents", [True, False])
+def test_tolerances_in_per_cents_are_doubted(per_cents):
+    table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [60.0], "amplitude": [1.0]})
+    tolerance, repeatability = Tolerance(frequency=0.1, mass=2.0), Repeatability(amplitude=3.0)
+    stated = {"tolerance": tolerance, "repeatability": repeatability} if per_cents else {}
+    found = audit(Record(table), Mode(name="x", frequency=60.0, mass=1.0, **stated)).findings
+    said = [(one.check, one.verdict, one.what) for one in found if "uncertainty" in one.what]
+    what = "an uncertainty of 200 % of mass in [mode.tolerance] and of 300 % of amplitude in [repeatability]"
+    assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
