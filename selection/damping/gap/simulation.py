@@ -15,6 +15,7 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.effects.contract import Drive, OfDrive, Terms
 from damping.effects.course import BETWEEN
+from damping.effects.masses import share_of_structure
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
@@ -151,8 +152,7 @@ def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
     """
 
     def part(drive: Drive) -> FloatArray:
-        total = np.maximum(drive.shaken + drive.added, 1e-300)
-        share = np.where(np.isin(drive.state, states), drive.shaken / total, 0.0)
+        share = np.where(np.isin(drive.state, states), share_of_structure(drive), 0.0)
         return np.asarray(np.log1p(share * np.expm1(deviation)))
 
     return part
