@@ -41,7 +41,7 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _write_page
+from damping_pipelines.campaign import _read_predictions, _write_page
 from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
 
@@ -786,6 +786,25 @@ def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
 def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
     with pytest.raises(InputError, match=message):
         analyse([decayed(tmp_path / "d.csv", 0.005)], **options)
+
+
+def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
+    """An earlier campaign in N says nothing of one in g; one in another name of the same unit does."""
+    monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
+            file[name] = value
+            file[name].attrs["units"] = "Hz" if name == "frequency" else "m/s^2"
+    peak = {"sensor": "tip", "unit": "m/s^2", "median": 1.0, "low": 0.9, "high": 1.1}
+    form = {"format": "campaign/1", "modes": [{"frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}]}
+    for stated, error, said in (
+        ({"level_unit": "N"}, InputError, r"levels in N of --previous, in m/s\^2 of these files; expected levels"),
+        ({"level_unit": "m/s2"}, pytest.fail.Exception, "analysed"),
+        ({}, pytest.fail.Exception, "analysed"),
+    ):
+        (tmp_path / "campaign.json").write_text(json.dumps(form | stated))
+        with pytest.raises(error, match=said):
+            analyse([tmp_path / "sine.h5"], before=_read_predictions(tmp_path / "campaign.json"))
 
 
 def predicted(level: float, tested: bool) -> SensorPrediction:

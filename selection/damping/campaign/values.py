@@ -108,6 +108,7 @@ class SensorPrediction:
     """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
 
     ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
+    ``level_unit``: '' where it is not stated.
     """
 
     frequency: float
@@ -118,3 +119,4 @@ class SensorPrediction:
     band: tuple[float, float, float]
     at_frequency: float | None = None
     ratio: tuple[float | None, ...] | None = None
+    level_unit: str = ""
