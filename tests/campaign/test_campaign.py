@@ -31,7 +31,7 @@ from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
-from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.records import describe_lost, fit_levels, tie_modes
 from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
@@ -886,6 +886,11 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
         "mode-1 at 2 g: 49.5 Hz (50 predicted, -1.0 %); damping 1.3 % (1, 0.98 to 1.02 predicted, OUTSIDE)",
         "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
     )
+    unknown = [replace(row, ratio=None) for row in before]
+    assert describe_changes(unknown, Campaign((replace(mode, places=mode.places[1:]),), (), (), "g")) == (
+        "mode-1 at 2 g: the earlier campaign has no frequency and damping there",
+        "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
+    )
 
 
 def test_a_single_level_is_compared_with_itself(bare_mode):
@@ -932,6 +937,23 @@ def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
     assert [round(mode.frequency) for mode in found.modes] == [58]
     (note,) = (note for note in found.summary.notes if "left out" in note)
     assert note.startswith("the mode near 32 Hz is left out, because its levels do not agree (32 Hz at 0.1 g")
+
+
+def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
+    """Of one level nobody can say that its levels do not agree."""
+    rng, f = np.random.default_rng(8), np.linspace(22.0, 80.0, 350)
+    first, second = (f**2 / (at**2 - f**2 + 2j * 0.012 * at * f) for at in (32.0, 58.0))
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        run = file.create_group("run_0.1g")
+        run["frequency"], run["control"] = f, np.full(len(f), 0.1, dtype=complex)
+        for name, motion in (("tip", 1.0 + second), ("mid", 1.0 - 0.5 * second), ("back", -1.0 - first - 0.2 * second)):
+            run[name] = 0.1 * motion * (1.0 + 0.004 * rng.normal(size=len(f)))
+            run[name].attrs["units"] = run["control"].attrs["units"] = "g"
+    levels = fit_levels(read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0])
+    tied = tie_modes(levels)
+    assert [round(mode.mode.frequency) for mode in tied] == [58]
+    (note,) = describe_lost(levels, tied)
+    assert note == "the mode near 32 Hz is left out, because only sensors left out show it (back)"
 
 
 def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):

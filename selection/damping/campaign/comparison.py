@@ -59,7 +59,12 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
     modal = {row.level: (row.at_frequency, *row.ratio) for row in near if row.ratio and None not in row.ratio}
     known = _interpolate(modal, at.input)
     if known is None:
-        yield ": outside the levels of the earlier campaign, nothing to compare"
+        outside = _interpolate({row.level: row.band for row in near}, at.input) is None
+        yield (
+            ": outside the levels of the earlier campaign, nothing to compare"
+            if outside
+            else ": the earlier campaign has no frequency and damping there"
+        )
         return
     word = "then" if tested else "predicted"
     frequency, *ratio = known
