@@ -558,7 +558,7 @@ def test_an_answer_of_a_simulator_that_is_none_names_its_fault(lab, answer, said
     rows = lab.bench(levels=2, points=12).rows
     force, frequency = rows.force, rows.omega / (2 * np.pi)
     with pytest.raises(InputError, match=f"{said}.*one number each per row"):
-        Simulator.read(lambda force, frequency: answer(force * frequency), lab.mode())._answer(force, frequency, {})
+        Simulator.read(lambda force, frequency: answer(force * frequency), lab.mode()).answer(force, frequency, {})
 
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
