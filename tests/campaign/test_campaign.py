@@ -886,6 +886,8 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
         "mode-1 at 2 g: 49.5 Hz (50 predicted, -1.0 %); damping 1.3 % (1, 0.98 to 1.02 predicted, OUTSIDE)",
         "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
     )
+    (as_predicted,) = describe_changes(before, Campaign((bare_mode(50.0, [place(2.0, 49.999, 0.01)]),), (), (), "g"))
+    assert as_predicted.startswith("mode-1 at 2 g: 49.999 Hz (50 predicted, +0.0 %)")
     unknown = [replace(row, ratio=None) for row in before]
     assert describe_changes(unknown, Campaign((replace(mode, places=mode.places[1:]),), (), (), "g")) == (
         "mode-1 at 2 g: the earlier campaign has no frequency and damping there",
