@@ -16,6 +16,7 @@ from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
+from damping.records.order import find_misplaced_rows
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -439,3 +440,27 @@ def test_tolerances_in_per_cents_are_doubted(per_cents):
     said = [(one.check, one.verdict, one.what) for one in found if "uncertainty" in one.what]
     what = "an uncertainty of 200 % of mass in [mode.tolerance] and of 300 % of amplitude in [repeatability]"
     assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
+
+
+@pytest.mark.parametrize("columns", [["phase"], []])
+@pytest.mark.parametrize("back", [1, 2, 3, 4])
+def test_a_row_taken_again_after_a_jump_is_no_mistyped_frequency(back, columns):
+    """Y = 1 + .2 A^2 - w^2 + .02 i under F = .02: A = 1 at w^2 = 1.2, where a sweep upwards falls off its branch."""
+    A = np.linspace(0.05, 0.999, 20_000)
+    side = np.sqrt((0.02 / A) ** 2 - 0.02**2)
+    below, above = (np.sqrt(1.0 + 0.2 * A**2 + sign * side) for sign in (-1.0, 1.0))
+    fold = int(np.argmin(above)) + 1  # of the branch beyond resonance
+    w = np.linspace(0.9, 1.3, 81)
+    after = int(np.searchsorted(w, below[-1]))  # the first row after the jump
+    w = np.insert(w, after + 1, w[after - back] + 1e-5)
+    far = np.interp(w, above[:fold][::-1], A[:fold][::-1])
+    amplitude = np.where((np.arange(82) < after), np.interp(w, below, A), far)
+    noise = 0.005 * np.random.default_rng(back).standard_normal((2, 82))
+    phase = np.arctan2(0.02, 1.0 + 0.2 * amplitude**2 - w**2) + noise[0]
+    table = pd.DataFrame({"sweep": "up", "force": 0.02, "frequency": w, "amplitude": amplitude * np.exp(noise[1])})
+    table = table.assign(phase=phase)[[*table.columns, *columns]]
+    assert find_misplaced_rows(Record(table)) == {}
+    mistyped = table.drop(columns="sweep").loc[[after, after + 2]].mean()  # a reading of its place,
+    table.loc[after + 1, mistyped.index] = mistyped.to_numpy()
+    table.loc[after + 1, "frequency"] = 0.97  # stated far down the other branch, where it never is
+    assert find_misplaced_rows(Record(table)) == {after + 1: "up"}
