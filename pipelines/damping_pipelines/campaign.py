@@ -15,9 +15,12 @@ from damping.campaign.runs import DesignLevel, read_corrections
 from damping.campaign.values import SensorPrediction
 from damping.errors import InputError, naming
 from damping.formats.columns import read_columns
+from damping.formats.conversion import SCALINGS
+from damping.formats.headers import find_abscissa_factor
+from damping.formats.quantity import unit
 from damping.plots import to_svg
 from damping.plots.curves import mode_over_level
-from damping.records.mode import describe_mode_to_toml
+from damping.records.mode import describe_mode_to_toml, quote_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
@@ -75,10 +78,13 @@ def campaign(
     if twice is not None:
         raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
-    levels, wanted, limits = [_read_design(word) for word in design], _frequencies(modes), _read_limits(limit)
+    read_designs = [_read_design(word) for word in design]
+    wanted, limits = _frequencies(modes), _read_limits(limit)
     before = _read_predictions(previous) if previous else ()
     with sole_writer(out, PAGES, read):
+        levels = [level for level, _ in read_designs]
         answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before)
+        _require_units([text for _, text in read_designs], answer.unit)
         for mode in answer.modes:
             report_findings(mode.record, mode.mode, despite)
         inputs = digest_inputs(read)
@@ -90,13 +96,8 @@ def campaign(
 
 def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]) -> dict[str, bytes]:
     """Contents of every file by its name in the folder."""
-    asked = {mode.name: _name_forces(mode, answer) for mode in answer.modes}
-    settings = {
-        "title": title.replace("\\", "/").replace('"', "'"),
-        "seed": seed,
-        "modes": answer.modes,
-        "asked": asked,
-    }
+    asked = {mode.name: [quote_toml(text) for text in _name_forces(mode, answer)] for mode in answer.modes}
+    settings = {"title": quote_toml(title), "seed": seed, "modes": answer.modes, "asked": asked}
     texts = {f"modes/{mode.name}/record.csv": record_to_csv(mode.record) for mode in answer.modes}
     texts |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode) for mode in answer.modes}
     texts["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings)
@@ -111,20 +112,35 @@ def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
     return levels if answer.level_name != "force" and len(levels) == len(mode.design_forces) else []
 
 
-def _read_design(word: str) -> DesignLevel:
-    """A level, or the curve in a table with columns frequency (Hz) and level. InputError for anything else."""
+def _read_design(word: str) -> tuple[DesignLevel, str]:
+    """A level, or the curve in a table with columns frequency (Hz) and level; and the unit in the header of the levels.
+
+    InputError for anything else.
+    """
     level, path = parse_number(word), Path(word)
     if not math.isnan(level):
-        return DesignLevel.flat(level)
+        return DesignLevel.flat(level), ""
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
     with naming(path):
-        numbers = read_columns(read_bytes(path), {}, named).numbers
-        missing = [name for name in named if name not in numbers]
+        table = read_columns(read_bytes(path), {}, named)
+        missing = [name for name in named if name not in table.numbers]
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
-    return DesignLevel(numbers["frequency"], numbers["level"])
+        of_frequency, of_level = (table.headers[name] for name in named)
+        hertz = find_abscissa_factor("frequency", of_frequency.unit)
+    peak = SCALINGS[of_level.scaling or "peak"]
+    return DesignLevel(hertz * table.numbers["frequency"], peak * table.numbers["level"]), of_level.unit
+
+
+def _require_units(texts: Sequence[str], drive: str) -> None:
+    """InputError for design levels in another unit than the drive."""
+    wrong = next(
+        (text for text in texts if text not in ("", drive) and drive and not unit(text).agrees_with(unit(drive))), None
+    )
+    if wrong is not None:
+        raise InputError(f"--design in {wrong}", expected=f"levels in {drive}, the unit of the drive")
 
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:

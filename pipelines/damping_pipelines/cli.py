@@ -193,21 +193,20 @@ def main(arguments: list[str] | None = None) -> None:
         code = _fail(missing, 1)
     except (typer.Abort, KeyboardInterrupt):
         code = _fail("interrupted; no half-written file is left", 130)
-    except OSError as error:
-        if os.environ.get("DAMPING_TRACEBACK") or error.errno not in OUTPUT_ERRORS:
-            raise
-        code = _fail(f"standard output cannot be written ({error.strerror})", 1)
-        _discard_output()
     except SystemExit:  # what the library of the command line makes of a closed standard output
         code = _fail("standard output was closed before all was written", 1)
         _discard_output()
     except MemoryError:
         code = _fail("not enough memory for this input", 1)
-    except Exception as error:  # a mistake of ours: the promise is one line, never a traceback
+    except Exception as error:  # the promise is one line, never a traceback
         if os.environ.get("DAMPING_TRACEBACK"):
             raise
-        line = f"{type(error).__name__}: {error}".splitlines()[0]
-        code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
+        if isinstance(error, OSError) and error.errno in OUTPUT_ERRORS:
+            code = _fail(f"standard output cannot be written ({error.strerror})", 1)
+            _discard_output()
+        else:  # a mistake of ours
+            line = f"{type(error).__name__}: {error}".splitlines()[0]
+            code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -75,13 +75,13 @@ def export(
     if units is not None:
         record, described, notes = _convert(record, described, names, units, str(mode or source))
         names = Units(*SYSTEMS[units], "s")
-    if mode_out is not None:
-        if described is None or units is None:
-            expected = "--mode MODE.toml and --units"
-            raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
-        write_text(mode_out, describe_mode_to_toml(described))
+    if mode_out is not None and (described is None or units is None):
+        expected = "--mode MODE.toml and --units"
+        raise InputError("--mode-out without a mode to convert", file=mode_out, expected=expected)
     of_base = described is not None and described.drive == "base"
     _write_record(record, names.of_base_drive if of_base else names, out, notes, text=text, of_base=of_base)
+    if mode_out is not None and described is not None:  # last: the record may not fit its format
+        write_text(mode_out, describe_mode_to_toml(described))
 
 
 def _check_out(out: Path, *, text: bool) -> None:

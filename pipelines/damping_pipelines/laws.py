@@ -5,8 +5,10 @@
 """
 
 import math
+import shlex
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -75,9 +77,11 @@ class Asked:
             write_picture(self.plot, result.plot(), result.title)
         return self.json_out != "-"
 
-    def name(self, command: str) -> str:
-        """Another command on the same files."""
-        return f"damping {command} {self.record} --mode {self.mode}"
+    def name(self, command: str, force: Sequence[float] = (), amplitude: Sequence[float] = ()) -> str:
+        """Another command on the same files, as typed in a shell."""
+        given = (("--force", value) for value in force), (("--amplitude", value) for value in amplitude)
+        options = [word for option, value in chain(*given) for word in (option, f"{value:.12g}")]
+        return shlex.join(["damping", command, str(self.record), "--mode", str(self.mode), *options])
 
 
 def rank(**files: Any) -> None:
@@ -148,9 +152,8 @@ def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float
     loads = damping.extrapolate(read, described, force, level, amplitudes=amplitude, **asked.settings)
     if asked.write(loads):
         print_loads(loads)
-        again = " ".join([*(f"--force {f:g}" for f in force), *(f"--amplitude {a:g}" for a in amplitude)])
         suggest(
-            f"{asked.name('extrapolate')} {again} --json loads.json",
+            f"{asked.name('extrapolate', force, amplitude)} --json loads.json",
             "damping export loads.json --to nastran --out damping.bdf   (a table per load level)",
         )
 
@@ -247,10 +250,8 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
     traced = damping.curve(read, described, amplitude, force, level, **asked.settings)
     if asked.write(traced):
         print_curve(traced)
-        asked_for = [("amplitude", value) for value in amplitude] + [("force", value) for value in force]
-        given = [f" --{what} {value:.12g}" for what, value in asked_for]
         suggest(
-            f"{asked.name('curve')}{''.join(given)} --json curve.json",
+            f"{asked.name('curve', force, amplitude)} --json curve.json",
             "damping export curve.json --to nastran --out damping.bdf",
         )
 

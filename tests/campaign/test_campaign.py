@@ -44,6 +44,7 @@ from damping.records.record import Record
 from damping_pipelines.campaign import _read_predictions, _write_page
 from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
+from damping_pipelines.study_files import read_settings
 
 G = 9.80665
 #: (Hz, damping ratio at rest, growth with amplitude in 1/m, participation).
@@ -487,6 +488,9 @@ def test_page_of_decays_names_no_input(tmp_path, damping, few_laws):
 
 def test_times_of_a_decay_may_be_in_ms(tmp_path):
     path = tmp_path / "d.csv"
+    path.write_text("time [msec.],tip [m/s^2]\n0,0\n1,1\n")
+    with pytest.raises(InputError, match=r"time in msec\.; expected one of s, .*ms"):
+        read_runs([path], SIZE)
     path.write_text("time [ms],tip [m/s^2]\n" + "".join(f"{k},{math.sin(k)}\n" for k in range(50)))
     np.testing.assert_allclose(read_runs([path], SIZE)[0][0].x, 1e-3 * np.arange(50), rtol=1e-12)
 
@@ -1066,6 +1070,46 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     assert run.code == 1
     assert "mode-1: phase-sign (refuse)" in run.err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "said"),
+    [
+        ("frequency [rpm],level [g rms]", "1200,1\n4800,2\n", ""),
+        ("frequency [Hz],level [m/s^2]", "20,1\n80,2\n", "--design in m/s^2; expected levels in g"),
+        ("frequency [furlong],level", "20,1\n80,2\n", "design.csv: frequency in furlong; expected one of hz"),
+    ],
+)
+def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, damping, monkeypatch, header, rows, said):
+    """1200 and 4800 a minute are 20 and 80 Hz; 1 g rms is a sine of sqrt(2) g."""
+    asked = []
+
+    def analyse(sources, levels, *_):
+        asked.extend(levels)
+        return Campaign((), LEVELS, (0.8,), "g")
+
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", analyse)
+    (tmp_path / "design.csv").write_text(f"{header}\n{rows}")
+    (tmp_path / "run.csv").write_text("lo")
+    run = damping("campaign", tmp_path / "run.csv", "--out", tmp_path / "out", "--design", tmp_path / "design.csv")
+    assert (run.code, said in run.err) == (2 if said else 0, True)
+    if not said:
+        np.testing.assert_allclose(asked[0].frequency, [20.0, 80.0], rtol=1e-15)
+        np.testing.assert_allclose(asked[0].level, [2**0.5, 8**0.5], rtol=1e-15)
+
+
+def test_a_study_file_holds_any_name(tmp_path, damping, monkeypatch, bare_mode):
+    """A quote, a backslash and a control character in the name of a file, and a quote in the unit of the drive."""
+    places = [At(level, level < 20.0, 41.0, (0.01, 0.009, 0.011), (), ()) for level in (10.0, 20.0)]
+    mode = replace(bare_mode(41.0, places), design_forces=(2.0,))
+    answer = Campaign((mode,), LEVELS, (0.8,), 'g"')
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: answer)
+    path = tmp_path / 'a"b\\c\x01.csv'
+    path.write_text("lo")
+    assert damping("campaign", path, "--out", tmp_path / "out").code == 0
+    settings = read_settings(tmp_path / "out" / "study.toml")
+    assert settings.title == f"Campaign: {path.name}"
+    assert settings.records[0].design_levels == ('20 g"',)
 
 
 def test_every_file_that_was_read_is_sealed(tmp_path, damping, monkeypatch):

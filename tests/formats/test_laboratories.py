@@ -207,6 +207,16 @@ def test_an_angle_said_to_be_in_rad_is_none_in_degrees(truth, tmp_path, imported
     assert ("unit of angle", "rad", "found in the file") in taken.summary.rows
 
 
+def test_a_force_that_sags_in_its_last_digit_begins_no_sweep(truth, tmp_path, imported):
+    """Up at one force, that gives way near resonance, and down again at another."""
+    up = np.where(np.abs(truth.f - 10.0) < 0.3, 2.9, 3.0)
+    force, f, H = np.concatenate([up, 0.0 * up + 6.0]), *(np.concatenate([x, x[::-1]]) for x in (truth.f, truth.H))
+    table = {"frequency": f, "force [N]": force, "amplitude [mm]": 1e3 * force * np.abs(H), "phase": -np.angle(H)}
+    pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
+    record = imported(tmp_path / "a.csv").record
+    assert [len(record.of(label)) for label in record.sweeps] == [len(up), len(up)]
+
+
 def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
     w = 2 * np.pi * truth.f
     columns = {
@@ -217,6 +227,26 @@ def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
     path = tmp_path / "a.csv"
     stacked(truth, **columns).to_csv(path, index=False)
     close(imported(path).record, truth)
+
+
+@pytest.mark.parametrize(
+    ("force", "motion", "said"),
+    [
+        ("Force [N rms]", "Accel [g]", "caution: peak assumed"),
+        ("Force [N]", "Accel [g rms]", "caution: the force is taken as peak, beside a response in rms"),
+        ("Force [N]", "Accel [g pk]", ""),
+        ("Force [N pp]", "Accel [g pk]", ""),
+    ],
+)
+def test_a_header_without_scaling_beside_one_with_it_gets_a_caution(truth, tmp_path, imported, force, motion, said):
+    columns = {"Frequency [Hz]": lambda _: truth.f, force: lambda F: np.full(len(truth.f), F)}
+    columns[motion] = lambda F: F * np.abs(truth.H)
+    stacked(truth, **columns).to_csv(tmp_path / "a.csv", index=False)
+    cautions = [note for note in imported(tmp_path / "a.csv").summary.notes if note.startswith("caution")]
+    assert len(cautions) == bool(said)
+    assert all(caution.startswith(said) for caution in cautions)
+    stated = {"scaling": "rms", "force_scaling": "rms"}
+    assert not any("caution" in note for note in imported(tmp_path / "a.csv", **stated).summary.notes)
 
 
 @pytest.mark.parametrize(

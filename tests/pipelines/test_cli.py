@@ -197,6 +197,16 @@ def test_bad_record_names_file_line_and_column(content, said, damping, saturn_da
     assert not out.exists()
 
 
+def test_a_working_folder_that_is_gone_is_one_line(damping, tmp_path, monkeypatch):
+    """An error of the system that no command expects: not a traceback."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.rmdir()
+    run = damping("check", "r.csv", "--json", "check.json")
+    assert run.code == 1
+    assert run.err.count("\n") == 1
+    assert "FileNotFoundError" in run.err
+
+
 def test_max_size_is_obeyed(damping, saturn_data):
     run = damping("rank", *files(saturn_data), "--max-size", 50)
     assert run.code == 2

@@ -16,7 +16,9 @@ import cloudpickle
 import dask
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.dataset
+import pyarrow.parquet as pq
 import pytest
 from distributed import Client
 
@@ -448,6 +450,14 @@ def test_a_broken_part_is_set_aside_and_its_records_computed_again(tmp_path, one
     part.with_name(f"{part.name}.broken").unlink()
     assert rows_of(out) == before
     assert {"fleet.html", f"records/{part.name}", before[0]["report"]} == set(verify(out).manifest.outputs)
+
+
+def test_a_part_without_all_columns_is_broken(tmp_path):
+    """Parquet, but of another version or program: its rows cannot be read as results."""
+    part = tmp_path / "part-1.parquet"
+    pq.write_table(pa.table({"name": ["one"], "key": ["k"]}), part)
+    assert FleetDataSet(tmp_path).set_broken_aside() == [tmp_path / f"{part.name}.broken"]
+    assert FleetDataSet(tmp_path).read(["reason"]).empty
 
 
 def test_a_page_of_somebody_else_is_not_written_over(tmp_path, one_law):

@@ -302,6 +302,17 @@ def test_a_universal_file_says_that_a_base_is_driven(tmp_path: Path) -> None:
         import_file(out, tmp_path / "back.csv", Stated())
 
 
+def test_a_record_that_cannot_be_written_leaves_the_earlier_mode(tmp_path: Path) -> None:
+    """A universal file needs phases in a sweep of several rows."""
+    record, mode, before = tmp_path / "r.csv", tmp_path / "m.toml", tmp_path / "us.toml"
+    record.write_text("sweep,force,frequency,amplitude\na,3,9.9,0.01\na,3,10,0.02\na,3,10.1,0.01\n")
+    mode.write_text('[mode]\nfrequency = 10.0\nmass = 2.0\n[units]\nforce = "N"\nlength = "m"\n')
+    before.write_text("as it was")
+    with pytest.raises(AnalysisError, match="has no phases"):
+        export(record, tmp_path / "a.uff", units="us", mode=mode, mode_out=before)
+    assert before.read_text() == "as it was"
+
+
 def test_an_added_mass_on_a_base_is_a_mass(tmp_path: Path) -> None:
     record, mode = tmp_path / "r.csv", tmp_path / "m.toml"
     record.write_text("sweep,force,frequency,amplitude,added_mass\na,386,10,0.5,0.2\n")

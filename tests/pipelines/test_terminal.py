@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from damping_pipelines.cli import app
-from damping_pipelines.laws import _state_frequency
+from damping_pipelines.laws import Asked, _state_frequency
 from damping_pipelines.terminal import Notes, PlainTable, number_whole, progress
 
 #: A number that was cut: a digit beside what stands for the rest.
@@ -112,6 +114,22 @@ def test_prose_is_wrapped_not_shortened():
     lines = table.fit(40)
     assert all(len(line) <= 40 for line in lines)
     assert "mode 4 0.00212" in " ".join(" ".join(lines).split())
+
+
+def test_the_next_command_can_be_typed_as_it_stands():
+    asked = Asked(Path("my record.csv"), Path("a'b.toml"), None, None, 0, 1, ())
+    words = [
+        "damping",
+        "extrapolate",
+        "my record.csv",
+        "--mode",
+        "a'b.toml",
+        "--force",
+        "1234567.5",
+        "--amplitude",
+        "2",
+    ]
+    assert shlex.split(asked.name("extrapolate", [1234567.5], [2.0])) == words
 
 
 @pytest.mark.usefixtures("few_laws")

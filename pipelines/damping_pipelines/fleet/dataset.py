@@ -272,7 +272,8 @@ class FleetDataSet:
     @staticmethod
     def _table(path: Path, columns: Sequence[str]) -> pa.Table:
         try:
-            return pq.ParquetFile(path).read(columns=list(columns))
+            table = pq.ParquetFile(path).read(columns=list(columns))  # leaves out columns that the file has not
+            return table.select(list(columns))
         except (pa.ArrowException, OSError, KeyError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(f"is no part of a fleet ({reason})", file=path, expected="a folder of its own") from error

@@ -24,7 +24,7 @@ from damping.campaign.runs import (
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
-from damping.formats.headers import ABSCISSAS, ROLE_NAMES, ColumnHeader, parse_header
+from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, parse_header
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
@@ -181,13 +181,8 @@ def read_table(source: Source, start: bytes) -> CampaignRun:
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
     numbers = read_columns(data, mapped, {}).numbers
     units = [(header.name, header.unit) for header in sensors]
-    t = numbers["time"] * _find_factor(time)
+    t = numbers["time"] * find_abscissa_factor("time", time.unit)
     return source.make_decay(source.file.stem, t, units, [numbers[role] for role in roles])
-
-
-def _find_factor(time: ColumnHeader) -> float:
-    """The unit of a column of times in s; 1 if it has none."""
-    return ABSCISSAS["time"].get(time.unit.lower(), 1.0)
 
 
 def _track_table(
@@ -195,7 +190,7 @@ def _track_table(
 ) -> CampaignRun:
     """The run of a table of time, drive and responses. InputError for cells that are not numbers, or uneven times."""
     columns = [k for k, header in enumerate(headers) if header.text and header is not time]
-    factor = _find_factor(time)
+    factor = find_abscissa_factor("time", time.unit)
     blocks = _list_table_blocks(source, layout, [headers.index(time), *columns])
     first = next(blocks, None)
     if first is None or first.shape[1] < 2:

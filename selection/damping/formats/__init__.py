@@ -15,7 +15,7 @@ from damping.formats.arrays import list_array_series
 from damping.formats.columns import DECIMALS, DELIMITERS, Layout, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
-from damping.formats.named import UNIT_OF, list_units, to_series
+from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
@@ -64,16 +64,20 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
+    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)
         require_response(texts, columns.layout.names, stated, many=is_time)
+    scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
+    force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
+    silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         response=columns.response or None,
-        scaling=next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None),
-        peak_assumed=columns.response is not None and not any(header.scaling for header in headers.values()),
-        force_scaling=next((h.scaling for role, h in headers.items() if role.startswith("force") and h.scaling), None),
+        scaling=scaling,
+        peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and columns.response is not None],
+        force_scaling=force_scaling,
         angles={role: header.angle for role, header in headers.items() if header.angle},
     )
     return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")

@@ -222,35 +222,38 @@ def _places(
 ) -> tuple[dict[str, int], str | None]:
     """Index of the column of each role, stated columns first, and the response type from a column name."""
     headers = [parse_header(name) for name in names]
-    by_name, response = _by_name(headers, known, line)
+    by_name, response = _by_name(headers, known)
     if not mapped:
         if "amplitude" not in by_name or {"lead_deg", "lag_deg", "lead"} & set(by_name):
             by_name.pop("angle", None)
+        _require_single(by_name, headers, line)
         return by_name, response
     places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
     undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is not an amplitude
     unphased = "amplitude" in places and not set(PHASES) & set(places)
     wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting) | dict.fromkeys(PHASES, unphased)
-    for role, place in by_name.items():
-        if place not in taken and role not in places and wanted.get(role):
-            places[role] = place
-    return places, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
+    unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
+    found = {role: place for role, place in unstated.items() if wanted.get(role)}
+    _require_single(found, headers, line)
+    return places | found, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
 
 
-def _by_name(
-    headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], line: int
-) -> tuple[dict[str, int], str | None]:
+def _require_single(found: Mapping[str, int], headers: Sequence[ColumnHeader], line: int) -> None:
+    """Raise InputError if another column has the name of a found one; f and F are different names."""
+    titles = [header.title if len(header.title) == 1 else header.title.lower() for header in headers]
+    twice = next((titles[place] for place in found.values() if titles.count(titles[place]) > 1), None)
+    if twice is not None:
+        message, expected = f"several columns are {describe_shortened(twice)!r}", "one, or --column ROLE=NAME or NUMBER"
+        raise InputError(message, line=line, expected=expected)
+
+
+def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]) -> tuple[dict[str, int], str | None]:
     """Columns by role, from names of roles, else from usual names in laboratory tables."""
     lower = [header.name.lower() for header in headers]
     # amplitude and amplitude_rms side by side are two columns
     lower = [h.title.lower() if lower.count(name) > 1 else name for h, name in zip(headers, lower, strict=True)]
-    matches_of = {role: [name for name in named if name in lower] for role, named in known.items()}
-    for first in (matches[0] for matches in matches_of.values() if matches):
-        if lower.count(first) > 1 and first != "f":
-            message, expected = f"several columns are {describe_shortened(first)!r}", "one, or --column ROLE=NAME"
-            raise InputError(message, line=line, expected=expected)
-    by_role = {role: lower.index(matches[0]) for role, matches in matches_of.items() if matches}
+    by_role = {role: lower.index(name) for role, of in known.items() for name in [n for n in of if n in lower][:1]}
     usual, response = recognise(headers)
     # x and y are positions against time, or beside a z
     if "x" in by_role and lower[by_role["x"]] == "x" and not {"x", "y"} <= set(usual):

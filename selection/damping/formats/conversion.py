@@ -185,11 +185,14 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
             if stated.scaling not in (None, for_force) and not stated.force_scaling:
                 remark = f"the force is {for_force} (--scaling force=... to say so)"
                 known.summary.note(f"--scaling is that of the response; {remark}")
+        if "force" in facts.peak_assumed and not stated.force_scaling:
+            says = f"beside a response in {facts.scaling}: the file does not say"
+            known.summary.note(f"caution: the force is taken as peak, {says} (give --scaling force=rms or force=peak)")
         return SCALINGS[for_force]
     if name is None:
         message = "whether amplitudes are peak or rms is neither in the file nor stated"
         raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
-    if facts.peak_assumed and not stated.scaling:
+    if "response" in facts.peak_assumed and not stated.scaling:
         known.summary.add("amplitudes", name, "assumed: the file does not say")
         known.summary.note(
             "caution: peak assumed: the file does not say (give --scaling rms or peak-to-peak, else peak)"
@@ -214,6 +217,22 @@ def other_factor(what: str, powers: tuple[int, int, int], known: Statements) -> 
     known.add_unit(what)
     force, length = (unit(name) for name in SYSTEMS[known.stated.system])
     return stated.factor / (force.factor ** powers[0] * length.factor ** powers[1])
+
+
+def deviation_factor(what: str, quantity: str, known: Statements) -> float:
+    """Factor of a standard uncertainty to the unit of its ``quantity`` (``response`` or ``force``) in the file.
+
+    InputError: a unit of another kind.
+    """
+    text = known.facts.units.get(what, "")
+    if known.stated.consistent or text in ("", known.facts.units.get(quantity)):
+        return 1.0
+    own, of_quantity = unit(text, what=f"unit of {what}"), unit(known.unit_of(quantity))
+    if own.powers != of_quantity.powers:
+        expected = f"the unit of its quantity, such as {of_quantity.text}"
+        raise InputError(f"{what} in {text}", expected=expected)
+    known.summary.add(f"unit of {what}", text, _FOUND)
+    return own.factor / of_quantity.factor
 
 
 @dataclass(frozen=True)

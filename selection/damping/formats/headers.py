@@ -30,7 +30,7 @@ ABSCISSAS: dict[str, dict[str, float]] = {
     "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
                   "rad/s": 0.5 / pi},
     "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
-    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+    "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
 }  # fmt: skip
 
 #: Factors from columns of these roles to the lead of the response, rad.
@@ -51,6 +51,17 @@ _ANGULAR = NAMES["rotation"]["displacement"]
 _KNOWN_NAMES = {
     name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
 }
+
+
+def find_abscissa_factor(role: str, text: str, known: str = "one of") -> float:
+    """One unit of a frequency in Hz, an omega in rad/s or a time in s; 1 if ``text`` is empty.
+
+    InputError: no such unit; ``known`` introduces those that are.
+    """
+    factor = ABSCISSAS[role].get(text.lower()) if text else 1.0
+    if factor is None:
+        raise InputError(f"{role} in {text}", expected=f"{known} {', '.join(ABSCISSAS[role])}")
+    return factor
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, PHASES
+from damping.formats.headers import ABSCISSAS, PHASES, find_abscissa_factor
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 
 
@@ -27,6 +27,8 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
+#: Roles of angles between the response and the force itself.
+_BEHIND_FORCE = {"phase", "lag_deg", "angle"}
 #: A new sweep begins where the frequency goes back by more than this share of the range that its sweep has covered.
 _RESTART = 0.5
 #: Fewest rows of a sweep before a new one may begin.
@@ -59,15 +61,17 @@ def to_series(
     n = len(x)
     response, phased = _response(arrays, n, role == "time")
     force = _force(arrays, n, response.shape[1])
+    is_amplitude = force is not None and not np.iscomplexobj(force)
+    if force is not None and _BEHIND_FORCE & set(arrays):  # against whatever reference the force has a phase
+        force = np.abs(force)
     extra = ({} if times is None else {"time": times}) | _further(arrays, n)
     # by its role an amplitude is that of the sine; parts of a phasor may be rms
-    real_force = force is not None and not np.iscomplexobj(force)
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     known = replace(
         facts,
         response=None if "response" in facts.units else facts.response,
         scaling=facts.scaling or ("peak" if of_role else None),
-        force_scaling=facts.force_scaling or ("peak" if real_force else None),
+        force_scaling=facts.force_scaling or ("peak" if is_amplitude else None),
         turn="angle" in arrays,
     )
     is_time, many = role == "time", response.shape[1] > 1
@@ -112,7 +116,10 @@ def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
-    """Rows at which a new sweep begins: the frequency goes back by half its range, or a constant force changes."""
+    """Rows at which a new sweep begins: the frequency goes back by half its range, or turns where the force changes.
+
+    Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
+    """
     starts: set[int] = set()
     rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
     first = 0  # index in ``rows`` of the current sweep's first row
@@ -126,8 +133,10 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     if force is not None:
         size = np.abs(force)
         changes = np.flatnonzero(size[1:] != size[:-1]) + 1
+        way = np.sign(np.diff(frequency))
+        onward = {k + 1 for k in range(1, len(way)) if way[k] == way[k - 1] != 0.0}
         if len(changes) < len(size) / _FEWEST_ROWS:  # a constant force, not one measured in every row
-            starts |= {int(row) for row in changes}
+            starts |= set(changes.tolist()) - onward
     return sorted(starts)
 
 
@@ -153,11 +162,8 @@ def _abscissa(arrays: Mapping[str, Samples], units: Mapping[str, str]) -> tuple[
     values = arrays[role]
     if np.iscomplexobj(values) or values.size != max(values.shape, default=1) or not values.size:
         raise InputError(f"array of {role} has the shape {values.shape}", expected="one real number for each point")
-    text = units.get(role, "").lower()
-    known = ABSCISSAS[role]
-    if text and text not in known:
-        raise InputError(f"{role} in {units[role]}", expected=f"--unit {role}=UNIT of {', '.join(known)}")
-    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * known.get(text, 1.0))
+    factor = find_abscissa_factor(role, units.get(role, ""), f"--unit {role}=UNIT of")
+    return role, np.asarray(values, dtype=np.float64).reshape(-1) * (_TO_ABSCISSA[role] * factor)
 
 
 def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Samples, bool]:
@@ -260,12 +266,24 @@ def _magnitude(values: Samples, role: str) -> FloatArray:
 UNIT_OF = (
     dict.fromkeys(("force", "force_x", "force_y"), "force")
     | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
-    | {role: role for role in ("energy", "mass", *ABSCISSAS)}
+    | {role: role for role in ("energy", "mass", "amplitude_sd", "force_sd", *ABSCISSAS)}
 )
 
 
+def require_alike(texts: Mapping[str, str]) -> None:
+    """Raise InputError if the parts of a phasor have different units or scalings; ``texts``: of roles that have one."""
+    for parts in (("x", "y"), ("force_x", "force_y")):
+        named = {role: texts[role] for role in parts if texts.get(role)}
+        if len(set(named.values())) > 1:
+            raise InputError(" and ".join(f"{role} in {text}" for role, text in named.items()), expected="one unit")
+
+
 def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
-    """The first unit of each quantity in the columns or arrays of some roles; stated units of an abscissa go first."""
+    """The first unit of each quantity in the columns or arrays of some roles; stated units of an abscissa go first.
+
+    InputError: parts of a phasor in different units.
+    """
+    require_alike(of_roles)
     units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
     for role, text in of_roles.items():
         if role in UNIT_OF:

@@ -100,6 +100,8 @@ def _parsed(text: str) -> tuple[tuple[int, int, int], float]:
         mark, term = rest[0], _TERM.match(rest)
         if wants_name and term is not None:
             name, square, minus, digit = term.groups()
+            if name == "ms" and minus:  # m s^-2 without its blank, and not 1/ms^2
+                raise ValueError
             of_name, size = _find_name(name)
             power = signs[-1] * sign * (_POWERS[square] if square else int(f"{minus}{digit}") if digit else 1)
             powers = [total + power * exponent for total, exponent in zip(powers, of_name, strict=True)]

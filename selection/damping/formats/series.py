@@ -3,7 +3,7 @@
 The summary of a file is a table of facts with their origin, and notes on what was left out.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import pi
 from typing import Any, TypeAlias
@@ -30,9 +30,11 @@ class FileFacts:
     per_force: bool | None = None  #: whether it is a ratio to force
     scaling: str | None = None  #: a name of ``SCALINGS``
     force_scaling: str | None = None  #: scaling of the force, if separate
-    peak_assumed: bool = False  #: whether the scaling is assumed, and neither from a header nor from a role
+    peak_assumed: Collection[
+        str
+    ] = ()  #: of ``response`` and ``force``: neither a header nor a role says that it is peak
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
-    units: Mapping[str, str] = field(default_factory=dict)  #: texts by ``force``, ``response``, ``energy`` and ``mass``
+    units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
 
 

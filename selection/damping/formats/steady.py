@@ -8,7 +8,15 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, wrap_lag
 from damping.errors import InputError, naming
-from damping.formats.conversion import Conversion, Statements, ask, conversion, other_factor, scaling
+from damping.formats.conversion import (
+    Conversion,
+    Statements,
+    ask,
+    conversion,
+    deviation_factor,
+    other_factor,
+    scaling,
+)
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Series, Stated, Summary
 from damping.records.record import Record, find_problems
@@ -116,9 +124,10 @@ def _tabulate_sweep(row: Series, label: str, level: float | None, known: Stateme
         if name in _POWERS:
             table[name] *= other_factor(name, _POWERS[name], known)
         elif name in ("amplitude_sd", "force_sd"):  # scaled as its quantity
-            raw = row.response if name == "amplitude_sd" else row.force
+            quantity, raw = ("response", row.response) if name == "amplitude_sd" else ("force", row.force)
             if raw is None:
                 raise InputError("force_sd without a force", expected="a column of the force")
+            table[name] *= deviation_factor(name, quantity, known)
             table[name] = table[name] / np.abs(raw[keep]) * table[name.removesuffix("_sd")]
     return table
 

@@ -284,7 +284,7 @@ def describe_mode_to_toml(mode: Mode) -> str:
 
 def _describe_value(value: str | float | Mapping[str, float]) -> str:
     if isinstance(value, str):
-        return _quoted(value)
+        return quote_toml(value)
     if isinstance(value, Mapping):
         pairs = (f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items())
         return f"{{{', '.join(pairs)}}}"
@@ -292,9 +292,9 @@ def _describe_value(value: str | float | Mapping[str, float]) -> str:
 
 
 def _describe_key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else quote_toml(key)
 
 
-def _quoted(text: str) -> str:
+def quote_toml(text: str) -> str:
     """A TOML basic string: escaped as in JSON, and the delete character too."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
