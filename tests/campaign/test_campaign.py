@@ -269,7 +269,7 @@ def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
     assert all(f"both {said}" in text for text in cautions)
 
 
-def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
+def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, few_draws):
     out = tmp_path / "out"
     assert damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8).code == 0
     answer = json.loads((out / "campaign.json").read_text())
@@ -924,7 +924,7 @@ def test_of_two_close_modes_the_nearer_is_compared(bare_mode):
         np.testing.assert_allclose([one.above_db for one in found], 0.0, atol=1e-9)
 
 
-def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
+def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path, few_laws):
     """It stands 1000 standard errors out of the noise at three levels, and 8 % lower at the fourth."""
     rng = np.random.default_rng(8)
     f = np.linspace(22.0, 80.0, 350)
