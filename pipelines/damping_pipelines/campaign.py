@@ -146,11 +146,12 @@ def _require_units(texts: Sequence[str], drive: str) -> None:
 def _read_predictions(path: Path) -> list[SensorPrediction]:
     """Every peak of a form ``campaign/1``. InputError for another file."""
     band = attrgetter("median", "low", "high")
+    form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
-        SensorPrediction(mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, band(peak), f, ratio)
-        for mode in read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign").modes
+        SensorPrediction(mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, band(peak), *known)
+        for mode in form.modes
         for at in mode.at
-        for f, ratio in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None)]
+        for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
         for peak in at.response
     ]
 

@@ -60,7 +60,7 @@ def tabulate_notches(answer: Campaign) -> pd.DataFrame:
             "from, Hz": notch.low,
             "to, Hz": notch.high,
             f"top level tested at the mode, {unit}": notch.tested,
-            "next level, dB above it at most": f"{notch.more_db:+.1f}",
+            "next level, dB above it at most": f"{notch.more_db:+z.1f}",
         }
         for mode in answer.modes
         for notch in mode.notches
@@ -92,7 +92,7 @@ def tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
             "measured": outcome.measured,
             **dict(zip(("predicted", "low", "high"), outcome.predicted, strict=True)),
             "unit": outcome.unit,
-            "above, dB": f"{outcome.above_db:+.1f}",
+            "above, dB": f"{outcome.above_db:+z.1f}",
             "in the band": "yes" if outcome.held else "no",
         }
         for outcome in answer.outcomes

@@ -245,6 +245,7 @@ class CampaignForm(FormPart):
 
     format: Literal["campaign/1"]
     modes: list[PeaksOfMode]
+    level_unit: str = ""
 
 
 class UnitsForm(FormPart):

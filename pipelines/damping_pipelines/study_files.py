@@ -77,9 +77,12 @@ class StudySettings(BaseModel, extra="forbid", frozen=True):
     @field_validator("records")
     @classmethod
     def _different_names(cls, records: tuple[RecordSettings, ...]) -> tuple[RecordSettings, ...]:
-        names = [record.name for record in records]
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise ValueError(f"two records are called {twice[0]!r}")
+        known = dict[str, str]()
+        for name in (record.name for record in records):
+            if other := known.get(name.lower()):
+                differs = "" if other == name else f" and {name!r}, and some file systems ignore case"
+                raise ValueError(f"two records are called {other!r}{differs}")
+            known[name.lower()] = name
         return records
 
 

@@ -29,8 +29,9 @@ from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import AGREED, Disagreement
 
-#: Probability from which the diagnosis keeps an explanation, if the library probably holds the cause.
-KEPT = 0.1
+#: Probability from which the diagnosis keeps an explanation, if the library probably holds the cause: as much as a band
+#: of 90 % leaves above it.
+KEPT = 0.05
 #: Effects whose damping force is hysteretic, such as a joint that softens as it slips.
 WITH_MEMORY = {
     name for name, effect in CATALOGUE.items() if effect.damping and FORCES[effect.damping].joints is not Force.joints

@@ -49,6 +49,17 @@ def test_a_table_that_is_written_to_is_another_than_the_records(record, mode):
         dp.Record(spoilt)
 
 
+@pytest.mark.parametrize("name", ["table", "frame"])
+def test_a_record_does_not_change(record, name):
+    before, column = record.table.copy(), record.column("amplitude")
+    for made in (record, dp.Record(before)):
+        rows = getattr(made, name)
+        rows.loc[:, "amplitude"] *= 2.0
+        rows["further"] = 1.0
+        pd.testing.assert_frame_equal(getattr(made, name), before)
+        np.testing.assert_array_equal(made.column("amplitude"), column)
+
+
 def test_records_are_equal_whose_rows_are(record):
     again = dp.read_record(RECORD)
     assert record == again == send(record) == copy.deepcopy(record)

@@ -31,7 +31,7 @@ from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
-from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.records import describe_lost, fit_levels, tie_modes
 from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
@@ -41,7 +41,7 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _write_page
+from damping_pipelines.campaign import _read_predictions, _write_page
 from damping_pipelines.campaign_tables import tabulate_modes
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
@@ -269,7 +269,7 @@ def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
     assert all(f"both {said}" in text for text in cautions)
 
 
-def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout):
+def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, few_draws):
     out = tmp_path / "out"
     assert damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8).code == 0
     answer = json.loads((out / "campaign.json").read_text())
@@ -792,6 +792,25 @@ def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
         analyse([decayed(tmp_path / "d.csv", 0.005)], **options)
 
 
+def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
+    """An earlier campaign in N says nothing of one in g; one in another name of the same unit does."""
+    monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
+            file[name] = value
+            file[name].attrs["units"] = "Hz" if name == "frequency" else "m/s^2"
+    peak = {"sensor": "tip", "unit": "m/s^2", "median": 1.0, "low": 0.9, "high": 1.1}
+    form = {"format": "campaign/1", "modes": [{"frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}]}
+    for stated, error, said in (
+        ({"level_unit": "N"}, InputError, r"levels in N of --previous, in m/s\^2 of these files; expected levels"),
+        ({"level_unit": "m/s2"}, pytest.fail.Exception, "analysed"),
+        ({}, pytest.fail.Exception, "analysed"),
+    ):
+        (tmp_path / "campaign.json").write_text(json.dumps(form | stated))
+        with pytest.raises(error, match=said):
+            analyse([tmp_path / "sine.h5"], before=_read_predictions(tmp_path / "campaign.json"))
+
+
 def predicted(level: float, tested: bool) -> SensorPrediction:
     """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
     peak = steady_peak(level)[0]
@@ -871,6 +890,13 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
         "mode-1 at 2 g: 49.5 Hz (50 predicted, -1.0 %); damping 1.3 % (1, 0.98 to 1.02 predicted, OUTSIDE)",
         "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
     )
+    (as_predicted,) = describe_changes(before, Campaign((bare_mode(50.0, [place(2.0, 49.999, 0.01)]),), (), (), "g"))
+    assert as_predicted.startswith("mode-1 at 2 g: 49.999 Hz (50 predicted, +0.0 %)")
+    unknown = [replace(row, ratio=None) for row in before]
+    assert describe_changes(unknown, Campaign((replace(mode, places=mode.places[1:]),), (), (), "g")) == (
+        "mode-1 at 2 g: the earlier campaign has no frequency and damping there",
+        "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
+    )
 
 
 def test_a_single_level_is_compared_with_itself(bare_mode):
@@ -898,7 +924,7 @@ def test_of_two_close_modes_the_nearer_is_compared(bare_mode):
         np.testing.assert_allclose([one.above_db for one in found], 0.0, atol=1e-9)
 
 
-def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
+def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path, few_laws):
     """It stands 1000 standard errors out of the noise at three levels, and 8 % lower at the fourth."""
     rng = np.random.default_rng(8)
     f = np.linspace(22.0, 80.0, 350)
@@ -917,6 +943,23 @@ def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path):
     assert [round(mode.frequency) for mode in found.modes] == [58]
     (note,) = (note for note in found.summary.notes if "left out" in note)
     assert note.startswith("the mode near 32 Hz is left out, because its levels do not agree (32 Hz at 0.1 g")
+
+
+def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
+    """Of one level nobody can say that its levels do not agree."""
+    rng, f = np.random.default_rng(8), np.linspace(22.0, 80.0, 350)
+    first, second = (f**2 / (at**2 - f**2 + 2j * 0.012 * at * f) for at in (32.0, 58.0))
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        run = file.create_group("run_0.1g")
+        run["frequency"], run["control"] = f, np.full(len(f), 0.1, dtype=complex)
+        for name, motion in (("tip", 1.0 + second), ("mid", 1.0 - 0.5 * second), ("back", -1.0 - first - 0.2 * second)):
+            run[name] = 0.1 * motion * (1.0 + 0.004 * rng.normal(size=len(f)))
+            run[name].attrs["units"] = run["control"].attrs["units"] = "g"
+    levels = fit_levels(read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0])
+    tied = tie_modes(levels)
+    assert [round(mode.mode.frequency) for mode in tied] == [58]
+    (note,) = describe_lost(levels, tied)
+    assert note == "the mode near 32 Hz is left out, because only sensors left out show it (back)"
 
 
 def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from damping.campaign import analyse
-from damping.campaign.records import fit_right_levels
+from damping.campaign.delays import remove_delay
+from damping.campaign.records import fit_levels
 from damping.campaign.sources import read_runs
 
 G, SIZE = 9.80665, 10_000_000
@@ -81,4 +82,4 @@ def test_no_delay_is_found_where_there_is_none(tmp_path):
             hertz *= rng.choice([1.02, 1.1, 1.4])
         shapes = rng.uniform(0.3, 1.0, size=(3, 2)) * rng.choice([-1.0, 1.0], size=(3, 2))
         runs, _ = read_runs([write(tmp_path / "a.h5", rng, 0.0, modes, shapes)], SIZE)
-        assert fit_right_levels(runs)[0][0].run.delay == 0.0, seed
+        assert remove_delay(fit_levels(runs), fit_levels)[0].run.delay == 0.0, seed

@@ -359,6 +359,10 @@ def test_a_law_that_rows_exclude_takes_no_part(swept):
     assert [own.name for own in judged.laws] == ["viscous + slip"]
     assert judged.laws[0].weight == pytest.approx(1.0)
     assert f"slip ({alone:.2f})" in judged.excluded
+    # the seed of the loads is that of the verdict, too
+    loads = extrapolate_loads(plan.data, [0.2], seed=3, plan=plan, all_rows=observe(record), fresh=False)
+    (leader,) = fit_laws([judged.laws[0].law], plan.data)
+    assert loads.plan.fit.p_value == fit_probability(leader, plan.data, seed=3) != judged.fit.p_value
 
 
 def test_the_verdict_is_that_of_the_law_that_leads_once_others_are_left_out(swept):

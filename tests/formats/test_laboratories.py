@@ -309,6 +309,17 @@ def test_one_word_of_a_name_tells_what_a_column_is(truth, tmp_path, imported):
         imported(path)
 
 
+@pytest.mark.parametrize("name", ["A", "v"])
+def test_a_letter_without_a_unit_says_no_type(truth, tmp_path, imported, name):
+    """``A`` is an amplitude to some and an acceleration to others; its unit tells, or the user is asked."""
+    columns = {"f": lambda _: truth.f, "F": lambda F: np.full(len(truth.f), F), name: lambda F: F * np.abs(truth.H)}
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).rename(columns={"F": "F [N]", "f": "f [Hz]"}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="type of the response is neither in the file nor stated; expected --response"):
+        imported(path, consistent=True)
+    close(imported(path, units={"response": "m"}).record, truth)
+
+
 @pytest.mark.parametrize("text", ["roof N", "roof S [g]", "roof pk", "Level 1", "accel N", "rms", "phase g"])
 def test_names_of_sensors_keep_their_last_word(text):
     assert parse_header(text).name == text.removesuffix(" [g]")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import damping as dp
+from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulator
 
 MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
@@ -101,6 +102,28 @@ def test_two_answers_to_one_call_are_refused(record, mode):
     with pytest.raises(dp.InputError, match=r"answers the same call twice, [1-9]\.\d % apart"):
         diagnose(record, mode, noisy(0.01))
     assert diagnose(record, mode, noisy(1e-9)).to_json()["effects"] == ["coulomb-friction"]
+
+
+@pytest.mark.parametrize("columns", [["phase"], []])
+@pytest.mark.parametrize(
+    ("taken", "said"),
+    [(1.0 / (2.0 * np.pi), "at 2 pi times"), (2.0 * np.pi, r"at 1/(2 pi) times"), (1.0, ""), (1.2, ""), (2.0, "")],
+)
+def test_a_frequency_in_another_unit_is_told(record, mode, columns, taken, said):
+    """The function takes rad/s and is given Hz, or multiplies by 2 pi twice; one of another resonance is let pass."""
+    named = dp.Record(record.table[["sweep", "force", "frequency", "amplitude", *columns]])
+
+    def function(force, frequency):
+        return simulate(force, taken * frequency, stiffness=STIFFNESS)
+
+    def of_the_band(force, frequency):
+        if not 0.5 < frequency[0] / FREQUENCY < 2.0:
+            raise ValueError("outside the band of the simulation")
+        return function(force, frequency)
+
+    told = check_sense(Simulator.read(function, mode), named)
+    assert [f"the simulation resembles the test {said} the frequencies" in text for text in told] == [True] * bool(said)
+    assert check_sense(Simulator.read(of_the_band, mode), named) == ()
 
 
 def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):

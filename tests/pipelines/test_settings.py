@@ -79,9 +79,11 @@ def test_mistakes(old, new, said, write):
         assert word in message
 
 
-def test_two_records_of_one_name(write):
-    with pytest.raises(InputError, match="two records are called 'a'"):
-        read_settings(write(GOOD + GOOD[GOOD.index("[[records]]") :]))
+@pytest.mark.parametrize(("name", "called"), [("a", "'a';"), ("A", "'a' and 'A', and some file systems ignore case")])
+def test_two_records_of_one_name(write, name, called):
+    again = GOOD[GOOD.index("[[records]]") :].replace('name = "a"', f'name = "{name}"')
+    with pytest.raises(InputError, match=f"toml, line 4, column records: two records are called {called}"):
+        read_settings(write(GOOD + again))
 
 
 def test_no_records(write):

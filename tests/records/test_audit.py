@@ -15,7 +15,8 @@ import damping as dp
 from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
-from damping.records.mode import Mode, Units, read_mode
+from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
+from damping.records.order import find_misplaced_rows
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -428,3 +429,38 @@ def test_accelerations_given_as_displacements_are_doubted(length, times, doubted
     mode = Mode(name="x", frequency=60.0, mass=2.7 / times, units=Units("N", length, "s"))
     found = [finding for finding in audit(Record(table, "x"), mode).findings if "no structure survives" in finding.what]
     assert [finding.check for finding in found] == ["units"] * doubted
+
+
+@pytest.mark.parametrize("per_cents", [True, False])
+def test_tolerances_in_per_cents_are_doubted(per_cents):
+    table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [60.0], "amplitude": [1.0]})
+    tolerance, repeatability = Tolerance(frequency=0.1, mass=2.0), Repeatability(amplitude=3.0)
+    stated = {"tolerance": tolerance, "repeatability": repeatability} if per_cents else {}
+    found = audit(Record(table), Mode(name="x", frequency=60.0, mass=1.0, **stated)).findings
+    said = [(one.check, one.verdict, one.what) for one in found if "uncertainty" in one.what]
+    what = "an uncertainty of 200 % of mass in [mode.tolerance] and of 300 % of amplitude in [repeatability]"
+    assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
+
+
+@pytest.mark.parametrize("columns", [["phase"], []])
+@pytest.mark.parametrize("back", [1, 2, 3, 4])
+def test_a_row_taken_again_after_a_jump_is_no_mistyped_frequency(back, columns):
+    """Y = 1 + .2 A^2 - w^2 + .02 i under F = .02: A = 1 at w^2 = 1.2, where a sweep upwards falls off its branch."""
+    A = np.linspace(0.05, 0.999, 20_000)
+    side = np.sqrt((0.02 / A) ** 2 - 0.02**2)
+    below, above = (np.sqrt(1.0 + 0.2 * A**2 + sign * side) for sign in (-1.0, 1.0))
+    fold = int(np.argmin(above)) + 1  # of the branch beyond resonance
+    w = np.linspace(0.9, 1.3, 81)
+    after = int(np.searchsorted(w, below[-1]))  # the first row after the jump
+    w = np.insert(w, after + 1, w[after - back] + 1e-5)
+    far = np.interp(w, above[:fold][::-1], A[:fold][::-1])
+    amplitude = np.where((np.arange(82) < after), np.interp(w, below, A), far)
+    noise = 0.005 * np.random.default_rng(back).standard_normal((2, 82))
+    phase = np.arctan2(0.02, 1.0 + 0.2 * amplitude**2 - w**2) + noise[0]
+    table = pd.DataFrame({"sweep": "up", "force": 0.02, "frequency": w, "amplitude": amplitude * np.exp(noise[1])})
+    table = table.assign(phase=phase)[[*table.columns, *columns]]
+    assert find_misplaced_rows(Record(table)) == {}
+    mistyped = table.drop(columns="sweep").loc[[after, after + 2]].mean()  # a reading of its place,
+    table.loc[after + 1, mistyped.index] = mistyped.to_numpy()
+    table.loc[after + 1, "frequency"] = 0.97  # stated far down the other branch, where it never is
+    assert find_misplaced_rows(Record(table)) == {after + 1: "up"}

@@ -160,6 +160,15 @@ def test_every_figure_has_a_text_alternative_and_a_caption(rendered: Rendered, r
     assert all(re.search(r"<desc [^>]*>[^<]{40,}", svg) for svg in rendered.figures.values())
 
 
+def test_a_figure_of_sweeps_says_how_far_their_rows_lie_off(study: StudyResult, reader: Reader) -> None:
+    """The misfit of the verdict, not that of the resonances, which lie on the curve."""
+    text, fit = " ".join(" ".join(reader.texts).split()), study.records[1].ranking.fit
+    said = f"misses the measured rows by {fit.misfit:.2g} % (root mean square)"
+    assert f"which {said}" in text
+    assert f"{said}, p =" in text
+    assert "% on average" in text  # of three resonances
+
+
 def test_files_named_on_the_page_exist(rendered: Rendered) -> None:
     named = re.findall(r'<span class="file">([^<]+)\.csv</span>', rendered.html)
     assert named

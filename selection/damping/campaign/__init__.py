@@ -68,7 +68,8 @@ def analyse(
         corrections: of the content of the files. limits: largest allowed reading, by sensor, in its unit. before:
             predictions made before these runs.
 
-    InputError: files that are not understood, or limits or earlier predictions for free decays, which have no input.
+    InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
+    earlier predictions at levels in another unit.
     AnalysisError: no mode can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections)
@@ -82,6 +83,9 @@ def analyse(
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
         return _summed_up(answer_decays(runs, inputs, frequencies, seed, summary), summary)
+    of, earlier = runs[0].drive_unit, next((row.level_unit for row in before), "")
+    if earlier and not unit(earlier).agrees_with(unit(of)):
+        raise InputError(f"levels in {earlier} of --previous, in {of} of these files", expected="levels in one unit")
     tested = [float(run.level or 0.0) for run in runs]
     inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
     highest = tuple(float(level.level.max()) for level in inputs)

@@ -59,12 +59,17 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
     modal = {row.level: (row.at_frequency, *row.ratio) for row in near if row.ratio and None not in row.ratio}
     known = _interpolate(modal, at.input)
     if known is None:
-        yield ": outside the levels of the earlier campaign, nothing to compare"
+        outside = _interpolate({row.level: row.band for row in near}, at.input) is None
+        yield (
+            ": outside the levels of the earlier campaign, nothing to compare"
+            if outside
+            else ": the earlier campaign has no frequency and damping there"
+        )
         return
     word = "then" if tested else "predicted"
     frequency, *ratio = known
     shift = at.frequency / frequency - 1.0
-    told = [f"{at.frequency:.5g} Hz ({frequency:.5g} {word}, {100 * shift:+.1f} %)"]
+    told = [f"{at.frequency:.5g} Hz ({frequency:.5g} {word}, {100 * shift:+z.1f} %)"]
     changed = abs(shift) > SHIFTED
     if at.ratio is not None:
         apart = _are_apart(at.ratio, ratio)
@@ -76,7 +81,7 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
         peak = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
         if peak is not None and _are_apart(response.band, peak):
             changed = True
-            told.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+.1f} dB")
+            told.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+z.1f} dB")
     if changed or not tested:
         yield f"{', tested before, has changed' if tested else ''}: {'; '.join(told)}"
 

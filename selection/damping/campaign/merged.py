@@ -15,8 +15,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from damping.campaign.modal_fit import Level, evaluate_sd, solve_residues
+from damping.campaign.modal_fit import Level, evaluate_sd
 from damping.campaign.poles import BAND
+from damping.campaign.projection import solve_residues
 
 #: Least squared residual, over that of the scatter from row to row, of modes that merged, as a median over the levels.
 #: False alarms: none of 410 random campaigns of modes 10 % and more apart, all found, whose damping and stiffness

@@ -22,6 +22,7 @@ from scipy.signal import find_peaks
 
 from damping.arrays import ComplexArray, FloatArray
 from damping.campaign.poles import Poles
+from damping.campaign.projection import Projection, project, solve_residues, stack_parts
 from damping.campaign.runs import CampaignRun
 
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
@@ -32,6 +33,7 @@ FEWEST_ROWS = 5  #: fewest rows in which a peak can be found
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
+_STEP = 1.5e-8  # of parameters, in differences: half of the digits
 _FRICTION_PAYS = 20.0  #: least fall of the squared misfit to accept friction: e^10 in likelihood
 
 
@@ -148,33 +150,29 @@ def _fit_cluster(
 ) -> Poles:
     """The poles with one cluster fitted, the others held; ``friction``: whether its share is free, else 0."""
     sd, count, parts, columns = evaluate_sd(H, noise), len(cluster), 3 + friction, poles.columns(f)
+    places, copies = 2 + np.array(cluster), poles.repeat(cluster, parts)
+    every, of = range(parts * count), np.tile(places, parts)  # a copy of its mode for each parameter, all at once
+
+    def fit(x: FloatArray) -> Projection:
+        columns[:, places] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
+        return project(columns, H, sd)
 
     def misfit(x: FloatArray) -> FloatArray:
-        columns[:, 2 + np.array(cluster)] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
-        rest = solve_residues(columns, H, sd)[1].ravel()
-        return np.concatenate([rest.real, rest.imag])
+        return fit(x).rest.ravel()
+
+    def differentiate(x: FloatArray) -> FloatArray:
+        fitted, steps = fit(x), np.where(x + _STEP > high, -_STEP, _STEP)
+        trials = np.tile(x.reshape(parts, 1, count), (1, parts, 1))  # (parameter, copy of the modes, mode)
+        trials[range(parts), range(parts)] += steps.reshape(parts, count)
+        moved = copies.with_cluster(every, *trials.reshape(parts, -1)).motions(f, every)
+        return fitted.differentiate((moved - columns[:, of].T) / steps[:, np.newaxis], of, sd)
 
     x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])
     low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9, 0.0], count)[: parts * count]
     high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97, _LARGEST_FRICTION], count)[: parts * count]
     start = np.clip(x0[: parts * count], low + 1e-9, high - 1e-9)
-    optimum = least_squares(misfit, start, bounds=(low, high), x_scale="jac", max_nfev=40)
+    optimum = least_squares(misfit, start, differentiate, bounds=(low, high), x_scale="jac", max_nfev=40)
     return poles.with_cluster(cluster, *np.split(optimum.x, parts))
-
-
-def solve_residues(columns: ComplexArray, H: ComplexArray, sd: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Real coefficients (sensors, columns), and residuals (sensors, n) over the noise."""
-    coefficients = np.empty((len(H), columns.shape[1]))
-    residual = np.empty_like(H)
-    for s, row in enumerate(H):
-        scaled = columns / sd[s][:, None]
-        stacked = np.concatenate([scaled.real, scaled.imag])
-        size = _measure_size(stacked)
-        target = row / sd[s]
-        parts = np.concatenate([target.real, target.imag])
-        coefficients[s] = np.linalg.lstsq(stacked / size, parts, rcond=None)[0] / size
-        residual[s] = target - scaled @ coefficients[s]
-    return coefficients, residual
 
 
 def _measure_size(columns: FloatArray) -> FloatArray:
@@ -224,9 +222,9 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
         size = _measure_size(jacobian)
         inverse = np.linalg.pinv(jacobian / size, rcond=1e-10)
         deviation = np.sqrt(misfit * np.sum(inverse**2, axis=1)) / size
-        delayed = _stack_parts(-2j * np.pi * f[rows] * (coefficients @ columns.T) / sd)
+        delayed = stack_parts(-2j * np.pi * f[rows] * (coefficients @ columns.T) / sd).ravel()
         delayed -= jacobian @ (inverse @ delayed / size)  # what no other parameter explains
-        square, rest = max(float(delayed @ delayed), 1e-300), _stack_parts(residual)
+        square, rest = max(float(delayed @ delayed), 1e-300), stack_parts(residual).ravel()
         delays.append((float(delayed @ rest) / square, np.sqrt(misfit / square), float(rest @ rest) / misfit))
         for place, k in enumerate(cluster):
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
@@ -234,11 +232,6 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
             pole_sd[:, k] = deviation[sensors * width + place + np.array([len(cluster), 0])]
     parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign, poles.drive)
     return ModalFit(*parameters, pole_sd[0], pole_sd[1], residues, residues_sd, local, noise, np.array(delays))
-
-
-def _stack_parts(values: ComplexArray) -> FloatArray:
-    """Real, then imaginary parts of each sensor (sensors, n), sensor by sensor."""
-    return np.stack([values.real, values.imag], axis=1).ravel()
 
 
 def _stack_derivatives(

@@ -64,6 +64,13 @@ class Poles:
         parameters[1][cluster], parameters[2][cluster], parameters[3][cluster] = np.exp(log_ratio), slope, friction
         return Poles(*parameters, self.sign, self.drive)
 
+    def repeat(self, modes: Sequence[int], times: int) -> Poles:
+        """Some of the modes, all of them ``times`` times, as if they were as many."""
+        frequency, ratio, slope, friction = (
+            np.tile(values[modes], times) for values in (self.frequency, self.ratio, self.slope, self.friction)
+        )
+        return Poles(frequency, ratio, slope, friction, self.sign, self.drive)
+
     @property
     def clusters(self) -> list[list[int]]:
         """Groups of modes that are fitted together."""

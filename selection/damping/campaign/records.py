@@ -29,6 +29,7 @@ MOST_ROWS = 21  #: most rows of a level
 FEWEST_ROWS = 3  #: fewest rows of a level
 CONTROLLED = 0.1  #: a drive whose readings range over less than this share of their median is controlled to be constant
 ALIKE = 0.9  #: least modal assurance criterion between the shapes of two levels
+_UNSEEN = "it has no peak at this resonance"  # the reason that leaves a sensor out of one mode alone
 
 
 @dataclass(frozen=True)
@@ -165,15 +166,19 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
 
 def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode]) -> list[str]:
     """Modes that stand out of the noise at some level, but are none of those ``tied`` over all levels."""
-    lost = []
+    lost, names, unit = [], levels[0].run.names, levels[0].run.drive_unit
+    usable = [tied[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
     for k in set(range(len(levels[0].fit.frequency))) - {mode.number for mode in tied}:
         clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
-        if not np.any(clear):
-            continue
-        unit = levels[0].run.drive_unit
-        found = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
-        what = f"the mode near {levels[0].fit.frequency[k]:.4g} Hz is left out, because its levels do not agree"
-        lost.append(f"{what} ({', '.join(found)}): a level in which it moved away or is hidden needs its own campaign")
+        showing = np.any(clear, axis=0)
+        what = f"the mode near {levels[0].fit.frequency[k]:.4g} Hz is left out, because"
+        if np.any(showing & usable):
+            found = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
+            what += f" its levels do not agree ({', '.join(found)})"
+            lost.append(f"{what}: a level in which it moved away or is hidden needs its own campaign")
+        elif showing.any():
+            shown = ", ".join(name for name, shows in zip(names, showing, strict=True) if shows)
+            lost.append(f"{what} only sensors left out show it ({shown})")
     return lost
 
 
@@ -190,7 +195,7 @@ def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int)
     if not (usable & seen).any():
         return None
     unseen = (name for name, missing in zip(names, usable & ~seen, strict=True) if missing)
-    left_out |= dict.fromkeys(unseen, "it has no peak at this resonance")
+    left_out |= dict.fromkeys(unseen, _UNSEEN)
     kept = usable & seen
     reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
     cautions = describe_excess(levels, k)

@@ -65,7 +65,7 @@ class Notch:
 
     def __str__(self) -> str:
         tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
-        more = f"at most {self.more_db:+.1f} dB from the {tested} tested at this mode"
+        more = f"at most {self.more_db:+z.1f} dB from the {tested} tested at this mode"
         if self.low is None or self.high is None:
             return f"{self.mode}, {self.sensor} <= {self.limit:g} {self.unit}: no notch; {more}"
         notch = f"notch {self.depth_db:.1f} dB from {self.low:.4g} to {self.high:.4g} Hz"
@@ -99,7 +99,7 @@ class Outcome:
         place, level = "within" if self.held else "OUTSIDE", f"{self.level:.3g} {self.drive_unit}".rstrip()
         return (
             f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
-            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+.1f} dB"
+            f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+z.1f} dB"
         )
 
 
@@ -108,6 +108,7 @@ class SensorPrediction:
     """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
 
     ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
+    ``level_unit``: '' where it is not stated.
     """
 
     frequency: float
@@ -118,3 +119,4 @@ class SensorPrediction:
     band: tuple[float, float, float]
     at_frequency: float | None = None
     ratio: tuple[float | None, ...] | None = None
+    level_unit: str = ""

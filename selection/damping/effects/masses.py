@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from damping.arrays import ComplexArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.effects.contract import Drive, Effect, Form, Scales, Terms
 from damping.effects.forces import adds_force
 from damping.forces.contract import AveragedForce
@@ -31,14 +31,17 @@ OTHER_MASS: Effect = Effect(
 )
 
 
+def share_of_structure(drive: Drive) -> FloatArray:
+    """Share of the structure, beside added masses, in the mass that a base shakes; 1 where a force drives."""
+    shaken = np.asarray(drive.shaken)
+    return np.where(shaken > 0.0, shaken / np.maximum(shaken + drive.added, 1e-300), 1.0)
+
+
 def simulate_added(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """Every added mass times 1 + ``relative``, as where it is not at the antinode; a base shakes it too."""
 
     def received(drive: Drive) -> Floats:
-        shaken = np.asarray(drive.shaken)
-        return np.log1p(
-            table["relative"] * np.where(shaken > 0.0, drive.added / np.maximum(shaken + drive.added, 1e-300), 0.0)
-        )
+        return np.log1p(table["relative"] * (1.0 - share_of_structure(drive)))
 
     return terms.plus(beside=lambda drive: -table["relative"] * drive.added * np.square(drive.omega), received=received)
 

@@ -155,7 +155,7 @@ def extrapolate_loads(
         candidates = resonant_laws() if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
-    plan = judge_rows(plan, all_rows) if all_rows else plan
+    plan = judge_rows(plan, all_rows, seed) if all_rows else plan
     members, backbone = [], observe_backbone(data, mode)
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:

@@ -205,8 +205,8 @@ class Plan:
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
-def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
-    """The plan judged on ``all_rows`` too.
+def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0) -> Plan:
+    """The plan judged on ``all_rows`` too; ``seed``: of the scatters that p-values are averaged over.
 
     Its verdict is that no law fits if none fits all rows, even if one fits the resonances. Laws that miss rows which
     other laws fit are left out. The scatter of the rows shows which levels lie apart; if it exceeds the stated noise,
@@ -220,12 +220,12 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     missing = [member for member in plan.laws if member.law in fits and is_excluded(fits[member.law], best, all_rows)]
     kept = [member for member in plan.laws if member not in missing]
     leader = next((fits[member.law] for member in kept if member.law in fits), best)
-    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows)
+    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows, seed)
     fit = plan.fit
     if on_rows.verdict == "none fits" or on_rows.rough:
         fit = on_rows
     elif fit.verdict != "none fits" and kept and kept[0] is not plan.laws[0]:
-        fit = _judge_laws([member.law for member in kept], plan.data)
+        fit = _judge_laws([member.law for member in kept], plan.data, seed)
     if fit.verdict == "none fits":
         return replace(plan, fit=fit)
     plan = replace(plan, fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution))
@@ -238,10 +238,10 @@ def judge_rows(plan: Plan, all_rows: Observations) -> Plan:
     return replace(plan, laws=rescaled, excluded=note)
 
 
-def _judge_laws(laws: Sequence[Law], data: Observations) -> FitVerdict:
+def _judge_laws(laws: Sequence[Law], data: Observations, seed: int) -> FitVerdict:
     """The verdict on the first of ``laws``, with the others as alternatives."""
     leader, *others = [fit for fit in fit_laws(laws, data) if isinstance(fit, BestFit)]
-    return judge_fit(leader, others, data)
+    return judge_fit(leader, others, data, seed)
 
 
 def plan_loads(

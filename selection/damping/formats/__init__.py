@@ -74,7 +74,7 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
-        response=columns.response,
+        response=columns.response or None,
         scaling=scaling,
         peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and columns.response is not None],
         force_scaling=force_scaling,

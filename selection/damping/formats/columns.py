@@ -130,7 +130,7 @@ class ColumnMap:
     numbers: Mapping[str, FloatArray]  #: (n,) by role
     sweep: tuple[str, ...] | None  #: text of the role ``sweep``
     headers: Mapping[str, ColumnHeader]  #: by role
-    response: str | None  #: response type from a column name
+    response: str | None  #: response type from a column name; '' if that is a single letter
     layout: Layout
 
 

@@ -153,6 +153,7 @@ def _names_unit(text: str) -> bool:
 def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
     """Columns by role from the names in a table, and the response type from a name.
 
+    The type is '' for a single letter: ``A`` may be an amplitude of any kind, ``v`` a voltage; its unit tells.
     With a time, or a ``z`` beside them, ``x`` and ``y`` are not readings of an amplifier.
     """
     places: dict[str, int] = {}
@@ -168,7 +169,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
         motion = next((kind for kind, known in NAMES["motion"].items() if name in known), None)
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
         if motion and free and _may_be(motion, header):
-            places["response" if is_time else "amplitude"], response = place, motion
+            places["response" if is_time else "amplitude"], response = place, motion if len(name) > 1 else ""
     if not is_time and (phases := list_phases(headers)):
         places["angle"] = phases[0]
     of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)

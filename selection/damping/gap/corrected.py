@@ -16,7 +16,7 @@ from damping.effects import CATALOGUE
 from damping.forces import list_parameter_names
 from damping.forces.powers import Viscous
 from damping.gap.fit import ModelFit
-from damping.gap.simulation import within_tolerance
+from damping.gap.simulation import NO_SCATTER, within_tolerance
 from damping.infer.chains import Chains, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks
@@ -43,11 +43,15 @@ def refitted_values(fit: ModelFit) -> dict[str, float]:
 
 
 def _refit(fit: ModelFit, x: FloatArray) -> dict[str, FloatArray]:
-    """`refitted_values` at variables x (points, variables), each (points,); effects replace none of a simulator's."""
+    """`refitted_values` at variables x (points, variables), each (points,); effects replace none of a simulator's.
+
+    What is held (``NO_SCATTER``) is 0, not the rounding of a number near 1.
+    """
     simulation = fit.model.problem.simulation
     own = () if simulation.simulator is None else simulation.simulator.values.keys()
     replaced = ({part.form.replaces for part in fit.model.parts} - {*own}) | {*simulation.swept}
-    relative = np.exp(within_tolerance(x[:, : len(simulation.names)]) * simulation.tolerance) - 1.0
+    free = np.where(simulation.tolerance > NO_SCATTER, simulation.tolerance, 0.0)
+    relative = np.expm1(within_tolerance(x[:, : len(simulation.names)]) * free) + 0.0  # no -0
     return {name: relative[:, i] for i, name in enumerate(simulation.names) if name not in replaced}
 
 

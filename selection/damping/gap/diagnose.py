@@ -19,6 +19,7 @@ from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_library
 from damping.gap.problem import Setting, State, exclude_effects, record_cautions, refuse_rows, setting
 from damping.gap.search import Search, search_hypotheses
+from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulate
 from damping.gap.states import as_given, drive_by_forces, list_crossing, list_repeated, list_unread, refuse_states
 from damping.gap.weighing import Explanation, Group
@@ -176,11 +177,11 @@ def explain(
     if rows.at_resonance and not mode.damping and simulate is None:
         message = "the simulation has no damping, and so no resonance to compare with these rows, all at resonance"
         raise AnalysisError(f"{mode.source}: {message}: add a force to [damping]; damping rank finds the law")
-    if start.problem.simulation.simulator is not None:
-        start.problem.simulation.simulator.require_sense(record)
+    simulator = start.problem.simulation.simulator
+    doubts = () if simulator is None else check_sense(simulator, record)
     library = exclude_effects(CATALOGUE, mode, rows)
     of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
-    cautions = [*driven.notes, *of_states, *record_cautions(rows, record, stated)]
+    cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"{unused} of the mode file is ignored: the simulator has its own damping")
     weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)

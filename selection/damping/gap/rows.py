@@ -14,6 +14,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
 from damping.effects.contract import Drive
+from damping.effects.masses import share_of_structure
 from damping.errors import AnalysisError
 from damping.records.mode import Mode
 from damping.records.order import find_direction, list_rates, order_taken
@@ -94,7 +95,7 @@ class Rows:
     @property
     def bare_force(self) -> FloatArray:
         """Force on the structure alone: a base also shakes added masses."""
-        return self.F * np.where(self.shaken > 0.0, self.shaken / np.maximum(self.shaken + self.added, 1e-300), 1.0)
+        return self.F * share_of_structure(self.drive)
 
     @cached_property
     def runs(self) -> list[IntArray]:

@@ -15,14 +15,13 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.effects.contract import Drive, OfDrive, Terms
 from damping.effects.course import BETWEEN
+from damping.effects.masses import share_of_structure
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
 from damping.gap.rows import Rows
-from damping.records import audit
 from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
-from damping.records.record import Record
 
 #: Largest deviation, in tolerances; a larger one is an effect (natural-frequency, viscous-coefficient).
 MOST_TOLERANCES = 3.0
@@ -151,16 +150,12 @@ def _received(states: tuple[int, ...], deviation: FloatArray) -> OfDrive:
     """
 
     def part(drive: Drive) -> FloatArray:
-        total = np.maximum(drive.shaken + drive.added, 1e-300)
-        share = np.where(np.isin(drive.state, states), drive.shaken / total, 0.0)
+        share = np.where(np.isin(drive.state, states), share_of_structure(drive), 0.0)
         return np.asarray(np.log1p(share * np.expm1(deviation)))
 
     return part
 
 
-#: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
-NONSENSE = ("units", "phase-unit", "phase-sign")
-REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
 Simulate = Callable[..., tuple[FloatArray, FloatArray]]
 
@@ -243,37 +238,18 @@ class Simulator:
         return self._known[key]
 
     def _stiffness(self, drive: Drive, changed: Mapping[str, float]) -> tuple[FloatArray, ComplexArray]:
-        """Amplitude and Z of the simulation with some parameters changed.
+        """Amplitude and Z of the simulation with some parameters changed; errors as of `answer`."""
+        A, phase = self.answer(drive.F, drive.omega / RAD_S_PER_HZ, changed)
+        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
+
+    def answer(
+        self, force: FloatArray, frequency: FloatArray, changed: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Amplitude and phase of the simulation with some parameters changed, at forces and frequencies in Hz (n,).
 
         Raises:
             InputError: the function fails, or does not return an amplitude and a phase for every row.
         """
-        A, phase = self._answer(drive.F, drive.omega / RAD_S_PER_HZ, changed)
-        return A, np.asarray(drive.F * np.exp(1j * phase) / A)
-
-    def require_sense(self, record: Record) -> None:
-        """Audit the answer of the simulation to the forces and frequencies of a record.
-
-        Raises:
-            InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
-        """
-        asked = record.frame[["sweep", "force", "frequency"]].drop_duplicates(ignore_index=True)
-        force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
-        A, phase = self._answer(force, frequency, {})
-        again, turned = self._answer(force, frequency, {})
-        if (apart := float(np.max(np.abs(again * np.exp(1j * (turned - phase)) / A - 1.0)))) > REPEATED:
-            what = f"the simulator answers the same call twice, {100.0 * apart:.2g} % apart"
-            raise InputError(what, expected="one answer to one question: fix the seed, or let it converge further")
-        answer = Record(asked.assign(amplitude=A, phase=phase), "the simulator's answer")
-        for finding in audit(answer, self.mode).findings:
-            if finding.verdict == "refuse" and finding.check in NONSENSE:
-                what = f"{finding.what}; {finding.advice}"
-                raise InputError(what, file=answer.source, expected="amplitudes and lags of a structure")
-
-    def _answer(
-        self, force: FloatArray, frequency: FloatArray, changed: Mapping[str, float]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Amplitude and phase of the simulation with some parameters changed; errors as of `_stiffness`."""
         expected = "(amplitude, phase), one number each per row"
         moved = "".join(f" with {name} = {value:.6g}" for name, value in changed.items())
         try:  # copies: a function may work in place

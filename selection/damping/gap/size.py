@@ -149,7 +149,7 @@ def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
 def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
     """Cautions about deviations of sweeps: outlying levels, and estimates at the edge of their grid."""
     repeatability = [
-        f"{name} deviates: its {what} by {size:+.2%}, {sigma:.1f} sigma of repeatability"
+        f"{name} deviates: its {what} by {size:+z.2%}, {sigma:.1f} sigma of repeatability"
         for what, field in (("readings", "gain"), ("frequency", "frequency"))
         for size, name, sigma in _list_deviations(fit, field)
         if sigma > OUTLYING

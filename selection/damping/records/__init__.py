@@ -50,6 +50,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_energy, ()),
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),
+    (check_units.check_tolerances, ()),
     (check_units.check_phase_offset, ()),
     (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),

@@ -198,6 +198,20 @@ def check_velocity(view: View) -> Finding | None:
     return Finding("units", "caution", what, advice, view.record.sweeps)
 
 
+LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
+
+
+def check_tolerances(view: View) -> Finding | None:
+    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
+    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
+    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
+    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
+    if not large:
+        return None
+    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
+    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
+
+
 def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:
     """Name of the factor nearest to a ratio (or its inverse); empty if none is within ``within`` in the logarithm."""
     size = abs(log(ratio))
@@ -256,8 +270,6 @@ def check_phase_sign(view: View) -> Finding | None:
 #: Least phase offset, rad, in the median and, by half, in most sweeps: phase meters are accurate to 2 degrees.
 OFFSET = 0.04
 OFFSET_ERRORS = 3.0  #: and least number of standard errors
-
-
 #: Lag, rad, of a swept resonance against a steady one, over (df/dt)/(2 zeta f)^2: a' = -i a omega'/(zeta omega) adds
 #: 2 M omega omega'/(zeta omega) to the stiffness (`damping.predict.sweep_rate`), which turns c omega by that angle.
 DRAGGED_PER_RATE = 2.0 / pi

@@ -41,6 +41,7 @@ FEWEST_IN_ORDER = 8
 OUT_OF_PLACE = 0.25
 #: and over its departure from its neighbours in the order taken.
 OVER_ITS_PLACE = 5.0
+OF_JUMP = 0.5  #: share of that departure in a single step from row to row from which on the sweep jumps
 #: Rows tried in a sweep: one mistyped frequency breaks the order at two places, three rows each, with some to spare.
 _MOST_TRIED = 9
 
@@ -50,7 +51,7 @@ def find_misplaced_rows(record: Record) -> dict[int, str]:
 
     Without that row the frequencies of the sweep rise or fall throughout. Its Y = F exp(i phase)/A lies between those
     of the rows before and after it, and far from those of the rows at its stated frequency, so that it is no point that
-    was taken again.
+    was taken again; nor one that was taken again after a jump, on the branch of the rows before and after it.
     """
     found, time = dict[int, str](), order_taken(record)
     for sweep, rows in record.frame.groupby("sweep", sort=False).indices.items():
@@ -78,4 +79,8 @@ def _is_misplaced(f: FloatArray, Y: ComplexArray, k: int) -> bool:
     g, there = np.delete(f, k)[order], np.delete(Y, k)[order]
     stated = np.interp(f[k], g, there.real) + 1j * np.interp(f[k], g, there.imag)
     off, off_place = (abs(np.log(Y[k] / value)) for value in (stated, 0.5 * (Y[k - 1] + Y[k + 1])))
+    jumps, step = np.abs(np.log(there[1:] / there[:-1])).max() > OF_JUMP * off, f[k + 1] - f[k - 1]
+    if jumps and step != 0.0:  # the line through its neighbours at its stated frequency: the branch after the jump
+        onward = Y[k - 1] + (Y[k + 1] - Y[k - 1]) * (f[k] - f[k - 1]) / step
+        off = min(off, abs(np.log(Y[k] / onward)))
     return bool(off > max(OUT_OF_PLACE, OVER_ITS_PLACE * off_place))

@@ -42,10 +42,10 @@ class _CopiedRows:
     def __get__(self, record: Record | None, owner: type) -> pd.DataFrame:
         if record is None:
             raise AttributeError  # gives the field no default
-        return record.frame.copy()
+        return record._rows.copy(deep=pd.__version__ < "3")  # pandas 3 copies cells as they are written
 
     def __set__(self, record: Record, table: pd.DataFrame) -> None:
-        vars(record)["frame"] = table
+        vars(record)["_rows"] = table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,36 +57,36 @@ class Record:
     ``force_sd`` (floats), then any others unchanged; rows in file order, index 0..n-1. ``source`` is the origin, for
     messages. Records are equal if rows and source are equal.
 
-    A record is immutable: ``table`` is a copy at each access; an edited copy makes another record. The library reads
-    ``frame``, the checked rows, and never writes to it. InputError: a problem found by :func:`find_problems`, a column
-    that is missing or not numbers, or no rows.
+    A record is immutable: ``table``, also called ``frame``, is a copy at each access; an edited copy makes another
+    record. InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
     """
 
     table: _CopiedRows = _CopiedRows()
     source: str = "record"
-    frame: pd.DataFrame = field(init=False)
+    _rows: pd.DataFrame = field(init=False)
+    frame = table
 
     def __post_init__(self) -> None:
         if not isinstance(self.source, str | PathLike):
             raise InputError(f"source is of type {type(self.source).__name__}", expected="a text or a path")
         vars(self)["source"] = str(self.source)
-        table = _tabulate_typed(self.frame, self.source)
+        table = _tabulate_typed(self._rows, self.source)
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            message = f"{first.describe('row', range(len(table)))} in {_name_row(self.frame.index, first.row)}"
+            message = f"{first.describe('row', range(len(table)))} in {_name_row(self._rows.index, first.row)}"
             raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
-        vars(self)["frame"] = table
+        vars(self)["_rows"] = table
 
     @classmethod
     def trusted(cls, frame: pd.DataFrame, source: str) -> Record:
         """A record of rows that are known to be valid; nothing is checked or copied."""
         record = object.__new__(cls)
-        vars(record).update(frame=frame, source=source)
+        vars(record).update(_rows=frame, source=source)
         return record
 
     def __len__(self) -> int:
-        return len(self.frame)
+        return len(self._rows)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Record):
@@ -132,8 +132,8 @@ class Record:
     def column(self, name: str, default: float | None = None) -> FloatArray:
         """A numeric column as a new array (n,); ``default`` replaces blank cells or a missing column."""
         if default is None:
-            return self.frame[name].to_numpy(dtype=np.float64, copy=True)
-        values = self.column(name) if name in self.frame.columns else np.full(len(self), np.nan)
+            return self._rows[name].to_numpy(dtype=np.float64, copy=True)
+        values = self.column(name) if name in self._rows.columns else np.full(len(self), np.nan)
         return np.where(np.isnan(values), float(default), values)
 
     def relative_sd(self, name: str) -> FloatArray:

@@ -103,12 +103,17 @@ def _draw_fitted(result: RecordResult) -> Drawn | None:
         line = pd.DataFrame({"sweep": "", "x": F, "y": y})
         figure = fitted_sweeps(measured, line, best.name, length, force_unit=units.force)
         what = f"Resonant amplitude against force of {len(data.sweeps)} sweeps"
-    error = words.number(best.average_absolute_percent)
-    return Drawn(
-        figure,
-        f"{result.title}: measured and fitted",
-        f"{what}, measured and by {best.name}; mean absolute error of resonant amplitude {error} per cent.",
-    )
+    description = f"{what}, measured and by {best.name}, which misses {describe_misfit(result)}."
+    return Drawn(figure, f"{result.title}: measured and fitted", description)
+
+
+def describe_misfit(result: RecordResult) -> str:
+    """By how much the leading law misses what its figure shows: rows of sweeps, or resonances."""
+    ranking = result.ranking
+    if result.data.has_repeats and np.isfinite(ranking.fit.misfit):
+        return f"the measured rows by {words.format_percent(ranking.fit.misfit)} % (root mean square)"
+    mean = words.format_percent(ranking.weighted()[0].average_absolute_percent)
+    return f"the resonant amplitudes by {mean} % on average"
 
 
 def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from damping.extrapolation.prediction import BEYOND_TEST, PARTS, REFUSAL, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables
-from damping.report.figures import build_loads_explorer
+from damping.report.figures import build_loads_explorer, describe_misfit
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
 from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest
 
@@ -72,6 +72,7 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         "top": _describe_top(result),
         "drawn": result.stem("damping_curve") in svgs,
         "measured": "sweeps" if result.data.has_repeats else "resonances",
+        "misfit": describe_misfit(result),
         "verdict": ranking.fit.sentence or "The leading law fits to the noise",
         "further": f"{words.count(rest, 'further law')} in the folded table." if rest > 0 else "",
         "refusals": dict.fromkeys(

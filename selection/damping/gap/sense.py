@@ -1,0 +1,61 @@
+"""Whether a user's own simulation makes sense: one answer to one question, in the units of the mode, in Hz."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.errors import InputError
+from damping.gap.simulation import Simulator
+from damping.records import audit
+from damping.records.record import Record
+
+#: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
+NONSENSE = ("units", "phase-unit", "phase-sign")
+REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
+#: Factors between the frequencies that a simulator is given and those that it takes, by the mistake in the unit.
+MISTAKEN = {"2 pi": RAD_S_PER_HZ, "1/(2 pi)": 1.0 / RAD_S_PER_HZ}
+FAR = 1.0  #: median |ln| of simulated over measured response from which a mistake is looked for: a factor of e,
+NEARER = 0.5  #: and the share of it left at other frequencies that shows one: a resonance 1 % off leaves so much
+
+
+def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:
+    """Audit the answer of a simulation to the forces and frequencies of a record; cautions on its unit of frequency.
+
+    Raises:
+        InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
+    """
+    asked = record.frame.drop_duplicates(["sweep", "force", "frequency"], ignore_index=True)
+    force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
+    A, phase = simulator.answer(force, frequency, {})
+    again, turned = simulator.answer(force, frequency, {})
+    if (apart := float(np.max(np.abs(again * np.exp(1j * (turned - phase)) / A - 1.0)))) > REPEATED:
+        what = f"the simulator answers the same call twice, {100.0 * apart:.2g} % apart"
+        raise InputError(what, expected="one answer to one question: fix the seed, or let it converge further")
+    answer = Record(asked[["sweep", "force", "frequency"]].assign(amplitude=A, phase=phase), "the simulator's answer")
+    for finding in audit(answer, simulator.mode).findings:
+        if finding.verdict == "refuse" and finding.check in NONSENSE:
+            what = f"{finding.what}; {finding.advice}"
+            raise InputError(what, file=answer.source, expected="amplitudes and lags of a structure")
+    return _doubt_frequency(simulator, asked, _measure_distance(asked, A, phase))
+
+
+def _doubt_frequency(simulator: Simulator, asked: pd.DataFrame, apart: float) -> tuple[str, ...]:
+    """A caution where a simulation that is far ``apart`` from the test is near it at frequencies in another unit."""
+    force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
+    for name, factor in MISTAKEN.items() if apart > FAR else ():
+        try:
+            answer = simulator.answer(force, factor * frequency, {})
+        except InputError:  # it need not answer there
+            continue
+        if _measure_distance(asked, *answer) < NEARER * apart:
+            remark = "is there a mistake of rad/s for Hz in it? It is given Hz"
+            return (f"the simulation resembles the test at {name} times the frequencies: {remark}",)
+    return ()
+
+
+def _measure_distance(measured: pd.DataFrame, A: FloatArray, phase: FloatArray) -> float:
+    """Median |ln| of simulated over measured complex response; of the amplitudes alone where no phase was measured."""
+    turn = phase - measured["phase"].to_numpy(dtype=np.float64) if "phase" in measured else np.zeros_like(A)
+    return float(np.median(np.abs(np.log(A / measured["amplitude"].to_numpy(dtype=np.float64) * np.exp(-1j * turn)))))
