@@ -68,6 +68,10 @@ def end_with_parent(without_pyarrow: bool = False) -> None:
     threading.Thread(target=watch, daemon=True, name="end-with-parent").start()
 
 
+#: Objects made before a look for unused cycles among them: a figure drawn is one, of tens of thousands.
+COLLECT_DRAWN = 1_000
+
+
 def give_back_memory() -> None:
     """Return freed memory to the system, which the C library of Linux would keep for later."""
     with suppress(AttributeError, OSError):  # another C library

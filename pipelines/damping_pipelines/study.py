@@ -37,15 +37,13 @@ from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines import give_back_memory, start_pool
+from damping_pipelines import COLLECT_DRAWN, give_back_memory, start_pool
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.terminal import progress, report_findings
 
 #: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
 GRID = 60
-#: Objects made before a look for unused cycles among them: a figure drawn is one, of tens of thousands.
-COLLECT_AFTER = 1_000
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 
@@ -80,7 +78,7 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
-    gc.set_threshold(COLLECT_AFTER)
+    gc.set_threshold(COLLECT_DRAWN)
     path = settings_file or files.default_study()
     settings = files.read_settings(path)
     if seed is not None:

@@ -74,6 +74,19 @@ def join_rows(parts: Sequence[_Rows]) -> _Rows:
     return cast(_Rows, joined)
 
 
+def take_rows(whole: _Rows, rows: slice) -> _Rows:
+    """Some rows of a batch: of arrays (batch, n) field by field; what all rows share, (n,) or (1, n), is unchanged."""
+    part: Any = whole
+    if isinstance(part, np.ndarray) and part.ndim > 1 and len(part) > 1:
+        part = part[rows]
+    elif is_dataclass(part):
+        taken = {field.name: take_rows(getattr(part, field.name), rows) for field in fields(part)}
+        part = replace(part, **taken)  # type: ignore[type-var]  # as in `join_rows`
+    elif isinstance(part, tuple):
+        part = tuple(take_rows(each, rows) for each in part)
+    return cast(_Rows, part)
+
+
 def wrap_lag(phase: FloatArray) -> FloatArray:
     """The same angle in [-pi/2, 3 pi/2), where the noisy lag of a mode lies; unchanged if already there."""
     return phase - 2.0 * pi * np.floor((phase + 0.5 * pi) / (2.0 * pi))

@@ -109,14 +109,18 @@ def test_power_laws_in_closed_form() -> None:
     np.testing.assert_allclose(resonant_amplitude(VelocityPower(alpha, p), F, omega_n), expected, rtol=1e-13)
 
 
-def test_posterior_samples_broadcast() -> None:
+@pytest.mark.parametrize("draws", [40, 5000])
+def test_posterior_samples_broadcast(draws: int) -> None:
+    """A draw's amplitude is that of the draw alone, of a few draws and of more than are solved at once."""
     rng = np.random.default_rng(3)
-    c, d, p = rng.uniform(0.1, 2.0, (40, 1)), rng.uniform(0.0, 2.0, (40, 1)), rng.uniform(1.2, 2.5, (40, 1))
-    F = np.linspace(5.0, 90.0, 6)
-    A = resonant_amplitude(Sum((Viscous(c), VelocityPower(d, p))), F, omega_n)
-    assert A.shape == (40, 6)
-    one = resonant_amplitude(Sum((Viscous(c[7, 0]), VelocityPower(d[7, 0], p[7, 0]))), float(F[2]), omega_n)
-    np.testing.assert_allclose(A[7, 2], one, rtol=1e-13)  # vectorised powers may round otherwise
+    c, d, p = (rng.uniform(low, high, (draws, 1)) for low, high in ((0.1, 2.0), (0.0, 2.0), (1.2, 2.5)))
+    F, omega = np.linspace(5.0, 90.0, 6), omega_n * rng.uniform(0.9, 1.1, (draws, 6))
+    A = resonant_amplitude(Sum((Viscous(c), VelocityPower(d, p))), F, omega)
+    assert A.shape == (draws, 6)
+    for k in (7, -7):
+        alone = Sum((Viscous(c[k, 0]), VelocityPower(d[k, 0], p[k, 0])))
+        one = resonant_amplitude(alone, float(F[2]), float(omega[k, 2]))
+        np.testing.assert_allclose(A[k, 2], one, rtol=1e-13)  # vectorised powers may round otherwise
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e6])

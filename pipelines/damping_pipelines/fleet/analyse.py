@@ -34,6 +34,7 @@ from damping.report.screens import describe_load
 from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping.result import DiagnosisResult
+from damping_pipelines import give_back_memory
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 
@@ -104,6 +105,8 @@ def analyse(task: FleetTask) -> FleetResult:
             return _analyse(task)
     except OutOfTimeError:
         return failed(task, f"{OUT_OF_TIME}: it took more than {task.settings.time_limit:g} s (--time-limit)")
+    finally:
+        give_back_memory()  # draws of one record leave holes that those of the next do not fill
 
 
 def failed(task: FleetTask, reason: str) -> FleetResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import logging
 import socket
@@ -16,6 +17,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
 
 from damping.errors import AnalysisError, InputError, escape_control
+from damping_pipelines import COLLECT_DRAWN
 from damping_pipelines.fleet.analyse import OUT_OF_TIME, analyse, failed
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask
 
@@ -45,6 +47,7 @@ Work = Callable[[FleetTask], FleetResult]
 
 def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
     """Run tasks one by one in this process."""
+    gc.set_threshold(COLLECT_DRAWN)
     return map(analyse, tasks)
 
 

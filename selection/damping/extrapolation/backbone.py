@@ -7,9 +7,11 @@ the tested resonances.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
@@ -71,8 +73,8 @@ _TABLE = np.linspace(-5.0, 5.0, 201)
 _STEP = _TABLE[1] - _TABLE[0]
 #: Amplitudes, over the largest tested one, are clipped here so that their powers are finite numbers.
 _LARGEST = 1e20
-#: Amplitudes computed at once: the components of each, up to several hundred, take 30 kB at the three quantiles.
-_AT_ONCE = 100
+#: Amplitudes computed at once: the components of each, up to four thousand, take 300 kB.
+_AT_ONCE = 20
 #: Prior standard deviation of the intercept of a regression: practically no prior knowledge.
 _ANYWHERE = 1.0
 
@@ -101,9 +103,7 @@ class Backbone:
         top = float(self.amplitude.max())
         within, tail = np.minimum(np.where(np.isfinite(amplitude), amplitude, top), _LARGEST * top), 0.5 * (1.0 - level)
         at = np.array([0.5, tail, 1.0 - tail])
-        blocks = np.array_split(within, max(1, -(-within.size // _AT_ONCE)))
-        log_omega = np.concatenate([_find_quantiles(*self._mix(block), at) for block in blocks], axis=1)
-        median, low, high = np.exp(log_omega) / RAD_S_PER_HZ
+        median, low, high = np.exp(self._by_blocks(partial(_find_quantiles, at), within)) / RAD_S_PER_HZ
         tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
         known = np.isfinite(amplitude) & (low > 0.0) & np.isfinite(high)
         near = known & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
@@ -144,8 +144,14 @@ class Backbone:
         return np.asarray(np.clip(at, tested.max() - _FAR, tested.min() + _FAR))
 
     @cached_property
-    def _tabulated(self) -> tuple[FloatArray, FloatArray]:
-        return _find_moments(*self._mix(self.amplitude.max() * np.exp(_TABLE)))
+    def _tabulated(self) -> FloatArray:
+        """Mean and standard deviation of ln omega over the table, (2, points)."""
+        return self._by_blocks(_find_moments, self.amplitude.max() * np.exp(_TABLE))
+
+    def _by_blocks(self, work: Callable[..., FloatArray], amplitude: FloatArray) -> FloatArray:
+        """``work`` on the components of `_mix` at amplitudes (rows,), results (..., rows) of ``_AT_ONCE`` at a time."""
+        blocks = np.array_split(amplitude, max(1, -(-amplitude.size // _AT_ONCE)))
+        return np.concatenate([work(*self._mix(block)) for block in blocks], axis=1)
 
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
         """Mass at each amplitude: linear in the logarithms between tested amplitudes, constant beyond."""
@@ -156,52 +162,60 @@ class Backbone:
         """M omega^2 at each amplitude, interpolated as in `mass_at`."""
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
 
-    def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
+    @cached_property
+    def _regressions(self) -> list[tuple[list[Any], float, FloatArray, FloatArray, FloatArray]]:
+        """Shapes of one kind, knee of y, and of `_regress`: log evidence, with that of the prior, b, covariance."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
-        s = np.hypot(_SCATTERS, self.scatter)
         regressions = []
-        for kind, shapes in groupby(list_shapes(), key=lambda entry: type(entry[0])):
-            listed = list(shapes)
-            loosens = kind is Loosening
-            at_levels, at = (
-                np.array([find_change(part / top, shape) for shape, _ in listed])
-                for part in (self.amplitude, amplitude)
-            )
-            knee = -MOST_LOST if loosens else 0.0  # y is omega^2 from here on, ln omega^2 below
+        for kind, entries in groupby(list_shapes(), key=lambda entry: type(entry[0])):
+            listed = list(entries)
+            at_levels = np.array([find_change(self.amplitude / top, shape) for shape, _ in listed])
+            knee = -MOST_LOST if kind is Loosening else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(knee)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + knee) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
             sizes = np.array([0.0] if listed[0][0] is None else CHANGES)
-            z, b, covariance = _regress(at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter, sizes, s)
-            if loosens:  # half a normal prior: joints do not stiffen
+            scaled = at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter
+            z, b, covariance = _regress(*scaled, sizes, self._scatters)
+            if kind is Loosening:  # half a normal prior: joints do not stiffen
                 z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
             priors = np.array([prior for _, prior in listed]) / len(sizes)
-            regressions.append((z + np.log(priors)[:, None, None], b, covariance, at, knee))
-        cutoff = max(float(z.max()) for z, *_ in regressions) + np.log(NEGLIGIBLE)
+            z = z + np.log(priors)[:, None, None]
+            regressions.append(([shape for shape, _ in listed], knee, z, b, covariance))
+        return regressions
+
+    @property
+    def _scatters(self) -> FloatArray:
+        """Relative scatters of a frequency that are averaged over, (scatters,)."""
+        return np.hypot(_SCATTERS, self.scatter)
+
+    def _mix(self, amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal components of ln omega at amplitudes (rows,): weights (k,), means and deviations (k, rows)."""
+        top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
+        cutoff = max(float(z.max()) for _, _, z, _, _ in self._regressions) + np.log(NEGLIGIBLE)
         log_z, means, variances = [], [], []
-        for z, b, covariance, at, knee in regressions:
-            shape, size, scatter = np.nonzero(z > cutoff)
-            b, (var_0, cov, var_1) = b[shape, size, scatter], covariance[:, shape, size, scatter, None]
-            mean, x = b[:, :1] + b[:, 1:] * at[shape], at[shape]
-            variance = var_0 + x * (2.0 * cov + x * var_1)
-            log_z.append(z[shape, size, scatter])
+        for shapes, knee, z, b, covariance in self._regressions:
+            which, size, scatter = np.nonzero(z > cutoff)
+            b, (var_0, cov, var_1) = b[which, size, scatter], covariance[:, which, size, scatter, None]
+            x = np.array([find_change(amplitude / top, shape) for shape in shapes])[which]
+            mean, variance = b[:, :1] + b[:, 1:] * x, var_0 + x * (2.0 * cov + x * var_1)
+            log_z.append(z[which, size, scatter])
             below = np.minimum(mean - knee, 0.0) / (1.0 + knee)
             means.append(lowest + 0.5 * (np.log1p(np.maximum(mean, knee)) + below))
-            variances.append(s[scatter, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, knee)) ** 2)
+            variances.append(self._scatters[scatter, None] ** 2 + variance / (2.0 + 2.0 * np.maximum(mean, knee)) ** 2)
         evidences = np.concatenate(log_z)
         weight = np.exp(evidences - logsumexp(evidences))
         return weight, np.concatenate(means), np.sqrt(np.concatenate(variances))
 
 
-def _find_moments(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and standard deviation, (rows,) each, of mixtures of normals as in `_find_quantiles`."""
+def _find_moments(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
+    """Mean and standard deviation, (2, rows), of mixtures of normals as in `_find_quantiles`."""
     middle = weight @ mean
-    return middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))
+    return np.array([middle, np.sqrt(weight @ (sd**2 + (mean - middle) ** 2))])
 
 
-def _find_quantiles(weight: FloatArray, mean: FloatArray, sd: FloatArray, p: FloatArray) -> FloatArray:
+def _find_quantiles(p: FloatArray, weight: FloatArray, mean: FloatArray, sd: FloatArray) -> FloatArray:
     """Quantiles p (quantiles,) of mixtures of normals of weights (k,), means and deviations (k, rows)."""
     z = ndtri(p)[:, None]
     of_each = mean + z[..., None] * sd  # a quantile of the mixture lies between those of its components

@@ -49,8 +49,8 @@ EXTREME = (0.001, 0.999)
 SHAPE_STEP = 2e-3
 #: Points of each axis in a refinement, from one neighbour of the best point to the other.
 REFINED_POINTS = 9
-#: Most rows times shape points solved at once: arrays stay within tens of megabytes.
-MOST = 250_000
+#: Most rows times shape points solved at once: arrays stay within a megabyte.
+MOST = 30_000
 
 
 @dataclass(frozen=True)

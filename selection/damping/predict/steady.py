@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from damping.arrays import FloatArray, Floats
+from damping.arrays import FloatArray, Floats, take_rows
 from damping.forces.contract import Force
 
 #: A Newton step below this leaves an error near its square, below rounding for an unknown of order one (ln A),
@@ -33,6 +33,8 @@ _FAR = 1e15
 _WIDEST = 127.0
 #: ln A of the scan for forces whose parts do not all grow with amplitude.
 _GRID = np.arange(-46.0, 46.25, 0.25)
+#: Amplitudes solved at once: the dozen arrays of 100 kB stay in the cache, where those of all draws take 100 MB.
+_AT_ONCE = 12_000
 
 
 def bracketed_newton(
@@ -126,6 +128,10 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             if unknown; the result does not depend on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
+    if len(shape) > 1 and shape[0] > (most := max(1, _AT_ONCE // shape[1])):
+        blocks = [slice(first, first + most) for first in range(0, shape[0], most)]
+        parts = force, np.asarray(F), np.asarray(omega), np.asarray(near)
+        return np.concatenate([resonant_amplitude(*take_rows(parts, block)) for block in blocks])
     with np.errstate(all="ignore"):
         exponents = force.energy_exponents
         if exponents is not None:  # in closed form A = (F/C(1, omega))^(1/(m - 1)), none for m <= 1
