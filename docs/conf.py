@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 
 import typer
 from sphinx.application import Sphinx
@@ -37,8 +38,8 @@ def commands() -> str:
         context = typer.Context(
             command,
             info_name=f"damping {name}",
-            terminal_width=100,
-            max_content_width=100,
+            terminal_width=90,
+            max_content_width=90,
             help_option_names=["-h", "--help"],
         )
         parts.append(f"## damping {name}\n\n```text\n{command.get_help(context)}\n```\n")
@@ -59,10 +60,10 @@ def forces() -> str:
 
 def effects() -> str:
     """A table of the library of the gap diagnosis, and the causes that have no name in it."""
-    rows = ["| name | of | what it says | parameters |", "|---|---|---|---|"]
+    rows = ["| name | kind | what it says | parameters |", "|---|---|---|---|"]
     for name, effect in EFFECTS.items():
         words = (shape.label if shape.label.startswith(shape.name) else shape.name for shape in effect.shapes)
-        shapes = ", ".join(words)
+        shapes = re.sub(r"(\w+_)1(, \1\d)+", r"\1N (of sweep N)", ", ".join(words))
         rows.append(f"| `{name}` | {effect.kind} | {effect.sentence} | {shapes} |".replace("|q|", r"\|q\|"))
     unnamed = [f"- {effect.sentence}" for effect in FOREIGN.values()]
     return "\n".join([*rows, "", "Fitted beside them, without a name as an answer:", "", *unnamed])

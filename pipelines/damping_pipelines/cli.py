@@ -78,7 +78,7 @@ def study(
     settings_file: Annotated[
         Path | None, Argument(metavar="STUDY.toml", help="Settings of a study; default: the Saturn V study.")
     ] = None,
-    out: Annotated[Path | None, Option(metavar="DIR", help="Where results go.")] = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help="Folder for the results; default: results/STUDY.")] = None,
     seed: Annotated[int | None, Option(min=0, help="Seed; overrides the settings.")] = None,
     png: Annotated[bool, Option("--png", help="Also write figures as PNG.")] = False,
     pdf: Annotated[bool, Option("--pdf", help="Also write the answer as a one-page PDF; needs Chromium.")] = False,
@@ -95,7 +95,7 @@ def check(
     json_out: options.Json = None,
     max_size: options.MaxSize = options.MAX_SIZE,
 ) -> None:
-    """Check a record for wrong units or phases, cut sweeps and copies; exit code 1 if no answer can be right."""
+    """Check a record: units, phases, cut sweeps, copies. Exit code 1 if no answer can be right."""
 
 
 @app.command()
@@ -129,8 +129,8 @@ def _predict(
 
 #: What they predict.
 _PREDICTIONS = {
-    "extrapolate": "Resonant amplitude at forces beyond the test, or the force for an amplitude, with bands.",
-    "curve": "Damping ratio, Q and frequency against amplitude, with bands, in and beyond the test.",
+    "extrapolate": "Amplitude at resonance beyond the test, with bands. Or the force for an amplitude.",
+    "curve": "Damping ratio, Q and frequency against amplitude. With bands, in and beyond the test.",
 }
 for _name, _help in _PREDICTIONS.items():
     app.command(_name, help=_help)(delegate(".laws", _name)(_predict))

@@ -83,6 +83,12 @@ class Asked:
         options = [word for option, value in chain(*given) for word in (option, f"{value:.12g}")]
         return shlex.join(["damping", command, str(self.record), "--mode", str(self.mode), *options])
 
+    def suggest_export(self, command: str, form: str, *given: Sequence[float]) -> list[str]:
+        """The commands from this answer to a deck: the form first, unless it has just been written."""
+        first = [] if self.json_out else [f"{self.name(command, *given)} --json {form}"]
+        deck = shlex.join(["damping", "export", self.json_out or form, "--to", "nastran", "--out", "damping.bdf"])
+        return [*first, f"{deck}   (a table per load level)"]
+
 
 def rank(**files: Any) -> None:
     """Rank the candidates of a record, print the table and write the form; ``files`` are the fields of ``Asked``."""
@@ -152,10 +158,7 @@ def extrapolate(force: Sequence[float], amplitude: Sequence[float], level: float
     loads = damping.extrapolate(read, described, force, level, amplitudes=amplitude, **asked.settings)
     if asked.write(loads):
         print_loads(loads)
-        suggest(
-            f"{asked.name('extrapolate', force, amplitude)} --json loads.json",
-            "damping export loads.json --to nastran --out damping.bdf   (a table per load level)",
-        )
+        suggest(*asked.suggest_export("extrapolate", "loads.json", force, amplitude))
 
 
 def print_loads(result: LoadsResult) -> None:
@@ -250,10 +253,7 @@ def curve(amplitude: Sequence[float], force: Sequence[float], level: float, **fi
     traced = damping.curve(read, described, amplitude, force, level, **asked.settings)
     if asked.write(traced):
         print_curve(traced)
-        suggest(
-            f"{asked.name('curve', force, amplitude)} --json curve.json",
-            "damping export curve.json --to nastran --out damping.bdf",
-        )
+        suggest(*asked.suggest_export("curve", "curve.json", force, amplitude))
 
 
 def print_curve(result: CurveResult) -> None:

@@ -31,7 +31,7 @@ Amplitudes = Annotated[list[float], Option(metavar="A", help="Amplitude at reson
 Level = Annotated[float, Option(help="Probability of the bands.")]
 Folder = Annotated[Path, Option(metavar="DIR", help="Folder for the results.")]
 RecordOut = Annotated[Path, Option(metavar="RECORD.csv", help="Record to write.")]
-Folders = Annotated[list[Path], Argument(metavar="DIR...", help="Folders written by damping study.")]
+Folders = Annotated[list[Path], Argument(metavar="DIR...", help="Folders of finished runs.")]
 
 Command = Callable[..., None]
 
@@ -78,7 +78,7 @@ def gap(
 
 @delegate(".campaign")
 def campaign(
-    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5 by groups, or tables of free decays.")],
+    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5 by groups, tables against time.")],
     out: Folder,
     design: Annotated[
         list[str],
@@ -101,7 +101,7 @@ def campaign(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """From a laboratory's files of several levels, modes and sensors to the answer."""
+    """Every mode and sensor of a campaign at the design level. Reads a laboratory's files as they are."""
 
 
 @delegate(".import_")
@@ -150,7 +150,9 @@ def import_(
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Convert a laboratory's file to a record; show what was understood, ask for what is missing.
+    """Convert a laboratory's file to a record.
+
+    Shows what was understood and asks for what is missing.
 
     Roles of --column: sweep, frequency (Hz), omega (rad/s), time (s); response (complex, or a signal against time), x
     and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its direction);
@@ -178,7 +180,7 @@ def export(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Convert records, rankings, loads and curves to other formats and units; damping to a structural code."""
+    """Write a deck for a structural code, or convert files. Records and results to other formats and units."""
 
 
 @delegate(".compare")
@@ -188,7 +190,7 @@ def compare(folders: Folders, out: Annotated[Path, Option(metavar="FILE.html", h
 
 @delegate(".compare", "check")
 def verify(folders: Folders) -> None:
-    """Check that all files of a folder come from one finished run."""
+    """Check that all files of a folder are of one run."""
 
 
 @delegate(".tables")
@@ -204,7 +206,7 @@ def regress(
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """The SHARE multivariate regression program on any table (report, section 5.2)."""
+    """Regression of any table: the SHARE program of 1970. With selection of terms; section 5.2 of the report."""
 
 
 @delegate(".tables")
@@ -231,7 +233,7 @@ def condition(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Convert an accelerometer table to a modal record (report, chapter III)."""
+    """Convert an accelerometer table to a modal record. As chapter III of the report of 1970 does."""
 
 
 @delegate(".fleet")
@@ -272,7 +274,7 @@ def blind(
     jobs: Jobs = None,
     follow: Annotated[bool, Option("--next", help="Run every proposed test and diagnose again.")] = False,
 ) -> None:
-    """Check the diagnosis on generated data whose effect is withheld."""
+    """Check the diagnosis on cases whose effect is withheld."""
 
 
 @delegate("damping_validation.bands", "bands_page")
@@ -282,7 +284,7 @@ def bands(
     seed: Seed = DEFAULT_SEED,
     despite: Despite = NONE,
 ) -> None:
-    """Report design-load bands on a folder of records, with higher levels held out as a check."""
+    """Report design-load bands on a folder of records. Higher levels are held out as a check."""
 
 
 @delegate("damping_validation.calibrate")
@@ -292,4 +294,4 @@ def calibrate(
     seed: Seed = DEFAULT_SEED,
     jobs: Jobs = None,
 ) -> None:
-    """Check the coverage of bands and posteriors on known structures."""
+    """Check the coverage of bands on known structures. Of posteriors too."""

@@ -197,8 +197,9 @@ def number_with_error(value: float, error: float | None) -> str:
     """A value with the decimals of two digits of its error, ``11.393 ± 0.012``; without one if there is no error."""
     if error is None or not error > 0.0:
         return number_whole(value)
-    decimals = 1 - math.floor(math.log10(error))
-    return f"{value:.{min(max(decimals, 0), _MOST_DECIMALS)}f} ± {number_whole(error, 2)}"
+    decimals = max(1 - math.floor(math.log10(error)), 0)
+    shown = f"{error:.{decimals}f}" if decimals <= _MOST_DECIMALS else number_whole(error, 2)
+    return f"{value:.{min(decimals, _MOST_DECIMALS)}f} ± {shown}"
 
 
 def parse_number(text: str) -> float:

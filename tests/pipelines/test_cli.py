@@ -103,6 +103,7 @@ def test_help_names_every_command(damping):
     for run in (damping("--help"), damping()):
         assert run.code == 0
         assert all(command in run.out for command in COMMANDS)
+        assert "..." not in run.out.split("Commands:")[1]  # no summary is cut
 
 
 def run_script(script):

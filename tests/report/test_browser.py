@@ -217,6 +217,10 @@ def test_on_paper_there_is_what_paper_can_hold(opened, html):
         for name in (".explorer", ".theme", "nav", ".skip", ".cursor"):
             assert not one.page.locator(name).first.is_visible(), name
         assert look(one.page) == ["rgb(255, 255, 255)", "none"]
+        one.page.set_viewport_size({"width": 688, "height": 1009})  # A4 less the margins, at 96 dots per inch
+        right = "getBoundingClientRect().right"
+        cut = f"all => all.filter(one => one.{right} > one.closest('figure').{right} + 1)"
+        assert one.page.locator("figure svg:visible").evaluate_all(f"{cut}.length") == 0  # no figure runs into the next
         assert one.page.pdf(format="A4").startswith(b"%PDF")
 
 

@@ -110,7 +110,7 @@ def _summarise(sets: list[DataSet], others: list[int], summary: Summary) -> None
     for entry in sets[:_MOST_LISTED]:
         quantity = f"{entry.quantity or 'unknown quantity'}{f' per {entry.per}' if entry.per else ''}"
         what = _FUNCTIONS.get(entry.function, f"function type {entry.function}")
-        form = "text" if entry.form is None else "bytes"
+        form = "text" if entry.form is None else "binary"
         title = f", {describe_shortened(entry.title, 40)!r}" if entry.title else ""
         text = f"{what}, {quantity}, {entry.points} points ({form}), {entry.place}{title}"
         summary.add(f"data set {entry.number}", text, "found in the file")

@@ -183,7 +183,7 @@ def explain(
     of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
     cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
-        cautions.append(f"{unused} of the mode file is ignored: the simulator has its own damping")
+        cautions.append(f"the damping {unused} of the mode file is ignored: the simulation has its own")
     weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)
     return Explained(
         **(vars(weighed) | {"cautions": (*cautions, *weighed.cautions)}),
