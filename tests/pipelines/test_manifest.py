@@ -19,6 +19,14 @@ KILLS = 10
 NEW = {"a.csv": b"new a", "figures/b.svg": b"new b", "figures/only-new.svg": b"y"}
 
 
+SHIPPED = sorted(path.parent for path in (Path(__file__).parents[2] / "results").glob("*/manifest.json"))
+
+
+@pytest.mark.parametrize("folder", SHIPPED, ids=lambda folder: folder.name)
+def test_shipped_results_are_of_one_run(folder):
+    assert verify(folder).manifest.outputs
+
+
 def put(folder: Path, files: dict[str, bytes], seed: int = 1) -> None:
     publish(folder, files, seed=seed, versions={"numpy": "2"}, inputs={"r.csv": "0" * 64})
 
