@@ -149,7 +149,7 @@ def test_a_wrong_model_of_a_base_driven_record_is_named(mode, error, damped, cau
 
 
 def test_an_unknown_participation_is_no_damping(mode):
-    """At resonance alone a/(c omega) = q/p: a participation of 1.3 in place of 1 looks like a viscous error of -23 %."""
+    """At resonance alone q = p a/(c omega): p of 1.3 in place of 1 reads as viscous damping off by -23 %."""
     table = shaken((0.05, 0.1, 0.2, 0.4)).table
     peaks = table.loc[table.groupby("sweep")["amplitude"].idxmax()].drop(columns="phase")
     found = limited(EFFECTS | {"viscous-coefficient": CATALOGUE["viscous-coefficient"]}, diagnose, Record(peaks), mode)
