@@ -146,13 +146,15 @@ def test_a_steady_record_stays_as_it_is(frequency):
 
 
 def test_an_empty_rate_is_that_of_its_sweep_and_not_0():
-    """Rates of 0.1 f (0.1 ln 2 octaves/s) known in some rows of one sweep; a rig's comes first; others stay unknown."""
-    frequency = np.array([12.0, 10.0, 11.0, 14.0, 10.0, 11.0])
-    stated = np.array([1.2, 1.0, np.nan, np.nan, np.nan, np.nan])
-    table = pd.DataFrame({"sweep": [*"aaaabb"], "force": 1.0, "frequency": frequency, "amplitude": 1.0})
-    made = Record(table.assign(sweep_rate=stated), "made")
-    np.testing.assert_allclose(list_rates(made, None), [1.2, 1.0, 1.1, 1.2, 0.0, 0.0], rtol=1e-12)
-    np.testing.assert_allclose(list_rates(made, -2.0), [1.2, 1.0, -2.0, -2.0, -2.0, -2.0], rtol=1e-12)
+    """Rates of 0.1 f at some rows of one sweep, between which the others lie; a rig's comes first; else none is known.
+
+    Rows are as taken: up through a logarithmic sweep, f proportional to its rate.
+    """
+    stated = np.array([1.0, np.nan, 1.2, np.nan, np.nan, np.nan])
+    table = pd.DataFrame({"sweep": [*"aaaabb"], "force": 1.0, "frequency": [10.0, 11.0, 12.0, 13.0, 10.0, 11.0]})
+    made = Record(table.assign(amplitude=1.0, sweep_rate=stated), "made")
+    np.testing.assert_allclose(list_rates(made, None), [1.0, 1.1, 1.2, 1.2, 0.0, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(list_rates(made, -2.0), [1.0, -2.0, 1.2, -2.0, -2.0, -2.0], rtol=1e-12)
 
 
 def test_rates_need_phases(frequency):

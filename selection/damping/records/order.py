@@ -29,17 +29,15 @@ def list_rates(record: Record, rate: float | None) -> FloatArray:
 
     A ``rate`` of the rig above 0 is a speed: df/dt is below 0 in sweeps whose frequency falls. One below 0 is df/dt.
     """
-    stated, frequency = record.column("sweep_rate", np.nan), record.column("frequency")
+    stated, time = record.column("sweep_rate", np.nan), order_taken(record)
     if rate is not None:
         return np.where(np.isfinite(stated), stated, rate * find_direction(record) if rate > 0.0 else rate)
     rates = np.nan_to_num(stated)
-    for rows in record.frame.groupby("sweep", sort=False).indices.values():
-        known = rows[np.isfinite(stated[rows])]
-        if 0 < len(known) < len(rows):
-            known = known[np.argsort(frequency[known], kind="stable")]
-            rates[rows] = np.where(
-                np.isfinite(stated[rows]), stated[rows], np.interp(frequency[rows], frequency[known], stated[known])
-            )
+    for rows in map(np.asarray, record.frame.groupby("sweep", sort=False).indices.values()):
+        known = np.isfinite(stated[rows])
+        if known.any():
+            order = rows[known][np.argsort(time[rows[known]], kind="stable")]
+            rates[rows[~known]] = np.interp(time[rows[~known]], time[order], stated[order])
     return rates
 
 
