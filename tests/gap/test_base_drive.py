@@ -148,6 +148,15 @@ def test_a_wrong_model_of_a_base_driven_record_is_named(mode, error, damped, cau
     assert all("amplitude-scale" not in one.effects for one in found.hypotheses)
 
 
+def test_an_unknown_participation_is_no_damping(mode):
+    """At resonance alone q = p a/(c omega): p of 1.3 in place of 1 reads as viscous damping off by -23 %."""
+    table = shaken((0.05, 0.1, 0.2, 0.4)).table
+    peaks = table.loc[table.groupby("sweep")["amplitude"].idxmax()].drop(columns="phase")
+    found = limited(EFFECTS | {"viscous-coefficient": CATALOGUE["viscous-coefficient"]}, diagnose, Record(peaks), mode)
+    assert found.leading.effects == ()
+    assert any("do not determine the participation" in caution for caution in found.cautions)
+
+
 def test_a_next_test_is_told_as_the_record_holds_it(quadratic):
     """Half the modal mass is 6.2 kg and not 6.2/(p m), and the base keeps its acceleration."""
     proposed = [test for test in quadratic.next_tests if "added_mass" in test.columns]

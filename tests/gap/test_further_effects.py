@@ -378,6 +378,16 @@ def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_toler
         np.testing.assert_allclose(own, plain, rtol=1e-14)
 
 
+def test_a_state_that_is_not_damped_as_stated_is_told(lab):
+    """A tenth more damping with the mass than its file says; two effects of the rig or structure imitate it."""
+    rows = lab.bench(levels=2, points=24).rows
+    plain, state = lab.record(rows, lab.linear(rows), 4), heavier(lab, 2.0, 1.1 * lab.viscous)
+    other = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))
+    found = explain(plain, lab.mode(), states=[(state, other)])
+    assert found.in_library < 0.5
+    assert any("a state whose damping or frequency differs" in caution for caution in found.cautions)
+
+
 def test_states_share_what_is_wrong(lab):
     """A mass added is known as a column, or as a state with its own model: the same answer."""
     rows = lab.bench(levels=2, points=12).rows

@@ -12,6 +12,7 @@ from damping import agreement
 from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
+from damping.records.order import list_rates
 from damping.records.record import Record
 from damping.records.text import AGREED
 
@@ -142,6 +143,18 @@ def test_a_steady_record_stays_as_it_is(frequency):
     same, said = as_steady(made, MASS, F_N)
     assert same is made
     assert said == ()
+
+
+def test_an_empty_rate_is_that_of_its_sweep_and_not_0():
+    """Rates of 0.1 f at some rows of one sweep, between which the others lie; a rig's comes first; else none is known.
+
+    Rows are as taken: up through a logarithmic sweep, f proportional to its rate.
+    """
+    stated = np.array([1.0, np.nan, 1.2, np.nan, np.nan, np.nan])
+    table = pd.DataFrame({"sweep": [*"aaaabb"], "force": 1.0, "frequency": [10.0, 11.0, 12.0, 13.0, 10.0, 11.0]})
+    made = Record(table.assign(amplitude=1.0, sweep_rate=stated), "made")
+    np.testing.assert_allclose(list_rates(made, None), [1.0, 1.1, 1.2, 1.2, 0.0, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(list_rates(made, -2.0), [1.0, -2.0, 1.2, -2.0, -2.0, -2.0], rtol=1e-12)
 
 
 def test_rates_need_phases(frequency):

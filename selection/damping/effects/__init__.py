@@ -54,6 +54,7 @@ FOREIGN: dict[str, Effect] = {
         masses.VARYING_MASS,
         masses.OTHER_MASS,
         masses.OTHER_ADDED_MASS,
+        course.OTHER_STATE,
     )
 }
 

@@ -240,3 +240,39 @@ READING_DRIFT: Effect = Effect(
     ),
     need="sweep",
 )
+
+
+def state_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: |ln| of actual over stated damping, or frequency, of one of several states."""
+    sizes = {"damping": (0.2, _MOST_WARMING), "frequency": (scales.bandwidth, _MOST_DRIFT)}
+    return tuple(
+        chain.from_iterable(
+            OTHER_STATE.either_sign(
+                lambda size, of=of, state=state: {of: size, "state": float(state)},
+                f"{of} of state {state}",
+                natural=natural,
+                largest=most,
+            )
+            for state in list_states(scales)
+            for of, (natural, most) in sizes.items()
+        )
+    )
+
+
+def simulate_state(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """All ``damping``, or the ``frequency``, of one ``state`` times e to that."""
+    of = "damping" if "damping" in table else "frequency"
+
+    def part(drive: Drive) -> Floats:
+        return np.asarray(table[of] * (drive.state + 1.0 == table["state"]))
+
+    return terms.plus(**{"damped" if of == "damping" else "detuned": part})
+
+
+OTHER_STATE: Effect = Effect(
+    name="other-state",
+    kind="parameter",
+    sentence="a state whose damping or frequency differs from the one stated",
+    forms=state_forms,
+    simulate=simulate_state,
+)

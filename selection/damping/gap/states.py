@@ -59,9 +59,9 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
     if len(states) == 1 and not has_masses(record):  # only p/mass is identified: the slope of a/q
         known = find_participation([(record, mode.mass, 0.0)])
         counted, stated = count_in(mode, known), mode.tolerance
-        if known.known:  # only the mass becomes uncertain; tolerances of frequency and damping ratio stay
-            viscous, mass = float(np.hypot(stated.viscous, known.spread)), max(stated.mass, NO_KNOWLEDGE["mass"])
-            counted = replace(counted, tolerance=replace(stated, viscous=viscous, mass=mass))
+        # mass and damping become uncertain by p, which unknown explains any damping; frequency keeps its tolerance
+        viscous, mass = float(np.hypot(stated.viscous, known.spread)), max(stated.mass, NO_KNOWLEDGE["mass"])
+        counted = replace(counted, tolerance=replace(stated, viscous=viscous, mass=max(mass, known.spread)))
         unit = known.value * mode.mass
         return Driven(((record, counted),), (np.ones(len(record)),), unit, notes=(f"base drive: {known}",))
     if simulated:

@@ -22,6 +22,7 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wr
 from damping.errors import AnalysisError
 from damping.records.check_sweeps import FAST
 from damping.records.implied import NEAR, sense_rate
+from damping.records.order import list_rates
 from damping.records.record import Record
 from damping.records.runs import runs_of
 
@@ -217,7 +218,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     if not record.has_phase:
         return record, ()
     if "sweep_rate" in record.frame.columns:
-        known = record.frame.assign(sweep_rate=record.frame["sweep_rate"].fillna(0.0))
+        known = record.frame.assign(sweep_rate=list_rates(record, None))
         peaks = known.loc[known.groupby("sweep", sort=False)["amplitude"].idxmax()]
         # 2 zeta f at the peaks, by the balance of forces there
         stiffness = mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2

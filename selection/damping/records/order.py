@@ -25,14 +25,20 @@ def find_direction(record: Record) -> FloatArray:
 
 
 def list_rates(record: Record, rate: float | None) -> FloatArray:
-    """df/dt of each row, Hz/s, (n,): that stated in the row, else that of the rig; 0 where neither is.
+    """df/dt of each row, Hz/s, (n,): that stated in the row, else of the rig, else of the sweep's other rows; else 0.
 
     A ``rate`` of the rig above 0 is a speed: df/dt is below 0 in sweeps whose frequency falls. One below 0 is df/dt.
     """
-    of_rig = np.full(len(record), rate or 0.0)
-    of_rig = np.where(of_rig > 0.0, of_rig * find_direction(record), of_rig)
-    stated = record.column("sweep_rate", np.nan)
-    return np.where(np.isfinite(stated), stated, of_rig)
+    stated, time = record.column("sweep_rate", np.nan), order_taken(record)
+    if rate is not None:
+        return np.where(np.isfinite(stated), stated, rate * find_direction(record) if rate > 0.0 else rate)
+    rates = np.nan_to_num(stated)
+    for rows in map(np.asarray, record.frame.groupby("sweep", sort=False).indices.values()):
+        known = np.isfinite(stated[rows])
+        if known.any():
+            order = rows[known][np.argsort(time[rows[known]], kind="stable")]
+            rates[rows[~known]] = np.interp(time[rows[~known]], time[order], stated[order])
+    return rates
 
 
 #: Fewest rows of a sweep that have an order.
