@@ -471,6 +471,20 @@ def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
     assert " 20 % below" in judged.fit.sentence or " 21 % below" in judged.fit.sentence  # of 3 levels, 0.5 % of noise
 
 
+def test_rows_that_the_leading_law_misses_are_said_though_it_fits_the_resonances(swept):
+    """The top of three levels read 30 % low: a joint meets the resonances, and misses eleven rows a level by 5 %."""
+    record = swept(Viscous(0.1), np.array([0.5, 1.0, 2.0]), noise=0.005, rows=11, seed=2)
+    low = record.table["sweep"] == record.table["sweep"].iloc[-1]
+    record = Record(record.table.assign(amplitude=record.table["amplitude"] * np.where(low, 0.7, 1.0)))
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "slip"))]
+    plan, every = plan_loads(near_resonance(record), laws, estimate=brief_evidence), observe(record)
+    judged = judge_rows(plan, every)
+    (leader,) = fit_laws([judged.laws[0].law], every)
+    assert plan.fit.verdict == "fits"
+    assert fit_probability(leader, every) < UNLIKELY
+    assert "misses the measured rows by 5" in judged.fit.sentence
+
+
 def test_resonances_are_judged_by_rows_that_scatter_more_than_is_stated(swept):
     """Viscous sweeps at 5 % of noise that state .5 %: the law fits to what the rows show, near resonance too."""
     table = swept(Viscous(0.1), np.geomspace(0.5, 2.0, 4), noise=0.05, rows=25).table

@@ -18,7 +18,7 @@ LEAST_SAID = 0.05
 def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Estimate = evidence) -> Plan:
     """The plan judged on ``all_rows`` too; ``seed``: of the scatters that p-values are averaged over.
 
-    Its verdict is that no law fits if none fits all rows, even if one fits the resonances. A law that misses rows which
+    Its verdict is that of all rows where the leading law does not fit them, even if it fits the resonances. A law that misses rows which
     other laws fit yields to one that equals it at resonance, or, where all of these miss them too, is left out. The
     scatter of the rows shows which levels lie apart; if it exceeds the stated noise, the verdict of the rows replaces
     that of the resonances.
@@ -39,7 +39,7 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
     leader = next((fits[member.law] for member in kept if member.law in fits), best)
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows, seed)
     fit = plan.fit
-    if on_rows.verdict == "none fits" or on_rows.rough:
+    if on_rows.verdict != "fits" or on_rows.rough:
         fit = on_rows
     elif fit.verdict != "none fits" and kept and kept[0] is not plan.laws[0]:
         fit = _judge_laws([member.law for member in kept], plan.data, seed)
