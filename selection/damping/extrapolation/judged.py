@@ -18,10 +18,10 @@ LEAST_SAID = 0.05
 def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Estimate = evidence) -> Plan:
     """The plan judged on ``all_rows`` too; ``seed``: of the scatters that p-values are averaged over.
 
-    Its verdict is that of all rows where the leading law does not fit them, even if it fits the resonances. A law that misses rows which
-    other laws fit yields to one that equals it at resonance, or, where all of these miss them too, is left out. The
-    scatter of the rows shows which levels lie apart; if it exceeds the stated noise, the verdict of the rows replaces
-    that of the resonances.
+    Its verdict is that of all rows where the leading law does not fit them, even if it fits the resonances. A law that
+    misses rows which other laws fit yields to one that equals it at resonance, or, where all of these miss them too, is
+    left out. The scatter of the rows shows which levels lie apart; if it exceeds the stated noise, the verdict of the
+    rows replaces that of the resonances.
     """
     if len(all_rows.A) == len(plan.data.A):
         return plan
