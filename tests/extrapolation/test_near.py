@@ -16,6 +16,7 @@ from damping.extrapolation.judged import judge_rows
 from damping.extrapolation.near import (
     CHANGES,
     NEAR,
+    describe_rests,
     near_resonance,
     plan_loads,
     trend,
@@ -456,6 +457,15 @@ def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
     told = float(re.search(r"reads (\d+) % more amplitude per force", plan.fit.sentence)[1])
     at_resonance = near.tested_amplitude[2] / 4.0
     assert told == pytest.approx(100.0 * (np.abs(H).max() / at_resonance - 1.0), abs=10.0)  # the largest of 168 rows
+
+
+def test_peaks_within_a_few_per_cent_are_said_to_be_one_level():
+    """Three peaks whose forces differ by up to 3 %: no sweep along which a frequency changes."""
+    force = np.array([1.0, 1.02, 1.03])
+    (said,) = describe_rests(peaks(force, force), 3)
+    assert said.startswith("one level (3 sweeps within 10 % of one another) does not show how")
+    assert "along a sweep" not in said
+    assert not describe_rests(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
 
 
 def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):

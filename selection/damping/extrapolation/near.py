@@ -24,7 +24,7 @@ from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import tabulate_resonances
+from damping.records.resonance import SAME_LEVEL, tabulate_resonances
 
 #: Ratio of amplitudes from which the rows of one level show how damping changes with amplitude; a sweep at constant
 #: response has less.
@@ -55,20 +55,28 @@ def near_resonance(record: Record) -> Observations:
     return data if one_telling else at_resonance(data)
 
 
-#: Caution for a record of one level: for structures outside the library the 90 % band of one sweep misses a quarter.
-ONE_LEVEL = (
-    "one level does not show how damping changes with amplitude, because frequency changes too along a sweep: do not "
-    "trust the band beyond the tested force, and test a second level"
-)
-
-
 def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
     """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
     on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
     fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
-    one_level = data.levels.max() == 0
-    return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
+    return tuple(filter(None, [fewer if len(data.A) < rows else "", _describe_one_level(data, rows)]))
+
+
+def _describe_one_level(data: Observations, rows: int) -> str:
+    """Caution for a record of one level; empty for several.
+
+    For structures outside the library the 90 % band of one sweep misses a quarter.
+    """
+    if data.levels.max() > 0:
+        return ""
+    sweeps = len(data.sweeps)
+    of = f" ({sweeps} sweeps within {100.0 * SAME_LEVEL:g} % of one another)" if sweeps > 1 else ""
+    why = ", because frequency changes too along a sweep" if rows > sweeps else ""
+    return (
+        f"one level{of} does not show how damping changes with amplitude{why}: do not trust the band beyond the tested "
+        "force, and test a second level"
+    )
 
 
 def without_offset(record: Record) -> Record:
