@@ -12,17 +12,18 @@ from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.backbone import observe_backbone
+from damping.extrapolation.judged import judge_rows
 from damping.extrapolation.near import (
     CHANGES,
     NEAR,
-    judge_rows,
+    describe_rests,
     near_resonance,
     plan_loads,
     trend,
     without_offset,
 )
 from damping.extrapolation.states import BISTABLE, read_resonances
-from damping.forces import CubicStiffness, Slip, Sum, VelocitySquared, Viscous
+from damping.forces import CubicStiffness, Displacement, Slip, Sum, VelocitySquared, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, JointEvidence
 from damping.infer.evidence import brief_evidence
@@ -365,6 +366,23 @@ def test_a_law_that_rows_exclude_takes_no_part(swept):
     assert loads.plan.fit.p_value == fit_probability(leader, plan.data, seed=3) != judged.fit.p_value
 
 
+def test_a_law_that_rows_exclude_yields_to_its_equal_at_resonance(swept):
+    """Structural damping: at resonance viscous damping is its equal, beside it C is constant and not as omega.
+
+    C omega is off by 1.9 % at the half-power points of a loss factor of 3.8 %, four times the noise.
+    """
+    record = swept(Displacement(3.0), np.array([0.5, 1.0, 2.0]), noise=0.005)
+    laws = [Law((name,)) for name in ("viscous", "displacement", "displacement-velocity-power")]
+    plan = plan_loads(near_resonance(record), laws, estimate=brief_evidence)
+    assert plan.laws[0].law == laws[0]
+    judged = judge_rows(plan, observe(record), estimate=brief_evidence)
+    assert judged.laws[0].law == laws[1]
+    assert judged.laws[0].weight == pytest.approx(plan.laws[0].weight)
+    assert not judged.excluded
+    loads = extrapolate_loads(plan.data, [4.0], plan=judged, fresh=False, estimate=brief_evidence).loads
+    assert loads.average.median[0] == pytest.approx(0.5 * np.pi * 4.0 / 3.0, rel=0.02)  # C = 2 c A/pi
+
+
 def test_the_verdict_is_that_of_the_law_that_leads_once_others_are_left_out(swept):
     """Rows that state 0.5 % beside a law that misses three resonances by 4 %: the law that takes part fits."""
     record = swept(Sum((Viscous(0.008), VelocitySquared(0.1))), 0.01 * np.array([2.0, 5.0, 10.0]), noise=0.005)
@@ -441,6 +459,15 @@ def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
     assert told == pytest.approx(100.0 * (np.abs(H).max() / at_resonance - 1.0), abs=10.0)  # the largest of 168 rows
 
 
+def test_peaks_within_a_few_per_cent_are_said_to_be_one_level():
+    """Three peaks whose forces differ by up to 3 %: no sweep along which a frequency changes."""
+    force = np.array([1.0, 1.02, 1.03])
+    (said,) = describe_rests(peaks(force, force), 3)
+    assert said.startswith("one level (3 sweeps within 10 % of one another) does not show how")
+    assert "along a sweep" not in said
+    assert not describe_rests(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
+
+
 def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
     """Viscous damping, the top level read a fifth low: along its sweeps viscous fits to the noise, slip does not."""
     record = swept(Viscous(0.1), np.array([0.5, 1.0, 2.0]), noise=0.005, rows=25, seed=2)
@@ -452,6 +479,20 @@ def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):
     assert {own.law for own in judged.laws} >= {laws[0]}  # the truth
     assert "F2 deviates most" in judged.fit.sentence
     assert " 20 % below" in judged.fit.sentence or " 21 % below" in judged.fit.sentence  # of 3 levels, 0.5 % of noise
+
+
+def test_rows_that_the_leading_law_misses_are_said_though_it_fits_the_resonances(swept):
+    """The top of three levels read 30 % low: a joint meets the resonances, and misses eleven rows a level by 5 %."""
+    record = swept(Viscous(0.1), np.array([0.5, 1.0, 2.0]), noise=0.005, rows=11, seed=2)
+    low = record.table["sweep"] == record.table["sweep"].iloc[-1]
+    record = Record(record.table.assign(amplitude=record.table["amplitude"] * np.where(low, 0.7, 1.0)))
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("viscous", "slip"))]
+    plan, every = plan_loads(near_resonance(record), laws, estimate=brief_evidence), observe(record)
+    judged = judge_rows(plan, every)
+    (leader,) = fit_laws([judged.laws[0].law], every)
+    assert plan.fit.verdict == "fits"
+    assert fit_probability(leader, every) < UNLIKELY
+    assert "misses the measured rows by 5" in judged.fit.sentence
 
 
 def test_resonances_are_judged_by_rows_that_scatter_more_than_is_stated(swept):

@@ -189,7 +189,7 @@ def test_likelihood_is_the_dense_normal_one():
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
     x = 0.3 * rng.standard_normal((3, c.dimension))
     n, h, known = residuals(c.force(x), data)
-    shared = level_covariance(x, c, data, c.doubt(x))
+    shared = level_covariance(x, c, data, c.stray(x))
     for i, value in enumerate(log_likelihood(x, c, data)):
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T

@@ -277,9 +277,9 @@ def test_coefficients_are_called_what_they_are(reader: Reader) -> None:
     assert "Least-squares value" not in text
 
 
-def test_one_sweep_is_not_said_to_determine_a_law(reader: Reader) -> None:
+def test_one_level_is_not_said_to_determine_a_law(reader: Reader) -> None:
     text = " ".join(" ".join(reader.texts).split())
-    assert "one sweep does not determine the law" in text
+    assert "one level does not determine the law" in text
     assert "times more probable" not in text
 
 

@@ -29,11 +29,11 @@ from damping.extrapolation.draws import (
     share_out,
     vary_priors,
 )
+from damping.extrapolation.judged import judge_rows
 from damping.extrapolation.near import (
     ROUNDING,
     Plan,
     Planned,
-    judge_rows,
     plan_loads,
 )
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
@@ -155,7 +155,7 @@ def extrapolate_loads(
         candidates = resonant_laws() if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
             plan = plan_loads(data, candidates, seed, done, mode, estimate)
-    plan = judge_rows(plan, all_rows, seed) if all_rows else plan
+    plan = judge_rows(plan, all_rows, seed, estimate) if all_rows else plan
     members, backbone = [], observe_backbone(data, mode)
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:

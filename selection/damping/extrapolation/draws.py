@@ -26,7 +26,7 @@ from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, read_path, stray
 from damping.infer.law import SCATTER_LOG_SD, Coordinates
-from damping.infer.likelihood import by_sweep, residuals, scatter_covariance
+from damping.infer.likelihood import by_sweep, level_exponents, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -181,6 +181,9 @@ def _levels(
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
     hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
     errors = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
+    if data.amplitude_is_input:  # n is of force: ln A is off by 1/p times as much
+        p = level_exponents(damping, data)
+        hn, errors = hn / p, errors / (p[:, :, None] * p[:, None, :])
     # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
     return -hn / hh, errors, known.mean(axis=1)
 

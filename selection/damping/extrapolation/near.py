@@ -8,25 +8,23 @@ stray (:mod:`damping.infer.doubt`), so that levels do not carry more weight than
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, Floats
 from damping.extrapolation.states import describe_state, read_resonances
-from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
-from damping.ranking.candidates import resonant_laws
-from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
+from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.resonance import tabulate_resonances
+from damping.records.resonance import SAME_LEVEL, tabulate_resonances
 
 #: Ratio of amplitudes from which the rows of one level show how damping changes with amplitude; a sweep at constant
 #: response has less.
@@ -57,20 +55,28 @@ def near_resonance(record: Record) -> Observations:
     return data if one_telling else at_resonance(data)
 
 
-#: Caution for a record of one level: for structures outside the library the 90 % band of one sweep misses a quarter.
-ONE_LEVEL = (
-    "one level does not show how damping changes with amplitude, because frequency changes too along a sweep: do not "
-    "trust the band beyond the tested force, and test a second level"
-)
-
-
 def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
     """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
     on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
     fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
-    one_level = data.levels.max() == 0
-    return (*([fewer] if len(data.A) < rows else []), *([ONE_LEVEL] if one_level else []))
+    return tuple(filter(None, [fewer if len(data.A) < rows else "", _describe_one_level(data, rows)]))
+
+
+def _describe_one_level(data: Observations, rows: int) -> str:
+    """Caution for a record of one level; empty for several.
+
+    For structures outside the library the 90 % band of one sweep misses a quarter.
+    """
+    if data.levels.max() > 0:
+        return ""
+    sweeps = len(data.sweeps)
+    of = f" ({sweeps} sweeps within {100.0 * SAME_LEVEL:g} % of one another)" if sweeps > 1 else ""
+    why = ", because frequency changes too along a sweep" if rows > sweeps else ""
+    return (
+        f"one level{of} does not show how damping changes with amplitude{why}: do not trust the band beyond the tested "
+        "force, and test a second level"
+    )
 
 
 def without_offset(record: Record) -> Record:
@@ -157,20 +163,19 @@ def trend(data: Observations, scatter: float) -> Trend:
 ENOUGH_LEVELS = 3
 #: Largest force, over the largest tested force, that fewer levels allow.
 NEAREST = 1.5
-#: Weight above which an excluded law is named.
-LEAST_SAID = 0.05
 #: Relative excess of a force over the limit that still counts as the limit.
 ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A law in the average: its weight there, and its evidence on the rows near resonance."""
+    """A law in the average: its weight and evidence on the rows near resonance, and the laws equal to it there."""
 
     law: Law
     weight: float
     coordinates: Coordinates
     evidence: Evidence
+    equals: tuple[Law, ...] = ()
 
     @property
     def name(self) -> str:
@@ -205,45 +210,6 @@ class Plan:
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
-def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0) -> Plan:
-    """The plan judged on ``all_rows`` too; ``seed``: of the scatters that p-values are averaged over.
-
-    Its verdict is that no law fits if none fits all rows, even if one fits the resonances. Laws that miss rows which
-    other laws fit are left out. The scatter of the rows shows which levels lie apart; if it exceeds the stated noise,
-    the verdict of the rows replaces that of the resonances.
-    """
-    if len(all_rows.A) == len(plan.data.A):
-        return plan
-    laws = [member.law for member in plan.laws] + resonant_laws()
-    fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
-    best = min(fits.values(), key=lambda fit: fit.squares)
-    missing = [member for member in plan.laws if member.law in fits and is_excluded(fits[member.law], best, all_rows)]
-    kept = [member for member in plan.laws if member not in missing]
-    leader = next((fits[member.law] for member in kept if member.law in fits), best)
-    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows, seed)
-    fit = plan.fit
-    if on_rows.verdict == "none fits" or on_rows.rough:
-        fit = on_rows
-    elif fit.verdict != "none fits" and kept and kept[0] is not plan.laws[0]:
-        fit = _judge_laws([member.law for member in kept], plan.data, seed)
-    if fit.verdict == "none fits":
-        return replace(plan, fit=fit)
-    plan = replace(plan, fit=replace(fit, level_caution=on_rows.level_caution or fit.level_caution))
-    if not kept:
-        return plan
-    total = sum(member.weight for member in kept)
-    names = ", ".join(f"{member.name} ({member.weight:.2f})" for member in missing if member.weight > LEAST_SAID)
-    note = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
-    rescaled = tuple(replace(member, weight=member.weight / total) for member in kept)
-    return replace(plan, laws=rescaled, excluded=note)
-
-
-def _judge_laws(laws: Sequence[Law], data: Observations, seed: int) -> FitVerdict:
-    """The verdict on the first of ``laws``, with the others as alternatives."""
-    leader, *others = [fit for fit in fit_laws(laws, data) if isinstance(fit, BestFit)]
-    return judge_fit(leader, others, data, seed)
-
-
 def plan_loads(
     data: Observations,
     laws: Sequence[Law],
@@ -264,8 +230,12 @@ def plan_loads(
     """
     resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
     ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
-    rows = ((row, row.evidence) for row in ranked.candidates)
-    planned = [Planned(row.law, row.weight, row.coordinates, drawn) for row, drawn in rows if drawn]
+    known = {law.name: law for law in laws}
+    planned = [
+        Planned(row.law, row.weight, row.coordinates, row.evidence, tuple(known[name] for name in row.equivalents))
+        for row in ranked.candidates
+        if row.evidence
+    ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)

@@ -99,7 +99,7 @@ class Balanced:
         x = np.clip(z, -REACH, REACH)
         x[:, 0] = 0.0
         parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
-        doubt = self.coordinates.doubt(x, self.coordinates.join(parts))
+        doubt = self.coordinates.stray(x, self.coordinates.join(parts))
         strays, directions = self._of_levels
         variance = (level**2 + self._per_level * (row**2 + self._known))[:, None] + doubt[:, None] ** 2 * strays
         of_direction = directions.sum(axis=0) / variance

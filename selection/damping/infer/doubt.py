@@ -10,7 +10,8 @@ deviation ``sigma`` and correlation length ``LENGTH`` in z, so that the amplitud
 A law strays in proportion to its nonlinearity: sigma is a parameter times :func:`nonlinearity`. An amplitude that is
 proportional to force over a test seldom ceases to be.
 
-Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Beyond
+Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Levels of
+a decay are judged by ln F at their amplitude, which moves by p g: not at all under constant friction. Beyond
 the test, paths are drawn given the residuals of the levels, and the slope q + delta is held within ``SLOPES``.
 
 Amplitudes alone do not tell whether damping will stop growing; the resonance does. A joint that slips loses stiffness

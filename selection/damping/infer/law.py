@@ -100,6 +100,7 @@ class Coordinates:
         law: the candidate. reference: amplitude, omega, damping force. tested: range of the test.
         with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
         with_doubt: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`).
+        of_decay: whether levels are judged by force at a given amplitude.
     """
 
     law: Law
@@ -107,14 +108,15 @@ class Coordinates:
     tested: Tested
     with_level_scatter: bool
     with_doubt: bool = False
+    of_decay: bool = False
 
     @classmethod
     def of(cls, law: Law, observations: Observations) -> Coordinates:
         """The coordinates of a law with scales from the observations."""
         amplitude = observations.tested_amplitude
         tested = Tested(float(amplitude.min()), float(amplitude.max()), observations.reference[1])
-        scatters = observations.has_repeats and len(observations.sweeps) > 1
-        return cls(law, observations.reference, tested, scatters, len(observations.sweeps) > 1)
+        several, of_decay = len(observations.sweeps) > 1, observations.amplitude_is_input
+        return cls(law, observations.reference, tested, observations.has_repeats and several, several, of_decay)
 
     def scaled(self, by: tuple[float, float, float]) -> Coordinates:
         """The dimensionless coordinates over an amplitude, a frequency and a force (:meth:`Observations.scaled`)."""
@@ -228,6 +230,12 @@ class Coordinates:
             return np.zeros(x.shape[:-1])
         sigma = DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
         return np.asarray(sigma * nonlinearity(self.exponents(x, force)))
+
+    def stray(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+        """:meth:`doubt` as it moves levels: in ln A, or for a decay in ln F, by p times as much."""
+        force = force or self.force(x)
+        doubt = self.doubt(x, force)
+        return doubt * np.nan_to_num(self.exponents(x, force)).mean(axis=-1) if self.of_decay else doubt
 
     def exponents(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
         """Local exponents p = d ln F/d ln A at both ends of the tested range, (..., 2); NaN where there is no force."""

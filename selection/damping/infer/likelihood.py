@@ -21,7 +21,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces.contract import Force
-from damping.infer.doubt import stray_covariance
+from damping.infer.doubt import OF_FRICTION, stray_covariance
 from damping.infer.law import Coordinates
 from damping.infer.observations import Observations
 
@@ -80,7 +80,7 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
         return sum_rows(*find_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
     sums = by_blocks(weigh, len(x), len(data.A))
-    return weigh_levels(sums, x, coordinates.doubt(x, coordinates.join(parts)), coordinates, data)
+    return weigh_levels(sums, x, coordinates.stray(x, coordinates.join(parts)), coordinates, data)
 
 
 def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
@@ -184,6 +184,13 @@ def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -
         return covariance
     distance = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
     return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-distance / DRIFT_LENGTH))
+
+
+def level_exponents(force: Force, data: Observations) -> FloatArray:
+    """p = d ln C/d ln A at each tested amplitude, (..., sweeps), at least 1/``OF_FRICTION``."""
+    with np.errstate(all="ignore"):
+        C, slope = force.grow(data.tested_amplitude, data.tested_omega)
+        return np.asarray(np.maximum(np.nan_to_num(slope / C), 1.0 / OF_FRICTION))
 
 
 def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
