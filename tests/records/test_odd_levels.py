@@ -103,15 +103,18 @@ def test_no_frequency_of_a_drawn_truth_is_accused():
         assert found is None or "frequency jumps" not in found.what, (truth.name, frequency, amplitude)
 
 
-def test_an_amplitude_between_others_that_is_misread_is_named():
+@pytest.mark.parametrize(
+    ("sets", "most"), [(STRUCTURES, 0.03), pytest.param(2 * STRUCTURES, 0.02, marks=pytest.mark.slow)]
+)
+def test_an_amplitude_between_others_that_is_misread_is_named(sets, most):
     """Every kind of damping, 5 to 8 peaks, noise of .3 to 4 %; 15 % too much or too little where it is below 2 %.
 
-    Of 7000 other such sets .5 % are accused, and 65 % of those misread, one of 300 at another level: of 400 and 200
-    fewer than 2 %, more than half and at most 2 with .99 probability.
+    Of 7000 other such sets .5 % are accused, and 65 % of those misread, one of 300 at another level: of 200 (400)
+    fewer than 3 % (2 %), and of the half of them that is misread more than half and at most 2, with .99 probability.
     """
     rng = np.random.default_rng(24)
     accused, named = [], []
-    for number in range(2 * STRUCTURES):
+    for number in range(sets):
         truth = draw_truth(sorted(TRUTHS)[number % len(TRUTHS)], rng)
         levels = int(rng.integers(5, 9))
         force = np.exp(np.linspace(-0.5, 0.5, levels) * np.log(rng.uniform(1.3, 8.0)))
@@ -125,7 +128,7 @@ def test_an_amplitude_between_others_that_is_misread_is_named():
             found = check_outlier(View(peaks_of(force, frequency, amplitude), mode))
             named.append(None if found is None else found.sweeps == (f"L{k + 1}",))
             assert found is None or found.verdict == "caution"
-    assert np.mean(accused) < 0.02
+    assert np.mean(accused) < most
     assert np.mean([right is not None for right in named]) > 0.5
     assert named.count(False) <= 2  # one of 300
 
