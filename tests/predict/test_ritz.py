@@ -123,6 +123,13 @@ def test_posterior_samples_broadcast(draws: int) -> None:
         np.testing.assert_allclose(A[k, 2], one, rtol=1e-13)  # vectorised powers may round otherwise
 
 
+def test_three_axes_broadcast_as_two_do() -> None:
+    """A = F/(c omega) (Eq. 4.1.7) where forces have more rows than are solved at once for a batch of shapes."""
+    c, F = np.linspace(1.0, 2.0, 7)[:, None, None], np.linspace(1.0, 9.0, 12_000).reshape(4000, 3)
+    A = resonant_amplitude(Sum((Viscous(c), Viscous(c))), F, omega_n)
+    np.testing.assert_allclose(A, F / (2.0 * c * omega_n), rtol=1e-11)
+
+
 @pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e6])
 def test_amplitudes_do_not_depend_on_the_unit_of_length(unit: float) -> None:
     """A length unit times smaller makes coefficients of A^m smaller by its m-th power."""

@@ -16,8 +16,11 @@ NONSENSE = ("units", "phase-unit", "phase-sign")
 REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
 #: Factors between the frequencies that a simulator is given and those that it takes, by the mistake in the unit.
 MISTAKEN = {"2 pi": RAD_S_PER_HZ, "1/(2 pi)": 1.0 / RAD_S_PER_HZ}
-FAR = 1.0  #: median |ln| of simulated over measured response from which a mistake is looked for: a factor of e,
-NEARER = 0.5  #: and the share of it left at other frequencies that shows one: a resonance 1 % off leaves so much
+#: Median |ln(simulated/measured response)| from which such a mistake is tried: a factor of e in the response.
+FAR = 1.0
+#: A mistake is reported if frequencies times its factor reduce that median below this share: by more than half, which
+#: allows the simulated resonance to be some 1 % off.
+NEARER = 0.5
 
 
 def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:

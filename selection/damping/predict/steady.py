@@ -128,7 +128,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
             if unknown; the result does not depend on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
-    if len(shape) > 1 and shape[0] > (most := max(1, _AT_ONCE // max(1, shape[1]))):
+    if len(shape) == 2 and shape[0] > (most := max(1, _AT_ONCE // max(1, shape[1]))):
         blocks = [slice(first, first + most) for first in range(0, shape[0], most)]
         parts = force, np.asarray(F), np.asarray(omega), np.asarray(near)
         return np.concatenate([resonant_amplitude(*take_rows(parts, block)) for block in blocks])
