@@ -196,10 +196,8 @@ def gaps() -> Gaps:
 @pytest.fixture(scope="session")
 def rankings(study_settings: StudySettings, study_inputs: list[Input]) -> dict[str, Ranking]:
     """Rankings of all laws by record of that study."""
-    from damping_pipelines.study import estimate_fully
-
     seed = study_settings.seed
-    return {one.settings.name: rank_laws(one.prepared.all_rows, seed, estimate=estimate_fully) for one in study_inputs}
+    return {one.settings.name: rank_laws(one.prepared.all_rows, seed) for one in study_inputs}
 
 
 @pytest.fixture(scope="session")

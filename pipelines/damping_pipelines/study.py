@@ -23,11 +23,9 @@ from damping.extrapolation.curve import (
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
 from damping.extrapolation.near import Plan, plan_loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
-from damping.infer.best_fit import BestFit
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
-from damping.infer.importance import Evidence
-from damping.infer.law import Coordinates, Law
+from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import Advance
 from damping.ranking import Candidate, Ranking, rank_laws
@@ -127,7 +125,7 @@ def _weigh(
     pool: Executor, settings: files.StudySettings, inputs: list[Input]
 ) -> tuple[list[Ranking], list[Future[dict[str, Any]]]]:
     """Rank every record and start its predictions, first of all, while the other processes are small."""
-    estimate = remember(estimate_fully)
+    estimate = remember(evidence)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
         rankings = [
@@ -138,13 +136,6 @@ def _weigh(
         ]
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
     return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
-
-
-def estimate_fully(
-    coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None, floor: float
-) -> Evidence:
-    """The evidence of a law with all draws even if its weight is small: ``compare`` multiplies weights of studies."""
-    return evidence(coordinates, data, seed, fit)
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:

@@ -7,6 +7,7 @@ import re
 import runpy
 import shlex
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -105,6 +106,20 @@ def test_a_study_runs_shortened(tmp_path, monkeypatch, damping, check_page, one_
     loads = json.loads((tmp_path / "out" / "summary.json").read_text())["records"][0]["loads"]["predictions"]
     assert loads[1]["low"] < 0.125 < loads[1]["high"]  # the truth at 24 N
     check_page(tmp_path / "out" / "report.html", (390, "dark"), (1280, "light"))
+
+
+@pytest.mark.slow
+def test_a_study_predicts_what_the_command_predicts(tmp_path, damping, one_process):
+    """Digit for digit, laws of little weight included: the draws of both are the same."""
+    folder = EXAMPLES / "bolted-joint"
+    assert damping("study", folder / "STUDY.toml", "--out", tmp_path).code == 0
+    (record,) = json.loads((tmp_path / "summary.json").read_text())["records"]
+    forces = [word for row in record["loads"]["predictions"] for word in ("--force", row["force"])]
+    seed = tomllib.loads((folder / "STUDY.toml").read_text())["seed"]
+    words = (folder / "record.csv", "--mode", folder / "panel.toml", *forces, "--seed", seed, "--json", "-")
+    loads = json.loads(damping("extrapolate", *words).out)
+    for ours, its in zip(record["loads"]["predictions"], loads["predictions"], strict=True):
+        assert [ours[k] for k in ("median", "low", "high")] == [its[k] for k in ("median", "low", "high")]
 
 
 @pytest.mark.slow
