@@ -24,7 +24,7 @@ from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
 from damping.result import Result
-from damping_pipelines.store import check_outputs, write_picture, write_plain
+from damping_pipelines.store import check_outputs, write_answer
 from damping_pipelines.terminal import (
     Notes,
     PlainTable,
@@ -71,10 +71,7 @@ class Asked:
 
     def write(self, result: Result) -> bool:
         """Write form and figure, and return whether to print the table."""
-        if self.json_out is not None:
-            write_plain(self.json_out, result.to_json())
-        if self.plot is not None:
-            write_picture(self.plot, result.plot(), result.title)
+        write_answer(self.json_out, result, self.plot)
         return self.json_out != "-"
 
     def name(self, command: str, force: Sequence[float] = (), amplitude: Sequence[float] = ()) -> str:
