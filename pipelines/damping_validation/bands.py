@@ -163,7 +163,7 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     ax.axvspan(data.tested_force.max(), force.max(), color=plots.BEYOND_TEST, linewidth=0, zorder=0)
     for name, ends, colour in (("predictive", "", plots.PREDICTIVE), ("credible", "credible_", plots.CREDIBLE)):
         low, high = bands[f"{ends}low"], bands[f"{ends}high"]
-        ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
+        ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"{100 * LEVEL:g} % {name}")
     ax.plot(force, bands["median"], color=plots.AVERAGE, label="median")
     ax.plot(force, bands["linear"], color=plots.LINEAR, linestyle=(0, (7, 2)), label="linear")
     points: dict[str, Any] = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
@@ -193,7 +193,11 @@ def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
     ax.set_xticks(place, labels, fontsize=6.5)
     ax.grid(visible=False, axis="x")
-    ax.set(xlim=(-0.6, len(left_out) - 0.4), ylabel="predicted over measured", title="higher levels left out")
+    ax.set(
+        xlim=(-0.6, len(left_out) - 0.4),
+        ylabel=f"{100 * LEVEL:g} % predictive over measured",
+        title="higher levels left out",
+    )
 
 
 def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
