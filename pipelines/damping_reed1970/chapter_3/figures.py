@@ -15,7 +15,7 @@ from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED
 from damping.plots.fits import corner
 from damping.signals import plane_motion
 from damping_reed1970 import LABELS
-from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
+from damping_reed1970.chapter_3 import LARGEST_XI, MOST, PLANES, REPORT, pitch_response
 from damping_reed1970.chapter_3.planar_fit import Fits, phasors
 from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
 
@@ -268,7 +268,7 @@ def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
     for suffix, planes, xi in (("", free.planes, free.xi), ("_report", PLANES, MEAN_XI)):
         motion = plane_motion(planes, F / PLANES.phi, omega, xi)
         curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
-    for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
+    for suffix, variant in (("_held", REPORT), ("_more", MOST)):
         response = pitch_response(fits["A2", "constant", variant].model, F, omega)
         curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
     return pd.DataFrame(curves)
