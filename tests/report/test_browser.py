@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -141,6 +142,24 @@ def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered
+
+
+def test_every_sheet_of_a_long_table_has_its_headings(opened, tmp_path):
+    """Counted in the PDF by the colour of a heading, which nothing else has."""
+    import pandas as pd
+
+    from damping.report.page import Footer, Section, Table, render_page
+
+    path, table = tmp_path / "page.html", Table(pd.DataFrame({"a": range(200)}), "c")
+    path.write_text(render_page("t", [Section("s", "S", [table])], Footer(1, {}, {})))
+    with opened(path) as one:
+        one.page.locator("th").evaluate("head => { head.style.color = '#0f0'; }")
+        printed = one.page.pdf(format="A4")
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", printed, re.DOTALL)
+    drawn = [zlib.decompress(stream) for stream in streams if stream[:1] == b"x"]  # deflated
+    (sheets,) = re.findall(rb"/Type /Pages\s+/Count (\d+)", printed)
+    assert int(sheets) >= 4
+    assert sum(b"0 1 0 rg" in text for text in drawn) == int(sheets)
 
 
 def test_figures_say_their_values(opened, html, rendered):
