@@ -58,6 +58,9 @@ def check_outlier(view: View) -> Finding | None:
         by_frequency, off = view.odd.quantity == "frequency", abs(view.odd.off)
         taken |= off > NO_RERUN if by_frequency else off > log(WILD) and not view.record.has_phase
         advice = "every fit includes it: correct that reading, or run again without the row"
+        lowest = any(run.F[0] == table["force"].min() for run in view.odd.runs)
+        if lowest and not by_frequency and view.odd.off < 0.0:
+            advice += "; if friction holds the structure at that force, the reading is right: leave that level out"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
 
