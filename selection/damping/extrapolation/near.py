@@ -204,12 +204,13 @@ class Plan:
     joint: JointEvidence = ANY_JOINT
     excluded: str = ""
     state: str = ""
-    units: Units = Units()
+    units: Units | None = None
 
     @property
     def described_limit(self) -> str:
         """The limit with the name of its quantity, and its unit if that is known."""
-        return f"{self.units.drive} {self.limit:.4g} {self.units.force}".rstrip()
+        units = self.units or Units()
+        return f"{units.drive} {self.limit:.4g} {units.force}".rstrip()
 
     def allows(self, force: Floats) -> BoolArray:
         """Whether predictions are given at a force, or at each of several, with the margin ``ROUNDING``."""
@@ -257,5 +258,5 @@ def plan_loads(
         bistable=bistable,
         joint=joint,
         state=describe_state(data, mode) if mode else "",
-        units=mode.units if mode else Units(),
+        units=mode.units if mode else None,
     )

@@ -41,11 +41,12 @@ def find_between(
     near = size * NEAR <= size[k]
     near[k - 1 : k + 2] = True
     at, squared, least = RAD_S_PER_HZ * f[near], size[near] ** 2, size[k] ** 2
-    middle, driven = np.mean(at), F[k]
+    middle, driven, fitted = np.mean(at), F[k], np.zeros(3)
     for _ in range(_TURNS):
         straight = squared + least * (1.0 - (A[near] * np.sqrt(least) / driven) ** (2.0 * (power - 1.0)))
-        if not straight.min() > 0.0 or (fitted := fit_parabola(at, np.sqrt(straight))) is None:
+        if not straight.min() > 0.0 or (found := fit_parabola(at, np.sqrt(straight))) is None:
             return None
+        fitted = found
         place, lowest = -0.5 * fitted[1] / fitted[0], fitted[2] - 0.25 * fitted[1] ** 2 / fitted[0]
         resonance = float(middle * np.sqrt(max(1.0 + place, 0.0)) / RAD_S_PER_HZ)
         if not (lowest > 0.0 and f[k - 1] < resonance < f[k + 1]):
@@ -58,7 +59,7 @@ def find_between(
 
 
 def estimate_power(force: FloatArray, amplitude: FloatArray) -> float:
-    """Power of amplitude that force grows with, by a line through resonances (n,), within ``POWERS``; 1 of one level."""
+    """Power of A that force grows with, by a line through resonances (n,), within ``POWERS``; 1 of one level."""
     x = np.log(force)
     per_force = float(np.polyfit(x, np.log(amplitude), 1)[0]) if np.ptp(x) > np.log(TELLING) else 1.0
     return float(np.clip(1.0 / per_force, *POWERS)) if per_force > 0.0 else POWERS[1]

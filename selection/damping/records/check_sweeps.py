@@ -119,7 +119,9 @@ def check_coarse(view: View) -> Finding | None:
     sweeps = tuple(table["sweep"][rise > RISEN].astype(str))
     what = f"{name_sweeps(sweeps)}: no row at the resonance, which lies up to {100.0 * (rise.max() - 1.0):.0f} % above "
     what += "the largest reading by a curve through the rows; bands allow for its error"
-    return Finding("edge-of-sweep", "caution", what, "sweep with closer rows, dwell at the peak or record phases", sweeps)
+    return Finding(
+        "edge-of-sweep", "caution", what, "sweep with closer rows, dwell at the peak or record phases", sweeps
+    )
 
 
 SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them

@@ -56,7 +56,7 @@ class Resonance:
 
     ``force``, ``frequency`` (Hz) and ``amplitude`` at resonance; ``phase_offset`` (rad) was subtracted from the phases;
     ``method`` is ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping
-    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through the
+    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through
     rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance); ``row`` is the row of the record
     at or nearest to resonance.
     """
