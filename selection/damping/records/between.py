@@ -18,8 +18,8 @@ NEAR = 0.5
 #: Powers p of amplitude: from friction to cubic damping.
 POWERS = (0.0, 3.0)
 #: Relative error of A_r over ln of its rise above the largest reading: the power is only the mean of the levels, and
-#: the resonance may be bent. Of 448 coarse sweeps of 16 laws, 15 % then err by more than 1.64 standard deviations, mostly
-#: joints; the mean error is 0, that of the largest readings -5 %.
+#: the resonance may be bent. Of 448 coarse sweeps of 16 laws, from which it was chosen, 15 % then err by more than 1.64
+#: standard deviations (normal: 10 %), mostly joints; the mean error is 0, that of the largest readings -5 %.
 ERROR_OF_RISE = 0.25
 #: Ratio of forces from which resonances show that power.
 TELLING = 1.1
