@@ -47,6 +47,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
     (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),
     (check_sweeps.check_jump, ()),
+    (check_sweeps.check_coarse, ()),
     (check_units.check_energy, ()),
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),
