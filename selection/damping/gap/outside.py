@@ -1,20 +1,26 @@
 """Causes outside the library, weighed against the leading explanation.
 
-These are the effects of `damping.effects.FOREIGN`, and amplitudes of another quantity than displacement.
+These are the effects of `damping.effects.FOREIGN`, and quantities of the files that are not as stated: amplitudes of
+another quantity than displacement, another sweep rate, a parameter of a simulator beyond its tolerance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.effects import FOREIGN
+from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
+from damping.errors import InputError
 from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
+from damping.gap.rows import Rows, wrapped
 from damping.gap.search import Search
+from damping.gap.simulation import MOST_TOLERANCES, Simulator, within_tolerance
 from damping.gap.weighing import (
     EXCLUDED,
     KNOWN,
@@ -37,6 +43,11 @@ QUANTITIES = {
     1: "velocity entered as displacement",
     2: "acceleration entered as displacement, or the force of a rotating mass entered as constant",
 }
+#: Values of a parameter of a simulator that are tried: 3 tolerances times 2^k, to a factor of 7 at 2 %.
+_MOST_DOUBLED = 6
+#: Most fits from there, and the last change of a departure over itself: a fraction of the error that noise leaves.
+_MOST_TURNS = 8
+_SAME = 0.005
 
 
 def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
@@ -47,27 +58,99 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
     if foreign:
         first = foreign[0]
-        cause = " with ".join(FOREIGN[name].sentence for name in first.effects if name in FOREIGN)
+        cause = " with ".join(_describe(first, name) for name in first.effects if name in FOREIGN)
         beside = " and ".join(name for name in first.effects if name not in FOREIGN)
         odds[f"{cause} beside {beside}" if beside else cause] = first.log_posterior - leading.log_posterior
     imitations = (other for other in foreign if other.key & IMITATIONS)
     return odds, tuple(other for other in imitations if other.log_posterior > leading.log_posterior - EXCLUDED)
 
 
-def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
-    """Log odds, against the leading effects, of amplitudes that are A (omega/omega_n)^k, by the quantity entered.
+def _describe(hypothesis: Hypothesis, name: str) -> str:
+    """The sentence of an effect outside the library, with its sizes where it is a parameter of the simulation."""
+    model, y = hypothesis.best.model, hypothesis.best.y[np.newaxis]
+    part, x = next((part, x) for part, x in model.own_variables(y) if part.form.effect == name)
+    sizes = {key: float(np.squeeze(value)) for key, value in part.form.report(*part.values(x)).items()}
+    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes.items()]
+    of_simulation = FOREIGN[name].kind == "parameter"
+    return FOREIGN[name].sentence + (f" ({', '.join(texts)})" if of_simulation else "")
 
-    k = 1 of a velocity, 2 of an acceleration (over omega_n^k) or of a force of that power entered as constant. Only
-    where the simulation alone fits the converted amplitudes to the noise, with the prior of one effect.
+
+def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
+    """Log odds, against the leading effects, of a quantity of the files that is not as stated, by the quantity.
+
+    Only where the simulation with that quantity alone fits to the noise, with the prior of one effect.
     """
-    rows, odds = search.problem.rows, dict[str, float]()
-    for k, what in QUANTITIES.items() if leading.effects and not rows.at_resonance else ():
+    if not leading.effects or search.problem.rows.at_resonance:
+        return {}
+    fits = chain(_convert_amplitudes(search), _free_rate(search), _free_parameters(search))
+    return {what: fit.log_evidence - leading.log_posterior for what, fit in fits if leaves_noise(fit)}
+
+
+def _convert_amplitudes(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """Fits to amplitudes that are A (omega/omega_n)^k, by the quantity entered.
+
+    k = 1 of a velocity, 2 of an acceleration (over omega_n^k) or of a force of that power entered as constant.
+    """
+    rows = search.problem.rows
+    for k, what in QUANTITIES.items():
         freed = replace(rows, u=rows.u - k * np.log(rows.omega / search.problem.simulation.mode.omega_n))
+        times = "(f0/f)" + ("^2" if k > 1 else "")
         alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().ranked()[0]
-        if leaves_noise(alone):
-            times = "(f0/f)" + ("^2" if k > 1 else "")
-            odds[f"{what} (amplitudes times {times} fit)"] = alone.log_evidence - leading.log_posterior
-    return odds
+        yield f"{what} (amplitudes times {times} fit)", alone
+
+
+def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """The fit without a stated sweep rate: to dwells, or to a frequency that moves at any rate in either direction."""
+    if SWEEP_RATE.name in search.effects:
+        return
+    problem = search.problem
+    still = replace(problem.rows, rate=np.zeros(len(problem.rows)))
+    freed = replace(problem, rows=still, simulation=replace(problem.simulation, swept=()))
+    first = Search(freed, {SWEEP_RATE.name: SWEEP_RATE}, search.unknown).run().ranked()[0]
+    if not first.effects:
+        yield "a test that dwelt, against the stated sweep rate,", first
+        return
+    model = first.best.model
+    (part, x), *_ = model.own_variables(first.best.y[np.newaxis])
+    rate = float(np.squeeze(part.form.report(*part.values(x))["rate"])) * problem.rows.up[0]
+    yield f"a sweep rate of {rate:.3g} Hz/s in sweep {problem.rows.sweeps[0]}, in place of the stated one,", first
+
+
+def _free_parameters(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """The fits with each parameter of a simulator at any value, where that is beyond its tolerance.
+
+    Z is linear in ln of a parameter about a value that moves with each fit, first the one of those tried whose response
+    is nearest to the rows. The prior is as wide as the value is far from the stated one, like that of a strength.
+    """
+    problem, simulator = search.problem, search.problem.simulation.simulator
+    for name, tolerance in simulator.tolerances.items() if simulator else ():
+        least = MOST_TOLERANCES * tolerance
+        tried = [sign * least * 2.0**k for k in range(_MOST_DOUBLED) for sign in (1.0, -1.0)] if least else []
+        far = [(_measure_distance(problem.rows, simulator, name, by), by) for by in tried]
+        (apart, by) = min(far, default=(np.inf, 0.0))
+        for _ in range(_MOST_TURNS if np.isfinite(apart) else 0):
+            own = replace(problem.simulation, simulator=simulator.moved(name, by))
+            try:
+                alone = Search(replace(problem, simulation=own), {}, search.unknown).run().ranked()[0]
+            except InputError:  # it need not answer there
+                break
+            step = float(within_tolerance(alone.best.y[own.names.index(name)]))
+            by += step * abs(by)
+            if abs(step) < _SAME:
+                if abs(by) > least:
+                    value = f"{simulator.values[name] * np.exp(by):.4g} ({np.expm1(by):+.1%})"
+                    yield f"a {name} of {value} in the simulator", alone
+                break
+
+
+def _measure_distance(rows: Rows, simulator: Simulator, name: str, by: float) -> float:
+    """Median |ln| of the response of a simulator with a parameter moved over the measured one; inf without an answer."""
+    try:
+        A, phase = simulator.answer(rows.F, rows.omega / RAD_S_PER_HZ, {name: simulator.values[name] * np.exp(by)})
+    except InputError:
+        return np.inf
+    turn = wrapped(rows.phase - phase) if rows.has_phase else 0.0
+    return float(np.median(np.hypot(rows.u - np.log(A), turn)))
 
 
 def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from inspect import signature
 from pathlib import Path
@@ -212,6 +212,11 @@ class Simulator:
                 raise InputError(what, expected="a relative standard uncertainty, 0 or more")
             values[parameter.name], tolerances[parameter.name] = value, tolerance
         return Simulator(function, values, tolerances, mode)
+
+    def moved(self, name: str, by: float) -> Simulator:
+        """The simulator with ln of one parameter moved ``by``, which is its tolerance too."""
+        values = {**self.values, name: self.values[name] * float(np.exp(by))}
+        return replace(self, values=values, tolerances={**self.tolerances, name: abs(by)}, _known={})
 
     def beside(self, deviation: FloatArray) -> OfDrive:
         """Z less that of the mode, at ln deviations (batch, parameters, 1) of the parameters."""
