@@ -144,10 +144,10 @@ def test_a_stiffness_made_with_hz_is_told(record, mode, factor, said):
     assert "a mistake of rad/s for Hz in its stiffness?" in told
 
 
-@pytest.mark.parametrize("factor", [1.5, 1.2, 0.85])
+@pytest.mark.parametrize("factor", [1.5, 0.85])
 @pytest.mark.parametrize("wrong", ["mass", "stiffness"])
 def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, factor):
-    """Without friction, one value off by 8 to 20 tolerances: right within three tolerances of the other, a gain."""
+    """Without friction, one value off by 16 to 40 tolerances: right within a tolerance of the other."""
     rng, frequency = np.random.default_rng(5), FREQUENCY * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 41))
     n, noise = 41, 0.005
     table = {"sweep": "A", "force": 1.0, "frequency": frequency}
@@ -156,7 +156,7 @@ def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, fa
     given = {"mass": MASS, "stiffness": STIFFNESS}
     given[wrong] *= factor
 
-    def function(force, frequency, *, mass=(given["mass"], 0.02), stiffness=(given["stiffness"], 0.02)):
+    def function(force, frequency, *, mass=(given["mass"], 0.01), stiffness=(given["stiffness"], 0.01)):
         Z = stiffness * (1.0 + 1j * LOSS) - mass * (2.0 * np.pi * frequency) ** 2
         return force / np.abs(Z), np.angle(Z)
 
@@ -164,7 +164,7 @@ def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, fa
     found = limited(library, explain, dp.Record(pd.DataFrame(table)), mode, simulate=function)
     told = [re.search(rf"a {wrong} of (\S+) .* in the simulator explains", caution) for caution in found.cautions]
     values = [float(match[1]) for match in told if match]
-    np.testing.assert_allclose(values, [given[wrong] / factor], rtol=0.065)
+    np.testing.assert_allclose(values, [given[wrong] / factor], rtol=0.01)
 
 
 def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):

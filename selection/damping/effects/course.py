@@ -8,7 +8,7 @@ from math import log
 import numpy as np
 from scipy.special import expit
 
-from damping.arrays import RAD_S_PER_HZ, Floats, differs
+from damping.arrays import RAD_S_PER_HZ, BoolArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.rig import list_states
 from damping.forces.shapes import TIME, Shape
@@ -268,15 +268,15 @@ def simulate_state(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     of, field = next((of, field) for of, field in _OF_STATE.items() if of in table)
     size = np.log1p(table[of])
 
-    def in_state(drive: Drive) -> Floats:
-        return np.asarray(drive.state) + 1.0 == table["state"]
+    def in_state(drive: Drive) -> BoolArray:
+        return np.asarray(np.asarray(drive.state) + 1.0 == table["state"])
 
     def free(drive: Drive) -> Floats:
         return np.asarray(size * (in_state(drive) & (np.asarray(drive.added) == 0.0)))
 
     def loaded(drive: Drive) -> Floats:
         more = table[of] * (terms.M * drive.mass + drive.added) * np.square(drive.omega)
-        return -more * (in_state(drive) & (np.asarray(drive.added) != 0.0))
+        return np.asarray(-more * (in_state(drive) & (np.asarray(drive.added) != 0.0)))
 
     if of == "mass":
         return terms.plus(weighed=free, beside=loaded)

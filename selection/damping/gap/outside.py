@@ -10,7 +10,7 @@ from itertools import chain
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import FloatArray
 from damping.effects import FOREIGN
 from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
@@ -18,9 +18,8 @@ from damping.effects.masses import OTHER_MASS, VARYING_MASS
 from damping.errors import InputError
 from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
-from damping.gap.rows import Rows, wrapped
 from damping.gap.search import Search
-from damping.gap.simulation import MOST_TOLERANCES, Simulator, within_tolerance
+from damping.gap.simulation import MOST_TOLERANCES, within_tolerance
 from damping.gap.weighing import (
     EXCLUDED,
     KNOWN,
@@ -43,10 +42,8 @@ QUANTITIES = {
     1: "velocity entered as displacement",
     2: "acceleration entered as displacement, or the force of a rotating mass entered as constant",
 }
-#: Values of a parameter of a simulator that are tried: 3 tolerances times 2^k, to a factor of 7 at 2 %.
-_MOST_DOUBLED = 6
-#: Most fits from there, and the last change of a departure over itself: a fraction of the error that noise leaves.
-_MOST_TURNS = 8
+#: Most fits of a parameter of a simulator, and the last change of its departure over itself: a fraction of its error.
+_MOST_TURNS = 12
 _SAME = 0.005
 
 
@@ -119,38 +116,28 @@ def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
 def _free_parameters(search: Search) -> Iterator[tuple[str, Hypothesis]]:
     """The fits with each parameter of a simulator at any value, where that is beyond its tolerance.
 
-    Z is linear in ln of a parameter about a value that moves with each fit, first the one of those tried whose response
-    is nearest to the rows. The prior is as wide as the value is far from the stated one, like that of a strength.
+    Z is linear in ln of the parameter between the stated value and the last fitted one, and so exact at that. The prior
+    is as wide as the two are apart, like that of a strength.
     """
     problem, simulator = search.problem, search.problem.simulation.simulator
-    for name, tolerance in simulator.tolerances.items() if simulator else ():
-        least = MOST_TOLERANCES * tolerance
-        tried = [sign * least * 2.0**k for k in range(_MOST_DOUBLED) for sign in (1.0, -1.0)] if least else []
-        far = [(_measure_distance(problem.rows, simulator, name, by), by) for by in tried]
-        (apart, by) = min(far, default=(np.inf, 0.0))
-        for _ in range(_MOST_TURNS if np.isfinite(apart) else 0):
-            own = replace(problem.simulation, simulator=simulator.moved(name, by))
+    if simulator is None:
+        return
+    for place, (name, tolerance) in enumerate(simulator.tolerances.items(), -len(simulator.values)):
+        by = least = MOST_TOLERANCES * tolerance
+        for _ in range(_MOST_TURNS if least else 0):
+            own = replace(problem.simulation, simulator=simulator.freed(name, by))
             try:
                 alone = Search(replace(problem, simulation=own), {}, search.unknown).run().ranked()[0]
             except InputError:  # it need not answer there
                 break
-            step = float(within_tolerance(alone.best.y[own.names.index(name)]))
-            by += step * abs(by)
-            if abs(step) < _SAME:
+            fitted = alone.best.y[: alone.best.model.size][place]
+            change = float(within_tolerance(fitted)) - 1.0
+            by *= 1.0 + change / (1.0 + 0.5 * abs(by))  # the slope of exp turns a change by about -by/2
+            if abs(change) < _SAME:
                 if abs(by) > least:
                     value = f"{simulator.values[name] * np.exp(by):.4g} ({np.expm1(by):+.1%})"
                     yield f"a {name} of {value} in the simulator", alone
                 break
-
-
-def _measure_distance(rows: Rows, simulator: Simulator, name: str, by: float) -> float:
-    """Median |ln| of the response of a simulator with a parameter moved over the measured one; inf without an answer."""
-    try:
-        A, phase = simulator.answer(rows.F, rows.omega / RAD_S_PER_HZ, {name: simulator.values[name] * np.exp(by)})
-    except InputError:
-        return np.inf
-    turn = wrapped(rows.phase - phase) if rows.has_phase else 0.0
-    return float(np.median(np.hypot(rows.u - np.log(A), turn)))
 
 
 def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
