@@ -11,8 +11,6 @@ of the row over that at the peak. t, the share of friction, is free only if the 
 solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

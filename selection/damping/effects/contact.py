@@ -1,7 +1,5 @@
 """Causes outside the library: a spring, friction or a dashpot that acts beyond a clearance only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
