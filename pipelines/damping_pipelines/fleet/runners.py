@@ -1,7 +1,5 @@
 """Ways to run tasks: one by one in this process, or on Dask with a bounded number in progress."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import logging

@@ -8,8 +8,6 @@ An elastic joint slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c).
 A restoring force with a cubic term, or another power such as q |q|, bends the resonance to higher or lower frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Whether a user's own simulation makes sense: one answer to one question, in the units of the mode, in Hz."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 
