@@ -159,6 +159,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         signal = arrays[main][0]
         sampled = _list_sampled(path, kind, signal, main, known, max_size) if stated.rate is None else None
         if stated.rate is not None:
+            if found := [one for one in known if last_name(one) in SAMPLING]:
+                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(found[:4])} in the file")
             name = f"--rate {stated.rate:g}"
             names, arrays = names | {"time": name}, arrays | {name: [np.arange(max(signal.shape)) / stated.rate]}
         elif sampled is not None:
@@ -236,6 +238,8 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
     for name in names:
         if name not in contents.steps and stated.rate is None:
             raise InputError(f"channel {name!r} has no time step", expected="--rate HZ, or --column response=NAME")
+        if stated.rate and (step := contents.steps.get(name, (0.0, 0.0))[1]):
+            summary.note(f"--rate {stated.rate:g} is stated, beside a step of {step:g} s in the file")
         description = f"{contents.arrays[name][0].size} samples, step {_find_step(name, contents, stated)[1]:g} s"
         summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
     kinds = {find_powers(contents.units[name]) for name in names if name in contents.units and not stated.units}
