@@ -80,7 +80,7 @@ def import_file(
             mode = read_mode(mode_file)
             record = _decays(series, stated, mode, window, file, summary)
         elif any(row.is_time for row in series):
-            expected = "--ring-down --mode MODE.toml where they are free decays"
+            expected = "--ring-down --mode MODE.toml of free decays, or damping campaign where a sine drives them"
             raise InputError("the file holds time histories", expected=expected)
         else:
             record = steady_record(series, stated, file, summary)
@@ -156,6 +156,9 @@ def _decays(
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
     tables = [_levels(history, mode, window, summary, file).table(history.label) for history in histories]
     table = pd.concat(tables, ignore_index=True)
+    if len(histories) > 1:
+        one = "take one (--column response=NAME), or all with damping campaign"
+        summary.note(f"caution: {len(histories)} signals are taken as decays of one point; of several points {one}")
     if len({history.label for history in histories}) < len(histories):
         raise InputError("two time histories have one label", expected="--label of each, all different")
     return Record(table, str(file))
@@ -167,6 +170,9 @@ def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary
         levels = ring_down(history.t, history.signal, **known, **window)
     except AnalysisError as error:
         raise AnalysisError(f"{file}: {history.label!r}: {error}") from error
+    if history.is_driven(float(levels.time[0]), float(levels.time[-1])):
+        remedy = "choose a part without it (--start, --end), or damping campaign where it is a sine"
+        raise AnalysisError(f"{file}: {history.label!r} is no free decay: the force acts on; {remedy}")
     summary.add(
         f"decay {history.label!r}",
         f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "

@@ -106,10 +106,10 @@ def campaign(
 
 @delegate(".import_")
 def import_(
-    file: Annotated[Path, Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, netCDF, CSV or lock-in data.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="UFF/UNV, MAT, HDF5, TDMS, LVM, WAV, netCDF, XLSX or CSV.")],
     out: RecordOut,
     format: Annotated[
-        str, Option("--format", help="auto, uff, mat, hdf5, tdms, lvm, csv or lock-in; auto looks inside.")
+        str, Option("--format", help="auto, uff, mat, hdf5, tdms, lvm, wav, xlsx, csv or lock-in; auto looks inside.")
     ] = "auto",
     columns: Annotated[
         list[str], Option("--column", metavar="ROLE=NAME", help="Column or array of a role; repeatable.")
@@ -133,13 +133,16 @@ def import_(
     ] = NONE,
     labels: Annotated[list[str], Option("--label", metavar="L", help="Label of each sweep.")] = NONE,
     datasets: Annotated[
-        list[int], Option("--dataset", metavar="N", help="Data set 58 to read, from 1; repeatable.")
+        list[int], Option("--dataset", metavar="N", help="Data set 58 (repeatable) or sheet to read, from 1.")
     ] = NONE,
     band: Annotated[str | None, Option(metavar="LO:HI", help="Frequencies to read, Hz.")] = None,
     reverse: Annotated[bool, Option("--reverse", help="The sensor is mounted against the force.")] = False,
     delimiter: Annotated[str, Option(help="comma, semicolon, tab, space or auto.")] = "auto",
     decimal: Annotated[str, Option(help="Decimal mark: point, comma or auto.")] = "auto",
     skip: Annotated[int, Option(min=0, help="Lines before the header of a CSV file.")] = 0,
+    rate: Annotated[
+        float | None, Option(metavar="HZ", help="Sampling rate of a signal whose times the file does not state.")
+    ] = None,
     ring_down: Annotated[bool, Option("--ring-down", help="Time histories are free decays of --mode.")] = False,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode of the free decays: frequency, mass.")] = None,
     periods: Annotated[float | None, Option(help="Window of a decay, periods.")] = None,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import pyuff
+import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -104,6 +105,25 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     mode.write_text(MODE.replace('"m"', '"mm"'))  # of neither system: --to us would not help
     with pytest.raises(InputError, match="mode is in mm and the record in m; expected --consistent with every value"):
         import_file(lab, out, Stated(), mode)
+
+
+def test_the_response_to_a_force_is_no_free_decay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """After a chirp has passed the resonance its response falls with the distance, not with the damping."""
+    path, mode, out = tmp_path / "a.csv", tmp_path / "mode.toml", tmp_path / "record.csv"
+    mode.write_text('[mode]\nname = "bench"\nfrequency = 25.0\nmass = 2.0\n')
+    t = np.arange(0.0, 6.0, 0.002)
+    decay = np.exp(-0.9 * t) * np.cos(2 * np.pi * 25.0 * t)
+    for force, driven in ((np.sin(2 * np.pi * 26.0 * t), True), (np.where(t < 0.004, 50.0, 0.0), False)):
+        pd.DataFrame({"Time [s]": t, "Force [N]": force, "Acc [m/s^2]": decay}).to_csv(path, index=False)
+        if driven:
+            with pytest.raises(AnalysisError, match=r"no free decay: the force acts on; choose a part without it"):
+                import_file(path, out, Stated(), mode)
+        else:
+            import_file(path, out, Stated(), mode)
+    named = Stated(columns={"response": "response"}, units={"response": "m/s^2"})
+    scipy.io.savemat(tmp_path / "a.mat", {"time": t, "response": np.column_stack([decay, 0.3 * decay])})
+    import_file(tmp_path / "a.mat", out, named, mode)
+    assert "2 signals are taken as decays of one point" in " ".join(capsys.readouterr().out.split())
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:

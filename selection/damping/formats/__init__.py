@@ -8,20 +8,26 @@ that neither the file nor the user states; nothing is guessed.
 """
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from damping.errors import InputError, naming
-from damping.formats.arrays import list_array_series
-from damping.formats.columns import DECIMALS, DELIMITERS, Layout, read_columns
+from damping.formats.arrays import list_array_series, list_channels
+from damping.formats.cells import DECIMALS
+from damping.formats.columns import DELIMITERS, Layout, read_columns
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
+from damping.formats.wave import read_wav
+from damping.formats.workbook import PACKED, read_workbook
 from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, is_binary, read_bytes, read_start
 
-FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "csv", "lock-in")
+FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "wav", "xlsx", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 #: In-phase and quadrature readings, and the redundant magnitude and angle.
@@ -44,6 +50,12 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         data = read_bytes(path, max_size)
         if kind == "uff":
             return read_uff(data, summary, stated.datasets, stated.labels), summary
+        if kind == "wav":
+            return list_channels(read_wav(data, stated), stated, summary), summary
+        if kind == "xlsx":
+            data, kind = read_workbook(data, max_size, stated.datasets), "csv"
+            point = "point" if stated.decimal == "auto" else stated.decimal
+            stated = replace(stated, delimiter="tab", decimal=point)
         return _list_table_series(data, path, kind, stated, summary), summary
 
 
@@ -63,7 +75,13 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         if role in numbers or role == "sweep":
             whence = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
+    if stated.rate is not None:
+        if set(ABSCISSAS) & set(numbers):
+            raise InputError("--rate beside a column of times or frequencies", expected="one of them")
+        numbers["time"] = np.arange(len(next(iter(numbers.values())))) / stated.rate
     headers = {role: header for role, header in columns.headers.items() if role in numbers}
+    if stated.rate is not None and "amplitude" not in stated.columns and "amplitude" in numbers:  # a signal
+        numbers["response"], headers["response"] = numbers.pop("amplitude"), headers.pop("amplitude")
     require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
@@ -114,6 +132,8 @@ def check(stated: Stated) -> None:
         if value is not None and value not in known:
             message = f"{option} {describe_shortened(value)!r} is unknown{describe_meant(value, known)}"
             raise InputError(message, expected=", ".join(known))
+    if stated.rate is not None and not 0.0 < stated.rate < float("inf"):
+        raise InputError("--rate is no sampling rate", expected="a number of Hz > 0")
     if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
         raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
     if stated.consistent and stated.units:
@@ -124,16 +144,18 @@ def _heeded(stated: Stated, kind: str) -> None:
     """Raise InputError for a statement that has no effect on a file of this kind."""
     layout = {"skip": "--skip", "delimiter": "--delimiter", "decimal": "--decimal"}
     if kind == "uff":
-        unheeded = {"columns": "--column"} | layout
+        unheeded = {"columns": "--column", "rate": "--rate"} | layout
     else:
-        unheeded = {"datasets": "--dataset"} | (layout if kind in _ARRAYS else {})
+        unheeded = {"datasets": "--dataset"} | (layout if kind in (*_ARRAYS, "wav") else {})
+    if kind == "xlsx":  # a data set is a sheet
+        unheeded = {"delimiter": "--delimiter"}
     for name, option in unheeded.items():
         if getattr(stated, name) != getattr(Stated(), name):
             raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
 
 
 def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
-    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``."""
+    """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``wav``, ``xlsx``, ``csv`` or ``lock-in``."""
     start = read_start(path, 2100)
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
     if start.startswith(b"MATLAB 5.0"):
@@ -144,12 +166,16 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         text = "uff"
     elif start.startswith(b"TDSm"):
         text = "tdms"
+    elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
+        text = "wav"
+    elif start.startswith(PACKED):
+        text = "xlsx"
     elif first.startswith(b"LabVIEW Measurement"):
         text = "lvm"
     else:
         text = "csv"
     if stated.format == "auto" and text == "csv" and is_binary(start):
-        expected = "a file of one of these (save a MAT file of version 4 again with -v7)"
+        expected = "a file of one of these, WAV or XLSX (save MAT of version 4 again with -v7, XLS as XLSX)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):
         raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")

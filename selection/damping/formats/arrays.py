@@ -17,16 +17,18 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
-from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES, ROLES, describe_angle, refuse_decibels
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, to_series
-from damping.formats.quantity import unit
+from damping.formats.quantity import find_powers
+from damping.formats.sampling import SAMPLING, find_abscissa, find_nearest, last_name, list_times, split
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
 LONGEST = 60.0  #: time limit for reading a file, s
-_WARRANTED = 32_000_000  # bytes of arrays that any file may hold, besides its size
+_WARRANTED = 32_000_000  # bytes of arrays that any file may hold, besides _EXPANDED times its size
+_EXPANDED = 4  # a sample of 16 bits becomes a number of 8 bytes
 _BLOCKWISE = 200_000_000  # largest size, bytes, that counts for a file read in blocks
-_WORKING = 100_000_000  # bytes for libraries and buffers, besides three times the file
+_WORKING = 100_000_000  # bytes for libraries and buffers, besides three times the arrays
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ def read_arrays(
     """Read the arrays ``names`` of a file, as far as it has them, and list its contents.
 
     Args:
-        path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last two every channel is read.
+        path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last every channel is read,
+            of ``tdms`` if none is named.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
         max_size: largest file read, bytes; None: any, for reading in blocks.
         rows: first sample and end (exclusive) of the range read of every channel, and of every array of an HDF5 file
@@ -60,6 +63,7 @@ def read_arrays(
         raise too_large(path, max_size)
     if rows is not None or max_size is None:
         size = min(size, _BLOCKWISE)
+    size *= _EXPANDED
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
     answer, body = _run_worker(path, kind, [json.dumps(list(names)), *map(str, limits), json.dumps(rows)])
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
@@ -96,7 +100,9 @@ def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict
         raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=expected)
     answer = json.loads(head)
     if answer["problem"]:
-        raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=NAMES["whole"][kind])
+        whole = NAMES["whole"][kind]
+        expected = f"{whole}, not compressed" if "warrants" in answer["problem"] else whole
+        raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=expected)
     if answer["missing"]:
         needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
         raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
@@ -124,37 +130,44 @@ def read_blocks(
 def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
     """Series of a file of named arrays or channels."""
     channels = kind in ("tdms", "lvm")
-    defaults = [name for names in NAMES["own"].values() for name in names]
-    wanted = [] if channels else list(stated.columns.values()) or defaults
-    contents = read_arrays(path, kind, wanted, max_size)
-    if channels or not contents.arrays:
-        everything = contents if channels else read_arrays(path, kind, [], max_size) if kind == "hdf5" else contents
-        if everything.steps or channels:
-            return _list_channels(everything, stated, summary)
+    defaults = [] if channels else [name for names in NAMES["own"].values() for name in names]
+    contents = read_arrays(path, kind, list(stated.columns.values()) or defaults, max_size)
+    if not channels and not contents.arrays:
+        channels = bool((contents := read_arrays(path, kind, [], max_size)).steps) if kind == "hdf5" else False
+    if channels and (contents.steps or stated.rate or kind == "lvm"):
+        return list_channels(contents, stated, summary)
     arrays, known = contents.arrays, contents.known
-    names = dict(stated.columns)
+    names = {role: _find_whole_name(name, arrays) for role, name in stated.columns.items()}
     if stated.columns:
-        missing = next((name for name in wanted if name not in arrays), None)
+        missing = next((name for name in names.values() if name not in arrays), None)
         if missing is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
-        if names.keys().isdisjoint(ABSCISSAS):  # an array may have the name of the role
+        if names.keys().isdisjoint(ABSCISSAS) and not stated.rate:  # an array may have the name of the role
             names |= {role: role for role in ABSCISSAS if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
-    else:
+    elif not channels:
         names = {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}
         if not names:
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
-    usual = {} if set(names) & set(ABSCISSAS) else _find_abscissa(known)
+    main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
+    usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(known, main)
     require_response(names | usual, known, stated, many=kind == "hdf5")
-    signal = arrays[names["response"]][0] if "response" in names else np.zeros(1, dtype=np.complex128)
-    if np.isrealobj(signal) and names.keys().isdisjoint(ABSCISSAS) and (name := _find_rate(known)):
-        number = float(read_arrays(path, kind, [name], max_size).arrays[name][0].real.reshape(-1)[0])
-        names, arrays = names | {"time": name}, arrays | {name: [_list_times(name, number, max(signal.shape))]}
-    elif usual:
-        names, arrays = names | usual, arrays | read_arrays(path, kind, list(usual.values()), max_size).arrays
+    if names.keys().isdisjoint(ABSCISSAS):
+        signal = arrays[main][0]
+        sampled = _list_sampled(path, kind, signal, main, known, max_size) if stated.rate is None else None
+        if stated.rate is not None:
+            if found := [one for one in known if last_name(one) in SAMPLING]:
+                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(found[:4])} in the file")
+            name = f"--rate {stated.rate:g}"
+            names, arrays = names | {"time": name}, arrays | {name: [np.arange(max(signal.shape)) / stated.rate]}
+        elif sampled is not None:
+            role, name, values = sampled
+            names, arrays = names | {role: name}, arrays | {name: [values]}
+        elif usual:
+            names, arrays = names | usual, arrays | read_arrays(path, kind, list(usual.values()), max_size).arrays
     for role, name in names.items():
         if role in UNIT_OF:
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
@@ -168,35 +181,29 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     return _list_each(names, arrays, facts, Path(path).stem, summary)
 
 
-def _last_name(path: str) -> str:
-    """The name of an array in lower case, without its groups or structures."""
-    return path.replace(".", "/").rpartition("/")[2].lower()
+def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
+    """The path of an array that is named by its last part, if there is one alone; else the name."""
+    ends = [path for path in arrays if path.split("/")[-1] == name]
+    return ends[0] if len(ends) == 1 and name not in arrays else name
 
 
-def _find_abscissa(known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
-    """The first array named like a frequency or a time in laboratory tables; single letters are case-sensitive."""
-    several = [name for name, shape in known.items() if math.prod(shape) > 1]
-    named = ((role, name) for role in ABSCISSAS for name in several if _is_named(name, ROLE_NAMES[role]))
-    role, name = next(named, ("", ""))
-    return {role: name} if role else {}
+def _list_sampled(
+    path: str | Path, kind: str, signal: Samples, main: str, known: Mapping[str, tuple[int, ...]], max_size: int
+) -> tuple[str, str, FloatArray] | None:
+    """Role, name and values of an even abscissa, by a number in the file near the array ``main``; None if none is.
 
-
-def _is_named(name: str, names: Sequence[str]) -> bool:
-    return name in names or (len(name) > 1 and name.lower() in names)
-
-
-def _find_rate(known: Mapping[str, tuple[int, ...]]) -> str | None:
-    """Name of the scalar in a file that is the sampling rate or step of its time histories."""
-    numbers = (name for name, shape in known.items() if math.prod(shape) == 1)
-    return next((name for name in numbers if _last_name(name) in NAMES["rate"]["rate"] + NAMES["rate"]["step"]), None)
-
-
-def _list_times(name: str, number: float, n: int) -> FloatArray:
-    """Times (n,) from 0, in s, from a rate in Hz or a step in s. InputError: a number that is not > 0."""
-    if not (np.isfinite(number) and number > 0.0):
-        raise InputError(f"{name} = {number:g}", expected="a rate in Hz, or a step in s, > 0")
-    step = 1.0 / number if _last_name(name) in NAMES["rate"]["rate"] else number
-    return np.asarray(step * np.arange(n), dtype=np.float64)
+    Of a complex response it is the frequency, by its increment.
+    """
+    kinds = NAMES["rate"]["increment"] if np.iscomplexobj(signal) else SAMPLING
+    name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
+    if name is None:
+        return None
+    beside = [one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) == "increment"]
+    names = [name, *(one for one in beside if last_name(one) in NAMES["rate"]["start"])]
+    read = read_arrays(path, kind, names, max_size).arrays
+    step, start = (float(read[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
+    role = "frequency" if np.iscomplexobj(signal) else "time"
+    return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1))
 
 
 def _list_each(
@@ -219,7 +226,7 @@ def _list_each(
     return series
 
 
-def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
+def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
     """Time histories of a file of channels with time steps."""
     unheeded = next((role for role in stated.columns if role != "response"), None)
     if unheeded:
@@ -229,22 +236,30 @@ def _list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[S
     if not names:
         raise InputError(f"no channel {describe_shortened(asked or '')!r}", expected=_has(contents.known))
     for name in names:
-        if name not in contents.steps:
-            raise InputError(f"channel {name!r} has no time step", expected="a file with its time step")
-        description = f"{contents.arrays[name][0].size} samples, step {contents.steps[name][1]:g} s"
+        if name not in contents.steps and stated.rate is None:
+            raise InputError(f"channel {name!r} has no time step", expected="--rate HZ, or --column response=NAME")
+        if stated.rate and (step := contents.steps.get(name, (0.0, 0.0))[1]):
+            summary.note(f"--rate {stated.rate:g} is stated, beside a step of {step:g} s in the file")
+        description = f"{contents.arrays[name][0].size} samples, step {_find_step(name, contents, stated)[1]:g} s"
         summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
-    kinds = {unit(contents.units[name]).powers for name in names if name in contents.units and not stated.units}
+    kinds = {find_powers(contents.units[name]) for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")
     series = []
     for name in names:
-        start, step = contents.steps[name]
+        start, step = _find_step(name, contents, stated)
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
         facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
         t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
         series.append(Series(name, t, values, is_time=True, has_phase=False, facts=facts))
     return series
+
+
+def _find_step(name: str, contents: Arrays, stated: Stated) -> tuple[float, float]:
+    """Start and step of a channel, s; a stated rate takes precedence."""
+    start, step = contents.steps.get(name, (0.0, 0.0))
+    return start, step if stated.rate is None else 1.0 / stated.rate
 
 
 def _has(known: Mapping[str, tuple[int, ...]]) -> str:

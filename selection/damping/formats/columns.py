@@ -14,23 +14,17 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.cells import DECIMALS, NUMBER, Thousands, read_number
 from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
 from damping.records.text import CsvRows, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
-_MISSING = ("", "nan", "NaN", "NA", "--")
 _LOOKED_AT = 60  # lines from which the layout is determined
 #: Roles found by column names even if other roles are stated: the setting of a row.
 _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
-#: Decimal marks.
-DECIMALS = {"point": ".", "comma": ","}
 _COMMENTS = ("#", "%")
-_NUMBER = {
-    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|")
-    for name, mark in DECIMALS.items()
-}
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -97,7 +91,7 @@ def _list_cells(line: str, delimiter: str) -> list[str]:
 def _numeric(cells: Sequence[str], decimal: str) -> bool:
     """Whether all cells are numbers or empty, and at least one is not empty."""
     texts = [cell.strip() for cell in cells]
-    return any(texts) and all(_NUMBER[decimal].fullmatch(text) for text in texts)
+    return any(texts) and all(NUMBER[decimal].fullmatch(text) for text in texts)
 
 
 def _describe_delimiter(lines: Sequence[str]) -> str:
@@ -106,7 +100,7 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
         rows = [_list_cells(line, name) for line in lines]
         widths = {len(row) for row in rows[-5:]}
         last = rows[-1] if rows else []
-        numbers = sum(bool(cell.strip()) and any(_NUMBER[d].fullmatch(cell.strip()) for d in DECIMALS) for cell in last)
+        numbers = sum(bool(cell.strip()) and any(NUMBER[d].fullmatch(cell.strip()) for d in DECIMALS) for cell in last)
         even = len(widths) == 1 and len(last) > 1 and numbers >= min(2, len(last))
         if even and (name != "comma" or DELIMITERS["semicolon"] not in lines[0]):
             return name
@@ -119,7 +113,7 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
         return "point"
     cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
     commas = any(_WITH_COMMA.fullmatch(cell) for cell in cells)
-    points = any("." in cell and _NUMBER["point"].fullmatch(cell) for cell in cells)
+    points = any("." in cell and NUMBER["point"].fullmatch(cell) for cell in cells)
     return "comma" if commas and not points else "point"
 
 
@@ -170,14 +164,18 @@ def read_columns(
     values = {role: array("d") for role in places if role != "sweep"}
     gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
     labels: list[str] | None = [] if "sweep" in places else None
+    thousands = Thousands()
+    thousands.is_possible = decimal == "auto" and layout.decimal == "point" and mark != ","
     for line, row in rows:
         if len(row) != len(names):
             raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
         for role, column in values.items():
-            column.append(_number(row[places[role]], layout.decimal, line, names[places[role]]))
+            column.append(read_number(row[places[role]], layout.decimal, line, names[places[role]]))
             if role in gapless and not isfinite(column[-1]):
                 what = describe_cell(row[places[role]])
                 raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
+        for place in (places[role] for role in values) if thousands.is_possible else ():
+            thousands.look_at(row[place], names[place])
         if labels is not None:
             labels.append(unguarded(row[places["sweep"]].strip()))
     if rows.problem is not None:
@@ -185,6 +183,7 @@ def read_columns(
     numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
     if not numbers:
         raise InputError("no data rows", expected="at least one row below the header")
+    thousands.require_none()
     headers = {role: parse_header(names[place]) for role, place in places.items()}
     return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
 
@@ -198,23 +197,6 @@ def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
     if layout is None:
         raise InputError("no header", expected=f"a row of column names after {skip} lines")
     return layout
-
-
-def _number(cell: str, decimal: str, line: int, column: str) -> float:
-    """The number in a cell; NaN if nothing was measured. Thousands separators are refused."""
-    text = cell.strip()
-    if text in _MISSING:
-        return float("nan")
-    name = "comma" if decimal == "point" else "point"
-    other = DECIMALS[name]
-    try:
-        if "_" not in text and other not in text and text.isascii():
-            return float(text.replace(DECIMALS[decimal], "."))
-    except ValueError:
-        pass
-    hint = f" (is --decimal {name} meant?)" if re.fullmatch(rf"[+-]?\d*[{other}]\d*([eE][+-]?\d+)?", text) else ""
-    message, expected = f"{describe_shortened(text)!r} is not a number{hint}", f"a number with a decimal {decimal}"
-    raise InputError(message, line=line, column=describe_shortened(column), expected=expected)
 
 
 def _places(

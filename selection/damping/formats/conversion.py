@@ -73,7 +73,7 @@ def conversion(known: Statements) -> Conversion:
     """
     facts, stated, summary = known.facts, known.stated, known.summary
     texts = {what: known.unit_of(what) for what in ("response", "force") if known.unit_of(what)}
-    units = {} if stated.consistent else {what: unit(text, what=f"unit of {what}") for what, text in texts.items()}
+    units = {} if stated.consistent else {what: _read_unit(what, text) for what, text in texts.items()}
     name = _find_response_type(known, units)
     order, per_force = RESPONSES[name]
     whence = _STATED if stated.response else _FOUND if facts.response else f"{_FOLLOWS} from its unit"
@@ -99,6 +99,10 @@ def conversion(known: Statements) -> Conversion:
     of_force = units["force"].factor / (force.factor * arm) if "force" in units else None
     scaled = None if of_force is None else of_force * stated.scale.get("force", 1.0)
     return Conversion(order, per_force, of_response, scaled)
+
+
+def _read_unit(what: str, text: str) -> Unit:
+    return unit(text, what=f"unit of {what}", option=f"--unit {what}=UNIT")
 
 
 def _find_response_type(known: Statements, units: dict[str, Unit]) -> str:
@@ -235,14 +239,30 @@ def deviation_factor(what: str, quantity: str, known: Statements) -> float:
     return own.factor / of_quantity.factor
 
 
+#: Largest rms of a force after a blow or release, over its peak: a sensor's noise is some 1 %, a sine or noise 20 %.
+DRIVEN = 0.1
+
+
 @dataclass(frozen=True)
 class TimeHistory:
-    """A motion against time: ``t`` (n,) in s, ``signal`` (n,) the ``order``-th time derivative of displacement."""
+    """A motion against time: ``t`` (n,) in s, ``signal`` (n,) the ``order``-th time derivative of displacement.
+
+    ``force`` (n,) in the unit of the file, None if it has none.
+    """
 
     label: str
     t: FloatArray
     signal: FloatArray
     order: int
+    force: FloatArray | None = None
+
+    def is_driven(self, start: float, end: float) -> bool:
+        """Whether a force acts in a part of the time, s: its rms is more than ``DRIVEN`` of its largest value."""
+        if self.force is None:
+            return False
+        size = np.abs(self.force - np.median(self.force))
+        part = size[(self.t >= start) & (self.t <= end) & np.isfinite(size)]
+        return bool(len(part)) and float(np.sqrt(np.mean(part**2))) > DRIVEN * float(np.nanmax(size))
 
 
 def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -> list[TimeHistory]:
@@ -265,5 +285,6 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
         require_finite(row.label, row.abscissa + row.response)
         signal = np.asarray(row.response, dtype=np.float64) * to.response
         label = stated.labels[k] if stated.labels else row.label
-        histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order))
+        force = None if row.force is None else np.asarray(row.force, dtype=np.float64)
+        histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order, force))
     return histories

@@ -71,15 +71,17 @@ class Unit:
 SYSTEMS = {"si": ("N", "m"), "us": ("lbf", "in")}
 
 
-def unit(text: str, *, what: str = "unit") -> Unit:
+def unit(text: str, *, what: str = "unit", option: str = "") -> Unit:
     """The unit that ``text`` names.
 
-    InputError: an unknown name (logarithmic and electrical units included), or no unit; ``what`` names it in errors.
+    InputError: an unknown name (logarithmic and electrical units included), or no unit; ``what`` names it in errors,
+    and ``option`` states another.
     """
     try:
         return Unit(text.strip(), *_parsed(text))
     except (ValueError, OverflowError):
-        raise InputError(f"{what} {describe_shortened(text)!r} is not understood", expected=_EXPECTED) from None
+        expected = f"{option} of {_EXPECTED}" if option else _EXPECTED
+        raise InputError(f"{what} {describe_shortened(text)!r} is not understood", expected=expected) from None
 
 
 def find_powers(text: str) -> tuple[int, int, int] | None:

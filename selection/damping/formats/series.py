@@ -56,7 +56,7 @@ class Series:
 class Stated:
     """Statements of the user on a file."""
 
-    format: str = "auto"  #: ``auto``, ``uff``, ``mat``, ``hdf5``, ``tdms``, ``lvm``, ``csv`` or ``lock-in``
+    format: str = "auto"  #: a name of ``FORMATS``
     columns: Mapping[str, str] = field(default_factory=dict)  #: name of the column or array of each role (``ROLES``)
     response: str | None = None  #: a name of ``RESPONSES``
     scaling: str | None = None  #: a name of ``SCALINGS``
@@ -72,6 +72,7 @@ class Stated:
     reverse: bool = False  #: reverse the sign of the response (a sensor mounted against the force)
     delimiter: str = "auto"  #: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``; ``auto``: from its lines
     skip: int = 0  #: lines before the header of a CSV file
+    rate: float | None = None  #: sampling rate of a signal, Hz
     decimal: str = "auto"  #: mark in its numbers: ``point``, ``comma`` or ``auto``
 
 

@@ -9,8 +9,10 @@ import json
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,8 @@ _DEEPEST = 6  # deepest level of nested groups that is read: a bound for endless
 _MOST_PARTS = 1000  # most arrays that one name may stand for
 _FILTERS = {"gzip", "lzf", None}
 _MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+_RATES = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))["rate"].values()
+_SAMPLING = {name for names in _RATES for name in names}
 _STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
 Read = Iterator[tuple[str, Any]]
 
@@ -104,7 +108,7 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
         if mat_class in ("struct", "cell") or name in wanted:
             tops.append(name)
         if name in wanted and mat_class in _MAT_CLASSES:
-            contents.refuse_beyond(shape)
+            contents.refuse_beyond(shape, 8)
     variables = loadmat(path, variable_names=tops, struct_as_record=True) if tops else {}
     for top in (top for top in tops if top in variables):
         _list_nested(variables[top], top, contents.known, 0)
@@ -179,13 +183,18 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
                 continue
             if kind == "mat73":
                 contents.known[name] = contents.known[place]
+            if place not in file:  # an attribute
+                of, _, own = place.rpartition("/")
+                yield name, np.asarray(file[of or "/"].attrs[own], dtype=float)
+                continue
             dataset = file[place]
             _readable(h5py, dataset, name)
             part, longest = [slice(n) for n in dataset.shape], max(dataset.shape, default=0)
             if contents.rows and part:  # the requested samples, along the longest axis
                 first, last = (min(place, longest) for place in contents.rows)
                 part[dataset.shape.index(longest)] = slice(first, last)
-            contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], max(dataset.dtype.itemsize, 16))
+            item = 16 if dataset.dtype.names or dataset.dtype.kind == "c" else 8
+            contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], item)
             array = _numbers(dataset[tuple(part)], name)
             named = dataset.attrs.get("units", dataset.attrs.get("unit"))
             if isinstance(named, str | bytes):
@@ -212,7 +221,7 @@ def _rattlesnake(h5py: Any, file: Any, contents: Contents) -> Read:
         name = f"{name} drive" if text("feedback_device", k) else name  # the signal sent to an exciter
         name = f"{name} ({k + 1})" if name in contents.known else name
         part = contents.add_channel(name, int(data.shape[1]), text("unit", k), 0.0, step)
-        contents.refuse_beyond((data.shape[0] - k, part.stop - part.start))
+        contents.refuse_beyond((data.shape[0] - k, part.stop - part.start), 8)
         yield name, data[k, part]
 
 
@@ -227,8 +236,9 @@ def _tdms(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             name, about = f"{channel.group_name}/{channel.name}", channel.properties
             start, step = about.get("wf_start_offset", 0.0), about.get("wf_increment", 0.0)
             part = contents.add_channel(name, len(channel), about.get("unit_string", ""), start, step)
-            contents.refuse_beyond((part.stop - part.start,))
-            yield name, channel[part]
+            if not names or {name, channel.name} & set(names):
+                contents.refuse_beyond((part.stop - part.start,), 8)
+                yield name, channel[part]
 
 
 def _lvm(path: str, kind: str, names: list[str], contents: Contents) -> Read:
@@ -249,17 +259,16 @@ def _lvm(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             yield name, data[:, place]
 
 
-def _list(h5py: Any, group: Any, prefix: str, known: dict[str, list[int]], depth: int) -> None:
-    """List names and shapes of the arrays below a group, following only hard links."""
-    for name in group:
+def _list(h5py: Any, member: Any, path: str, known: dict[str, list[int]], depth: int) -> None:
+    """List arrays from a path on with their shapes, following only hard links, and attributes that state sampling."""
+    if isinstance(member, h5py.Dataset):
+        known[path] = [int(n) for n in member.shape or ()]
+    known |= {f"{path}/{name}".strip("/"): [] for name in member.attrs if name.lower() in _SAMPLING}
+    for name in member if isinstance(member, h5py.Group) and depth <= _DEEPEST else ():
         if len(known) >= _MOST_NAMES:
             return
-        linked = not name.startswith("#") and isinstance(group.get(name, getlink=True), h5py.HardLink)
-        member = group[name] if linked else None
-        if isinstance(member, h5py.Dataset):
-            known[prefix + name] = [int(n) for n in member.shape or ()]
-        elif isinstance(member, h5py.Group) and depth < _DEEPEST:
-            _list(h5py, member, f"{prefix}{name}/", known, depth + 1)
+        if not name.startswith("#") and isinstance(member.get(name, getlink=True), h5py.HardLink):
+            _list(h5py, member[name], f"{path}/{name}".strip("/"), known, depth + 1)
 
 
 def _readable(h5py: Any, array: Any, name: str) -> None:

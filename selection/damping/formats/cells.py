@@ -1,0 +1,67 @@
+"""Cells of a text table as numbers: decimal marks, missing values, and marks between thousands."""
+
+import re
+
+from damping.errors import InputError
+from damping.records.text import describe_shortened
+
+_MISSING = ("", "nan", "NaN", "NA", "--")
+#: Decimal marks.
+DECIMALS = {"point": ".", "comma": ","}
+#: A number or a missing value, by decimal mark.
+NUMBER = {
+    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|")
+    for name, mark in DECIMALS.items()
+}
+#: Digits in groups of three, and such an integer.
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,' \u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?")
+_WHOLE = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})*|0")
+
+
+def read_number(cell: str, decimal: str, line: int, column: str) -> float:
+    """The number in a cell; NaN if nothing was measured. Thousands separators are refused."""
+    text = cell.strip()
+    if text in _MISSING:
+        return float("nan")
+    name = "comma" if decimal == "point" else "point"
+    other = DECIMALS[name]
+    try:
+        if "_" not in text and other not in text and text.isascii():
+            return float(text.replace(DECIMALS[decimal], "."))
+    except ValueError:
+        pass
+    hint = f" (is --decimal {name} meant?)" if re.fullmatch(rf"[+-]?\d*[{other}]\d*([eE][+-]?\d+)?", text) else ""
+    grouped = ", without marks between thousands" if _GROUPED.fullmatch(text) else ""
+    message = f"{describe_shortened(text)!r} is not a number{hint}"
+    expected = f"a number with a decimal {decimal}{grouped}"
+    raise InputError(message, line=line, column=describe_shortened(column), expected=expected)
+
+
+class Thousands:
+    """Whether points may stand between thousands: numbers such as ``978`` and ``12.345``, and none with other decimals.
+
+    Taken for a decimal point, such a mark makes numbers a thousand times too small.
+    """
+
+    def __init__(self) -> None:
+        self.is_possible = True  #: no number with other decimals was seen
+        self._pointed: tuple[str, str] | None = None
+        self._has_plain = False
+
+    def look_at(self, cell: str, column: str) -> None:
+        """Take note of a cell."""
+        text = cell.strip()
+        if not _WHOLE.fullmatch(text):
+            self.is_possible = self.is_possible and "." not in text
+        elif "." in text:
+            self._pointed = self._pointed or (text, column)
+        else:
+            self._has_plain = True
+
+    def require_none(self) -> None:
+        """Raise InputError if it is possible."""
+        if self.is_possible and self._has_plain and self._pointed is not None:
+            text, column = self._pointed
+            what = f"{text} beside whole numbers: a decimal point, or a mark between thousands?"
+            expected = "--decimal point if it is one, else numbers without marks between thousands"
+            raise InputError(what, column=describe_shortened(column), expected=expected)

@@ -1,0 +1,66 @@
+"""Names of arrays that state how another array was sampled: abscissas, rates, steps and increments, by nearness."""
+
+from collections.abc import Mapping, Sequence
+from math import prod
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES
+
+#: Names of numbers that say how a time history was sampled.
+SAMPLING = [name for key in ("rate", "step", "increment") for name in NAMES["rate"][key]]
+
+
+def last_name(path: str) -> str:
+    """The name of an array in lower case, without its groups or structures."""
+    return split(path)[-1].lower()
+
+
+def split(path: str) -> list[str]:
+    """Groups or structures of an array, and its own name."""
+    return path.replace(".", "/").split("/")
+
+
+def find_abscissa(known: Mapping[str, tuple[int, ...]], main: str) -> dict[str, str]:
+    """The first array named like a frequency or a time in laboratory tables, beside the response or in no group.
+
+    Single letters are case-sensitive.
+    """
+    beside = [name for name in known if split(name)[:-1] in ([], split(main)[:-1])]
+    several = [name for name in beside if prod(known[name]) > 1]
+    several.sort(key=lambda name: len(split(name)), reverse=True)
+    named = ((role, name) for role in ABSCISSAS for name in several if _is_named(split(name)[-1], ROLE_NAMES[role]))
+    role, name = next(named, ("", ""))
+    return {role: name} if role else {}
+
+
+def _is_named(name: str, names: Sequence[str]) -> bool:
+    return name in names or (len(name) > 1 and name.lower() in names)
+
+
+def find_nearest(names: Sequence[str], to: str) -> str | None:
+    """The name that shares most groups or structures with another; None if there is none.
+
+    InputError: several equally near in different groups.
+    """
+    shared = {name: _count_shared(split(name)[:-1], split(to)) for name in names}
+    near = [name for name in names if shared[name] == max(shared.values())]
+    if len({tuple(split(name)[:-1]) for name in near}) > 1:
+        raise InputError(f"several sampling rates: {', '.join(near[:4])}", expected="--rate HZ, or --column time=NAME")
+    return near[0] if near else None
+
+
+def _count_shared(path: Sequence[str], other: Sequence[str]) -> int:
+    """Number of equal parts from the start."""
+    unlike = (k for k, (a, b) in enumerate(zip(path, other, strict=False)) if a != b)
+    return next(unlike, min(len(path), len(other)))
+
+
+def list_times(name: str, number: float, n: int) -> FloatArray:
+    """Times (n,) from 0, in s, from a rate in Hz or a step in s. InputError: a number that is not > 0."""
+    if not (np.isfinite(number) and number > 0.0):
+        raise InputError(f"{name} = {number:g}", expected="a rate in Hz, or a step in s, > 0")
+    step = 1.0 / number if last_name(name) in NAMES["rate"]["rate"] else number
+    return np.asarray(step * np.arange(n), dtype=np.float64)

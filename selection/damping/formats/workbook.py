@@ -1,0 +1,68 @@
+"""Excel workbooks (XLSX) to text: the cells of the one sheet that has any, between tabs, numbers in full.
+
+Only values are read, those of formulas as the spreadsheet stored them; nothing is computed and no link is followed.
+"""
+
+import io
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from damping.errors import AnalysisError, InputError
+
+if TYPE_CHECKING:
+    from openpyxl.worksheet._read_only import ReadOnlyWorksheet
+
+PACKED = b"PK\x03\x04"  #: What starts a ZIP file, as which a workbook is packed.
+MOST_COLUMNS = 1000  #: Columns that are read: a bound for a stray cell far to the right.
+_EXPECTED = "a workbook (XLSX), or its sheet saved as CSV"
+
+
+def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
+    """The sheet with cells, as lines of cells between tabs; ``chosen``: its number from 1, if there are several.
+
+    InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes, or several sheets without
+    a choice. AnalysisError: openpyxl is not installed.
+    """
+    try:
+        from openpyxl import load_workbook  # noqa: PLC0415 - for this format alone
+    except ModuleNotFoundError:
+        needed = "a workbook needs the package openpyxl, which is not installed"
+        raise AnalysisError(f"{needed} (pip install 'damping-selection[formats]')") from None
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            if sum(part.file_size for part in packed.infolist()) > most:
+                raise InputError(f"unpacks to more than {most} bytes", expected="a smaller file or a larger --max-size")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and checks of cells, which are not read
+            book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
+        wanted = [(k, sheet) for k, sheet in enumerate(book.worksheets, 1) if not chosen or k in chosen]
+        tables = {k: list(_list_rows(sheet)) for k, sheet in wanted}
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged file makes the readers of ZIP, XML and cells raise
+        raise InputError(f"no workbook that can be read ({error})", expected=_EXPECTED) from None
+    tables = {number: rows for number, rows in tables.items() if rows}
+    if len(tables) != 1:
+        sizes = ", ".join(f"{number} ({len(rows)} x {max(map(len, rows))})" for number, rows in tables.items())
+        what = f"{len(tables)} sheets with cells{': ' if sizes else ''}{sizes}"
+        raise InputError(what, expected="--dataset N, the number of one with cells")
+    (rows,) = tables.values()
+    width = max(map(len, rows))
+    first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
+    padded = (row if k < first else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
+    return "".join("\t".join(row) + "\n" for row in padded).encode()
+
+
+def _list_rows(sheet: "ReadOnlyWorksheet") -> Iterator[list[str]]:
+    """The texts of every row that has one, up to its last. InputError: more than ``MOST_COLUMNS``."""
+    sheet.reset_dimensions()  # as stated, all rows of a sheet with a stray cell would be as wide as that
+    for row in sheet.iter_rows(values_only=True):
+        texts = ["" if value is None else " ".join(str(value).split()) for value in row]
+        while texts and not texts[-1]:
+            texts.pop()
+        if len(texts) > MOST_COLUMNS:
+            raise InputError(f"a cell in column {len(texts)}", expected=f"at most {MOST_COLUMNS} columns")
+        if texts:
+            yield texts

@@ -1,0 +1,241 @@
+"""WAV files, workbooks, channels without a time step, and arrays sampled by a number beside them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+from pathlib import Path
+
+import h5py
+import numpy as np
+import openpyxl
+import pytest
+import scipy.io
+import scipy.io.wavfile
+from nptdms import ChannelObject, TdmsWriter
+
+from damping.errors import InputError
+from damping.formats import read_file
+from damping.formats.conversion import TimeHistory, time_histories
+from damping.formats.series import Stated
+
+RATE = 200.0
+T = np.arange(400) / RATE
+X = np.exp(-0.3 * T) * np.cos(30.0 * T)
+SIGNAL = {"units": {"response": "m/s^2"}}
+
+
+def histories(path: Path, **stated: object) -> list[TimeHistory]:
+    said = Stated(**stated)
+    return time_histories(read_file(path, said)[0], said, read_file(path, said)[1])
+
+
+def wave(samples: np.ndarray, bits: int, code: int = 1) -> bytes:
+    """A WAV file (n, channels) with a chunk of text of odd length before the samples."""
+    n, channels = samples.shape
+    if code == 3:
+        body = samples.astype(f"<f{bits // 8}").tobytes()
+    elif bits == 8:
+        body = np.round(127 * samples + 128).astype("u1").tobytes()
+    else:
+        whole = np.round((2 ** (bits - 1) - 1) * samples).astype("<i4")
+        body = whole[..., None].view("u1").reshape(n, channels, 4)[..., : bits // 8].tobytes()
+    frame = channels * bits // 8
+    head = b"WAVEfmt " + struct.pack("<IHHIIHH", 16, code, channels, int(RATE), int(RATE) * frame, frame, bits)
+    head += b"note" + struct.pack("<I", 3) + b"abc\0" + b"data" + struct.pack("<I", len(body))
+    return b"RIFF" + struct.pack("<I", len(head) + len(body)) + head + body
+
+
+@pytest.mark.parametrize(("bits", "code"), [(8, 1), (16, 1), (24, 1), (32, 1), (32, 3), (64, 3)])
+def test_channels_of_a_wav_file(tmp_path, bits, code):
+    path, full = tmp_path / "a.wav", 250.0
+    path.write_bytes(wave(np.column_stack([X, -0.5 * X]), bits, code))
+    first, second = histories(path, scale={"response": full}, **SIGNAL)
+    step = 2.0 ** (1 - bits) if code == 1 else 1e-7  # of integers, or of single precision
+    np.testing.assert_allclose(first.signal, full * X, atol=2.0 * full * step)
+    np.testing.assert_allclose(second.signal, -0.5 * full * X, atol=2.0 * full * step)
+    np.testing.assert_allclose(first.t, T, rtol=1e-12)
+    (one,) = histories(path, scale={"response": full}, columns={"response": "2"}, **SIGNAL)
+    np.testing.assert_array_equal(one.signal, second.signal)
+    with pytest.raises(InputError, match=r"parts of full scale.*--scale response="):
+        histories(path, **SIGNAL)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "<i2", "<i4", "<f4"])
+def test_wav_files_of_another_program(tmp_path, dtype):
+    path = tmp_path / "a.wav"
+    size = 1.0 if dtype == "<f4" else float(np.iinfo(dtype).max) / (2.0 if dtype == "u1" else 1.0)
+    samples = (X * (size - 1.0 if size > 1.0 else 1.0) + (128.0 if dtype == "u1" else 0.0)).astype(dtype)
+    scipy.io.wavfile.write(path, int(RATE), samples)
+    (one,) = histories(path, scale={"response": 1.0}, **SIGNAL)
+    np.testing.assert_allclose(one.signal, X, atol=0.02 if dtype == "u1" else 1e-4)
+
+
+def test_a_broken_wav_file_is_refused(tmp_path):
+    path, data = tmp_path / "a.wav", wave(X[:, None], 16)
+    for content, said in ((data[:-1], "expected a whole WAV file"), (data[:30], "expected a whole WAV file")):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=said):
+            histories(path, scale={"response": 1.0}, **SIGNAL)
+    path.write_bytes(data[:20] + b"\x11" + data[21:])  # compressed
+    with pytest.raises(InputError, match="Unknown wave file format"):
+        histories(path, scale={"response": 1.0}, **SIGNAL)
+
+
+def workbook(*sheets: list[list[object]]) -> bytes:
+    """A workbook with these rows of cells, None for an empty one."""
+    book, written = openpyxl.Workbook(), io.BytesIO()
+    book.remove(book.active)
+    for rows in sheets:
+        sheet = book.create_sheet()
+        for row in rows:
+            sheet.append(row)
+    book.save(written)
+    return written.getvalue()
+
+
+def test_a_workbook(truth, tmp_path, imported):
+    """Lines about the test above the header, units below it, an empty last cell, and a second sheet."""
+    path, lag = tmp_path / "a.xlsx", np.degrees(truth.lag)
+    rows = zip(truth.f.tolist(), [truth.F] * len(lag), (1e3 * truth.amplitude).tolist(), lag.tolist(), strict=True)
+    names = [["Prüfling", "A < B"], ["Frequenz", "Kraft", "Weg", "Phase", "Notiz"], ["Hz", "N", "mm", "°", "-"]]
+    sheet = [*names, *([*row, None] for row in rows)]
+    path.write_bytes(workbook(sheet))
+    record = imported(path).record
+    np.testing.assert_allclose(record.column("amplitude"), truth.amplitude, rtol=1e-12)
+    np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=1e-12)
+    path.write_bytes(workbook([["Info", 1.0]], sheet, []))
+    with pytest.raises(InputError, match=r"2 sheets with cells: 1 \(1 x 2\), 2 \(44 x 5\); expected --dataset N"):
+        imported(path)
+    assert len(imported(path, datasets=(2,)).record) == len(lag)
+    with pytest.raises(InputError, match="0 sheets with cells"):
+        imported(path, datasets=(4,))
+
+
+def test_a_workbook_that_is_broken_or_unpacks_to_too_much(tmp_path):
+    path, data = tmp_path / "a.xlsx", workbook([["time", "a"], *([k / 10, 0.5] for k in range(2000))])
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="unpacks to more than 50000 bytes"):
+        read_file(path, Stated(), max_size=50_000)
+    random = np.random.default_rng(1)
+    for _ in range(100):
+        broken = bytearray(data)
+        broken[random.integers(len(data))] ^= 0xFF
+        path.write_bytes(broken)
+        with contextlib.suppress(InputError):  # and nothing else
+            read_file(path, Stated(**SIGNAL))
+
+
+def test_a_number_in_the_same_structure_says_how_a_signal_was_sampled(tmp_path):
+    """The step of another signal would make every frequency wrong by its factor."""
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"slow": {"T": X, "dt": 1.0}, "fast": {"acc": X, "dt": 1.0 / RATE}})
+    (one,) = histories(path, columns={"response": "fast.acc"}, **SIGNAL)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+    scipy.io.savemat(path, {"acc": X, "slow": {"dt": 1.0}, "fast": {"dt": 1.0 / RATE}})
+    with pytest.raises(InputError, match=r"several sampling rates: slow\.dt, fast\.dt; expected --rate HZ"):
+        histories(path, columns={"response": "acc"}, **SIGNAL)
+    (one,) = histories(path, columns={"response": "acc"}, rate=RATE, **SIGNAL)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+
+
+def test_a_first_value_and_an_increment(truth, tmp_path, imported):
+    """Functions of frequency and of time in the structures of a test system."""
+    path = tmp_path / "a.mat"
+    of_f = {"start_value": truth.f[0], "increment": truth.f[1] - truth.f[0], "number_of_values": float(len(truth.f))}
+    of_t = {"start_value": -0.5, "increment": 1.0 / RATE}
+    scipy.io.savemat(
+        path,
+        {"H": {"x_values": of_f, "y_values": {"values": truth.H}}, "s": {"x_values": of_t, "y_values": {"values": X}}},
+    )
+    record = imported(path, columns={"response": "H.y_values.values"}, consistent=True, response="receptance",
+                      forces=(truth.F,)).record  # fmt: skip
+    np.testing.assert_allclose(record.column("frequency"), truth.f, rtol=1e-12)
+    np.testing.assert_allclose(record.column("amplitude"), truth.amplitude, rtol=1e-12)
+    (one,) = histories(path, columns={"response": "s.y_values.values"}, **SIGNAL)
+    np.testing.assert_allclose(one.t, T - 0.5, rtol=0.0, atol=1e-12)
+
+
+def test_the_frequency_of_the_same_group_and_attributes(truth, tmp_path, imported):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for k, name in enumerate(("run_1", "run_2")):
+            file[f"{name}/frequency"], file[f"{name}/disp"] = truth.f + k, truth.H * truth.F
+        file["acc"] = X
+        file["acc"].attrs["fs"] = RATE
+    stated = {"columns": {"response": "run_2/disp"}, "consistent": True, "response": "displacement"}
+    record = imported(path, forces=(truth.F,), scaling="peak", **stated).record
+    np.testing.assert_array_equal(record.column("frequency"), truth.f + 1.0)
+    (one,) = histories(path, columns={"response": "acc"}, **SIGNAL)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+
+
+def test_tdms_channels_without_a_time_step(truth, tmp_path, imported):
+    path = tmp_path / "a.tdms"
+    columns = {"Frequency": ("Hz", truth.f), "Disp": ("mm", 1e3 * truth.amplitude), "Force": ("N", 0 * truth.f + 3.0)}
+    with TdmsWriter(path) as file:
+        file.write_segment([ChannelObject("S", name, x, {"unit_string": u}) for name, (u, x) in columns.items()])
+    names = {"frequency": "Frequency", "amplitude": "Disp", "force": "Force"}
+    record = imported(path, columns=names).record
+    np.testing.assert_allclose(record.column("amplitude"), truth.amplitude, rtol=1e-12)
+    with pytest.raises(InputError, match="which column is the response"):
+        imported(path)
+    counts = np.round(2e4 * X).astype(np.int16)
+    with TdmsWriter(path) as file:
+        file.write_segment([ChannelObject("S", "Acc", counts, {"unit_string": "m/s^2"})])
+    (one,) = histories(path, columns={"response": "Acc"}, rate=RATE)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+
+
+def test_integers_of_16_bits_are_no_larger_than_their_file_warrants(tmp_path):
+    """Nine million samples: 18 MB in the file, 72 MB as numbers."""
+    path, n = tmp_path / "a.tdms", 9_000_000
+    with TdmsWriter(path) as file:
+        about = {"unit_string": "m/s^2", "wf_increment": 1e-3}
+        file.write_segment([ChannelObject("S", "Acc", np.ones(n, dtype=np.int16), about)])
+    assert len(read_file(path, Stated())[0][0].response) == n
+
+
+def test_a_table_of_a_signal_without_times(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Acc [m/s^2]\n" + "".join(f"{x!r}\n" for x in X.tolist()))
+    (one,) = histories(path, rate=RATE)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+    np.testing.assert_allclose(one.signal, X, rtol=1e-12)
+    path.write_text("Time [s],Acc [m/s^2]\n0,1\n1,2\n")
+    with pytest.raises(InputError, match="--rate beside a column of times"):
+        histories(path, rate=RATE)
+
+
+def test_points_between_thousands_are_no_decimals(tmp_path, imported):
+    """Whole numbers of a German spreadsheet: 12.345 is twelve thousand."""
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{24 + k};2;{7 + k}.553;{170 - 9 * k}\n" for k in range(5))
+    path.write_text("Frequency [Hz];Force [N];Accel [mm/s^2 pk];Phase [deg]\n" + rows)
+    with pytest.raises(InputError, match=r"7\.553 beside whole numbers: a decimal point, or a mark between thousands"):
+        imported(path)
+    assert imported(path, decimal="point").record.column("amplitude")[0] < 1e-3
+    path.write_text(path.read_text().replace("24;", "24.5;"))  # a number with other decimals tells
+    assert len(imported(path).record) == 5
+
+
+@pytest.mark.parametrize("course", ["sine", "noise", "blow", "release"])
+def test_a_force_that_acts_on_is_no_free_decay(course):
+    random = np.random.default_rng(1)
+    force = {
+        "sine": 5.0 * np.sin(40.0 * T),
+        "noise": random.normal(size=len(T)),
+        "blow": np.where(T < 0.02, 100.0, 0.0) + random.normal(size=len(T)),  # a sensor's noise of 1 %
+        "release": np.where(T < 0.1, 100.0, 0.0) + 3.0,  # and an offset
+    }[course]
+    assert TimeHistory("a", T, X, 2, force).is_driven(0.3, 1.8) == (course in ("sine", "noise"))
+    assert not TimeHistory("a", T, X, 2).is_driven(0.3, 1.8)
+
+
+@pytest.mark.parametrize(("name", "motion"), [("fréquence (Hz)", "accélération (m/s²)"), ("Frequence [Hz]", "deplacement [mm]")])  # fmt: skip  # noqa: E501
+def test_french_headers(truth, tmp_path, imported, name, motion):
+    path = tmp_path / "a.csv"
+    rows = zip(truth.f, truth.amplitude, strict=True)
+    path.write_text(f"{name};force (N);{motion}\n" + "".join(f"{f:.4f};3;{a:.9f}\n".replace(".", ",") for f, a in rows))
+    assert len(imported(path).record) == len(truth.f)
