@@ -24,7 +24,7 @@ from damping.formats.quantity import SYSTEMS
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
-from damping.formats.workbook import PACKED, read_workbook
+from damping.formats.workbook import is_workbook, read_workbook
 from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shortened, is_binary, read_bytes, read_start
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "wav", "xlsx", "csv", "lock-in")
@@ -168,7 +168,7 @@ def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
         text = "tdms"
     elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
         text = "wav"
-    elif start.startswith(PACKED):
+    elif start.startswith(b"PK\x03\x04") and is_workbook(path):
         text = "xlsx"
     elif first.startswith(b"LabVIEW Measurement"):
         text = "lvm"

@@ -7,6 +7,7 @@ import io
 import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damping.errors import AnalysisError, InputError
@@ -14,9 +15,17 @@ from damping.errors import AnalysisError, InputError
 if TYPE_CHECKING:
     from openpyxl.worksheet._read_only import ReadOnlyWorksheet
 
-PACKED = b"PK\x03\x04"  #: What starts a ZIP file, as which a workbook is packed.
 MOST_COLUMNS = 1000  #: Columns that are read: a bound for a stray cell far to the right.
 _EXPECTED = "a workbook (XLSX), or its sheet saved as CSV"
+
+
+def is_workbook(path: str | Path) -> bool:
+    """Whether a file is packed as a workbook is."""
+    try:
+        with zipfile.ZipFile(path) as packed:
+            return any(name.startswith("xl/") for name in packed.namelist())
+    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):
+        return False
 
 
 def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
