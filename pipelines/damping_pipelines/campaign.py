@@ -3,7 +3,6 @@
 import math
 import os
 from collections.abc import Collection, Sequence
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
@@ -18,14 +17,16 @@ from damping.formats.columns import read_columns
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
 from damping.formats.quantity import unit
-from damping.plots import to_svg
+from damping.plots import describe_with_unit, to_svg
 from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml, quote_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.campaign_tables import (
+    describe_frequency,
     describe_level,
+    format_hertz,
     group_cautions,
     tabulate_damping,
     tabulate_modes,
@@ -41,14 +42,11 @@ from damping_pipelines.terminal import (
     console,
     number,
     number_whole,
-    number_with_error,
     parse_number,
     parse_pairs,
     report_findings,
 )
 
-#: A frequency in the five digits of the terminal: a resonance moves little from level to level.
-_hertz = partial(number_whole, digits=5, mark="#")
 #: Outputs of every campaign.
 PAGES = ("campaign.json", "report.html", "study.toml")
 
@@ -180,7 +178,7 @@ def _frequencies(text: str | None) -> list[float]:
 def _write_page(answer: Campaign) -> list[Section]:
     """Write the page: modes, their damping against level, and the response of every sensor at the design levels."""
     parts: dict[str, Block] = {
-        "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": _hertz}),
+        "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": format_hertz}),
         "limits": Table(tabulate_notches(answer), ""),
         "outcomes": Table(tabulate_outcomes(answer), ""),
         "files": Table(answer.summary.table, ""),
@@ -190,7 +188,12 @@ def _write_page(answer: Campaign) -> list[Section]:
         parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit), "")
         parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit), "")
     cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
-    values = vars(answer) | {"cautions": cautions, "input": answer.input_name, "tested": answer.tested, "hertz": _hertz}
+    values = vars(answer) | {
+        "cautions": cautions,
+        "input": answer.input_name,
+        "tested": answer.tested,
+        "hertz": format_hertz,
+    }
     return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
 
 
@@ -205,7 +208,7 @@ def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Bloc
     if len(levels) < 2:
         return {}
     words = f"Damping ratio and frequency of {mode.name} against the {input_name} in {unit}."
-    figure = mode_over_level(levels, f"{input_name}, {unit}")
+    figure = mode_over_level(levels, describe_with_unit(input_name, unit))
     return {mode.name: FigureBlock(to_svg(figure, f"{mode.name}-levels", mode.name, words), words)}
 
 
@@ -225,9 +228,8 @@ def _show(answer: Campaign, out: Path) -> None:
             largest = max(at.response, key=lambda response: response.band[0], default=None)
             peak = [number_whole(part, 3, "#") for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
-            hertz = number_with_error(at.frequency, at.frequency_error) if at.frequency_error else _hertz(at.frequency)
             error = number_whole(100.0 * at.ratio_error, 2) if at.ratio_error else "-"
-            damping.add_row(mode.name, number(at.level), hertz, ratio[0], error, *ratio[1:])
+            damping.add_row(mode.name, number(at.level), describe_frequency(at), ratio[0], error, *ratio[1:])
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)

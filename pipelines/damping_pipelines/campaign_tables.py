@@ -1,5 +1,7 @@
 """Tables of the page of a campaign: modes, damping and peaks by level, notches, outcomes and cautions."""
 
+from functools import partial
+
 import pandas as pd
 
 from damping.campaign.answer import Campaign, ModeAnswer
@@ -8,11 +10,11 @@ from damping_pipelines.terminal import number_whole, number_with_error
 
 
 def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
-    """Frequency and damping ratio at every tested and design level, with standard errors."""
+    """Frequency and damping ratio at every tested and design level, with standard errors where they are known."""
     return pd.DataFrame(
         {
             "level": describe_level(at, unit),
-            "frequency, Hz": number_with_error(at.frequency, at.frequency_error),
+            "frequency, Hz": describe_frequency(at),
             "damping ratio, %": number_with_error(100.0 * at.ratio[0], 100.0 * (at.ratio_error or 0.0))
             if at.ratio
             else "no answer",
@@ -104,6 +106,15 @@ def describe_ratio(at: At, unit: str) -> str:
     ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio or ()]
     band = "{} ({} to {})".format(*ratio) if ratio else "no answer"
     return f"{band} at {describe_level(at, unit)}"
+
+
+#: A frequency in five digits: a resonance moves little from level to level.
+format_hertz = partial(number_whole, digits=5, mark="#")
+
+
+def describe_frequency(at: At) -> str:
+    """A frequency in Hz with its standard error where that is known, the same on the page and on the terminal."""
+    return number_with_error(at.frequency, at.frequency_error) if at.frequency_error else format_hertz(at.frequency)
 
 
 def describe_level(at: At, unit: str) -> str:

@@ -20,7 +20,7 @@ from damping.report import format_joined
 from damping.result import DiagnosisResult
 from damping_pipelines import start_pool
 from damping_pipelines.manifest import digest_inputs, versions
-from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_picture, write_plain, write_text
+from damping_pipelines.store import check_outputs, refuse_unwritable, write_answer, write_json
 from damping_pipelines.terminal import console, progress, report_findings
 
 FORMAT = "gap/1"
@@ -76,14 +76,10 @@ def gap(
         despite=despite,
         progress=progress,
     )
-    if json_out is not None:
-        write_plain(json_out, result.to_json())
-    if model_out is not None:
-        write_text(model_out, _describe_model(result))
-    if plot is not None:
-        write_picture(plot, result.plot(), result.title)
+    texts = {} if model_out is None else {model_out: _describe_model(result)}
     if report is not None:
-        _write_page(report, result, seed, inputs)
+        texts[report] = _render_page(result, seed, inputs)
+    write_answer(json_out, result, plot, texts)
     for sentence in result.sentences if json_out != "-" else ():
         console().print(sentence)
 
@@ -135,12 +131,12 @@ def _describe_use(result: DiagnosisResult) -> list[str]:
     return sentences
 
 
-def _write_page(report: Path, result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> None:
+def _render_page(result: DiagnosisResult, seed: int, inputs: Sequence[Path]) -> str:
     from damping.report.gap_page import render_gap_page  # noqa: PLC0415 - only the page needs matplotlib
     from damping.report.page import Footer  # noqa: PLC0415 - as above
 
     footer = Footer(seed, versions(), digest_inputs(inputs))
-    write_text(report, render_gap_page(result.diagnosis, result.posterior, result.against, footer))
+    return render_gap_page(result.diagnosis, result.posterior, result.against, footer)
 
 
 def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str, object]) -> Path:

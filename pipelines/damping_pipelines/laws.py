@@ -17,14 +17,15 @@ from damping.answers import CurveResult, LoadsResult, PredictedResult, RankingRe
 from damping.errors import InputError
 from damping.extrapolation import list_asked
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
-from damping.extrapolation.prediction import BEYOND_TEST, PARTS, Band
+from damping.extrapolation.prediction import BEYOND_TEST, Band
 from damping.ranking import Candidate
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report import choose_length, format_parameter_unit
+from damping.report.forms import PART_NAMES
 from damping.result import Result
-from damping_pipelines.store import check_outputs, write_picture, write_plain
+from damping_pipelines.store import check_outputs, write_answer
 from damping_pipelines.terminal import (
     Notes,
     PlainTable,
@@ -71,10 +72,7 @@ class Asked:
 
     def write(self, result: Result) -> bool:
         """Write form and figure, and return whether to print the table."""
-        if self.json_out is not None:
-            write_plain(self.json_out, result.to_json())
-        if self.plot is not None:
-            write_picture(self.plot, result.plot(), result.title)
+        write_answer(self.json_out, result, self.plot)
         return self.json_out != "-"
 
     def name(self, command: str, force: Sequence[float] = (), amplitude: Sequence[float] = ()) -> str:
@@ -177,7 +175,7 @@ def print_loads(result: LoadsResult) -> None:
     table = PlainTable(f"{mode.name}: {of_answer}".rstrip(), (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
     ratios = PlainTable("Damping there; size a load with its low end", (first, *damped))
-    shares = PlainTable(f"Standard deviations, % of {answer}", (first, *(p.replace("_", " ") for p in PARTS)))
+    shares = PlainTable(f"Standard deviations, % of {answer}", (first, *PART_NAMES.values()))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
         at = f"{factors[asked] * row[asked]:g}"
         ends = (factors[answer] * row[name] for name in ("median", "low", "high", "linear"))
@@ -185,7 +183,7 @@ def print_loads(result: LoadsResult) -> None:
         table.add_row(at, number(row["extrapolation_ratio"], 3), *map(number, ends), over, notes.numbers(cautions))
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
         ratios.add_row(at, _state_frequency(row), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
-        shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PARTS))
+        shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PART_NAMES))
     for part in (table, ratios, shares):
         out.print(part)
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight. {FARTHER}")

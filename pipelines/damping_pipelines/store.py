@@ -27,6 +27,8 @@ from damping.errors import AnalysisError, InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from damping.result import Result
+
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write ``content`` to ``path`` atomically (:func:`write_chunks`)."""
@@ -184,15 +186,32 @@ PICTURES = (".svg", ".png")
 PAGES = (".html", ".htm")
 
 
-def write_picture(path: Path, figure: Any, title: str) -> None:
-    """A figure as SVG or PNG, by the ending of its name; ``title``: its text alternative."""
+def write_answer(
+    json_out: str | None, result: Result, plot: Path | None, texts: Mapping[Path, str] | None = None
+) -> None:
+    """Further texts by file, picture (SVG or PNG, by its ending) and form of a result, all made before any is written.
+
+    A picture that cannot be drawn leaves every earlier file as it was, and nothing on standard output.
+    """
+    contents = {path: text.encode() for path, text in (texts or {}).items()}
+    if plot is not None:
+        contents[plot] = _draw_picture(plot, result)
+    form = None if json_out is None else result.to_json()
+    for path, content in contents.items():
+        write_bytes(path, content)
+    if plot is not None:
+        print(f"{plot} drawn", file=sys.stderr)
+    if json_out is not None:
+        write_plain(json_out, form)
+
+
+def _draw_picture(path: Path, result: Result) -> bytes:
     from damping.plots import to_png, to_svg  # noqa: PLC0415 - only drawing needs matplotlib
 
+    figure: Any = result.plot()  # a figure of its own, without axes to draw on
     if path.suffix.lower() == ".png":
-        write_bytes(path, to_png(figure, PNG_DPI))
-    else:
-        write_text(path, to_svg(figure, path.stem, title, title))
-    print(f"{path} drawn", file=sys.stderr)
+        return to_png(figure, PNG_DPI)
+    return to_svg(figure, path.stem, result.title, result.title).encode()
 
 
 #: Names of the browser that prints, the first that is there.

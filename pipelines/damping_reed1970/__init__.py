@@ -158,13 +158,33 @@ class ReportPart:
         return {block.file: block for block in _drawn_in(self.section.blocks)}
 
 
-def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
-    """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds.
+_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: What stands in the data, as a pattern, and what the report writes.
+SYMBOLS = tomllib.loads(Path(__file__).with_name("symbols.toml").read_text("utf-8"))
 
-    Columns whose names have letters beyond ASCII are named in the reader's own symbols already.
+
+def describe_in_symbols(text: str) -> str:
+    """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
+    text = re.sub(r"\^(\d)(?![\d.])", lambda power: power[1].translate(_SUPERSCRIPT), text)
+    for pattern, symbol in SYMBOLS.items():
+        text = re.sub(pattern, symbol, text)
+    return text
+
+
+def describe_columns(frame: pd.DataFrame) -> dict[str, str]:
+    """Headings in symbols, a unit that ends a name after a comma: ``rms_error_in_lb`` as "rms error, in-lb".
+
+    Names with letters beyond ASCII are in symbols already.
     """
-    own = {column: column for column in map(str, frame.columns) if not column.isascii()}
-    return Table(frame, "", headings=own | dict(headings or {}), key=f"chapter_{chapter}_{name}")
+    ends = LABELS["endings"]
+    pattern = re.compile(rf"_({'|'.join(ends)})$")
+    spelled = {name: pattern.sub(lambda end: f", {ends[end[1]]}", name) for name in map(str, frame.columns)}
+    return {n: describe_in_symbols(text.replace("_", " ")) if n.isascii() else n for n, text in spelled.items()}
+
+
+def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
+    """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds."""
+    return Table(frame, "", headings=describe_columns(frame) | dict(headings or {}), key=f"chapter_{chapter}_{name}")
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -212,9 +232,10 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     """A named table with its caption, folded if it is long."""
     title, text = KNOWN[name]["title"], KNOWN[name]["text"]
     shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
+    table = Table(shown, text, headings=describe_columns(shown), key=name)
     if len(shown) <= MOST_ROWS:
-        return [Table(shown, text or title, key=name)]
-    return [*([Text(text)] if text else []), Fold(f"{title}: all {len(shown)} rows", [Table(shown, title, key=name)])]
+        return [table]
+    return [Text(text), Fold(f"{title}: all {len(shown)} rows", [replace(table, caption=title)])]
 
 
 def write_chapter(

@@ -1,7 +1,6 @@
 """Every printed result beside its recomputation: how far apart, which differences are known errata, and the page."""
 
 import re
-import tomllib
 from collections.abc import Hashable, Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -25,6 +24,7 @@ from damping_reed1970 import (
     chapter_4,
     chapter_5,
     chapter_of,
+    describe_in_symbols,
     draw_block,
     load_text,
 )
@@ -208,16 +208,3 @@ def evidence(rows: pd.DataFrame) -> dict[str, str]:
         if len(texts) > MOST_NUMBERS:
             texts[MOST_NUMBERS:] = [f"and {len(texts) - MOST_NUMBERS} more"]
     return {identity: "; ".join(texts) for identity, texts in changes.items()}
-
-
-_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: What stands in the data, as a pattern, and what the report writes.
-SYMBOLS = tomllib.loads(Path(__file__).with_name("symbols.toml").read_text("utf-8"))
-
-
-def describe_in_symbols(text: str) -> str:
-    """``2*pi*xi_1*w_n`` as 2·π·ξ_1·ω_n."""
-    text = re.sub(r"\^(\d)(?![\d.])", lambda power: power[1].translate(_SUPERSCRIPT), text)
-    for pattern, symbol in SYMBOLS.items():
-        text = re.sub(pattern, symbol, text)
-    return text

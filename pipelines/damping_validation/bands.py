@@ -17,7 +17,7 @@ from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
 from damping.extrapolation.near import Plan
-from damping.extrapolation.prediction import PARTS, Loads
+from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import prepare_record
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
@@ -120,7 +120,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
         ],
         "citations": CITATIONS,
         "titles": title_structures({band.name: band.mode.name for band in results}),
-        "parts": {name: forms.PART + name for name in PARTS},
+        "parts": {said: forms.PART + name for name, said in forms.PART_NAMES.items()},
     }
     return fill_text(Path(__file__).with_suffix(".txt"), values)
 
@@ -138,12 +138,8 @@ def title_structures(modes: Mapping[str, str]) -> dict[str, str]:
     return {name: title if taken.count(title) == 1 + (title == name) else name for name, title in titles.items()}
 
 
-_PARTS = {
-    "measurement_noise": ("measurement noise", "#999933"),
-    "parameters": ("parameters", "#56b4e9"),
-    "between_model": ("between models", "#d55e00"),
-    "discrepancy": ("discrepancy", "#0b2545"),
-}
+#: Colours of the parts of a prediction's spread, in order.
+_COLOURS = ("#999933", "#56b4e9", "#d55e00", "#0b2545")
 
 
 @plots.styled
@@ -163,7 +159,7 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     ax.axvspan(data.tested_force.max(), force.max(), color=plots.BEYOND_TEST, linewidth=0, zorder=0)
     for name, ends, colour in (("predictive", "", plots.PREDICTIVE), ("credible", "credible_", plots.CREDIBLE)):
         low, high = bands[f"{ends}low"], bands[f"{ends}high"]
-        ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"90 % {name}")
+        ax.fill_between(force, low, high, color=colour, linewidth=0, label=f"{100 * LEVEL:g} % {name}")
     ax.plot(force, bands["median"], color=plots.AVERAGE, label="median")
     ax.plot(force, bands["linear"], color=plots.LINEAR, linestyle=(0, (7, 2)), label="linear")
     points: dict[str, Any] = {"color": plots.MEASURED, "markeredgecolor": "white", "label": "tested"}
@@ -193,14 +189,19 @@ def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
     ax.set_xticks(place, labels, fontsize=6.5)
     ax.grid(visible=False, axis="x")
-    ax.set(xlim=(-0.6, len(left_out) - 0.4), ylabel="predicted over measured", title="higher levels left out")
+    ax.set(
+        xlim=(-0.6, len(left_out) - 0.4),
+        ylabel=f"{100 * LEVEL:g} % predictive over measured",
+        title="higher levels left out",
+    )
 
 
 def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     """Standard deviation of each part against the extrapolation ratio."""
-    for name, (label, colour) in _PARTS.items():
-        ax.plot(bands["extrapolation_ratio"], bands[forms.PART + name], color=colour, label=label)
-    whole = np.sqrt((bands[[forms.PART + name for name in _PARTS]] ** 2).sum(axis=1, min_count=1))
+    parts = bands[[forms.PART + name for name in forms.PART_NAMES]]
+    for name, label, colour in zip(parts, forms.PART_NAMES.values(), _COLOURS, strict=True):
+        ax.plot(bands["extrapolation_ratio"], parts[name], color=colour, label=label)
+    whole = np.sqrt((parts**2).sum(axis=1, min_count=1))
     ax.plot(bands["extrapolation_ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
     ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
     plots.plain_log(ax.xaxis)

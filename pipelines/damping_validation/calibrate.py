@@ -220,7 +220,7 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
         ax.set_xlim(-0.02, 1.02)
     left.set_yticks(np.arange(len(names)), names)
     left.set_xlabel(f"share inside the {100 * trial.LEVEL:g} % band")
-    right.set_xlabel("share above it")
+    right.set_xlabel("share above it (lines: 95 % interval)")
     right.legend()
     return figure
 
@@ -236,22 +236,23 @@ def draw_rank_ecdfs(ranks: Mapping[str, pd.DataFrame]) -> Figure:
         for _, values in ranks[law].groupby("quantity", sort=False)["rank"]:
             ax.plot(z, trial.ecdf(values.to_numpy()) - z, color=AVERAGE, linewidth=0.8)
     figure.supxlabel("rank of the true value among posterior draws, relative", fontsize=8.5)
-    figure.supylabel("ECDF less uniform", fontsize=8.5)
+    figure.supylabel(f"ECDF less uniform, {100 * trial.SURE:g} % band", fontsize=8.5)
     return figure
 
 
 @styled
 def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
-    """Draw histograms of the ranks of the amplitude beyond the test, by law, with the 99 % range of a uniform count."""
+    """Draw histograms of the ranks of the amplitude beyond the test, by law, with the range of a uniform count."""
     figure, panels = _open_panels(ranks, 1.1, sharey=False)
     for law, ax in panels.items():
         beyond = ranks[law].query("quantity == 'amplitude beyond'")["rank"]
-        ax.axhspan(*binom.interval(0.99, len(beyond), 1.0 / trial.BINS), color=PREDICTIVE, linewidth=0)
+        ax.axhspan(*binom.interval(trial.SURE, len(beyond), 1.0 / trial.BINS), color=PREDICTIVE, linewidth=0)
         bins: dict[str, Any] = {"bins": trial.BINS, "range": (0, trial.RANKED + 1)}
         ax.hist(beyond, **bins, color=MUTED, edgecolor="white", linewidth=0.5)
         ax.axhline(len(beyond) / trial.BINS, color=INK, linewidth=0.7)
         ax.set_ylim(0)
     figure.supxlabel("rank of the true amplitude beyond the test among posterior draws", fontsize=8.5)
+    figure.supylabel(f"trials, {100 * trial.SURE:g} % range", fontsize=8.5)
     return figure
 
 

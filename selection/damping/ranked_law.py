@@ -1,7 +1,5 @@
 """A law of a ranking as an object: its results, and draws of its posterior."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

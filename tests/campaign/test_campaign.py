@@ -42,7 +42,7 @@ from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.campaign import _read_predictions, _write_page
-from damping_pipelines.campaign_tables import tabulate_modes
+from damping_pipelines.campaign_tables import tabulate_damping, tabulate_modes
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
 
@@ -1050,6 +1050,10 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
     (said,) = tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
     assert said == "1.00 (0.900 to 1.10) at 12 N, notched: 7.82 N at the mode"
+    (hertz,) = tabulate_damping(bare_mode(41.0, [At(0.1, True, 41.0, (0.01, 0.009, 0.011), (), ())]), "g")[
+        "frequency, Hz"
+    ]
+    assert hertz == "41.000"  # of a mode whose error is not known the five digits of the terminal
     table = tabulate_modes(Campaign(modes, (), (), "g"))
     assert not table.isna().any(axis=None)
     assert list(table["damping ratio at the last design level, %"]) == [

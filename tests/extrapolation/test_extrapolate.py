@@ -91,7 +91,7 @@ def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, damping, few_la
     for name in ("median", "low", "high", "linear", "linear_overprediction_percent"):
         assert far[name] is None
     assert all(m["median"] is None and m["low"] is None and m["high"] is None for m in far["by_model"])
-    assert "no prediction beyond the force 6: fewer than 3 levels" in far["cautions"][0]
+    assert "no prediction beyond the force 6 lb: fewer than 3 levels" in far["cautions"][0]
     np.testing.assert_allclose(far["extrapolation_ratio"], 2.0, rtol=1e-12)
     np.testing.assert_allclose(form["limit"], 6.0, rtol=1e-12)
     for row in form["sensitivity"]:  # other priors allow no more than the answer does

@@ -31,7 +31,7 @@ from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
 from damping.ranking import prior_masses
 from damping.ranking.verdict import UNLIKELY, exceed_probability, fit_probability, is_excluded
-from damping.records.mode import Mode, Tolerance
+from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
 from damping_validation.truths import draw_truth, peaks
 
@@ -258,6 +258,7 @@ def test_two_levels_allow_half_as_much_again_and_no_more():
     assert all(np.isnan(part[1]) for part in loads.parts.values())
     assert loads.cautions[1][0].startswith("no prediction beyond the force 3: fewer than 3 levels")
     assert loads.limit == plan.limit
+    assert replace(plan, units=Units(force="N")).described_limit == "force 3 N"
 
 
 def onset(peaks, top):

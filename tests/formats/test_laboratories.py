@@ -39,6 +39,19 @@ def stacked(truth, **columns):
     return pd.concat(parts, ignore_index=True)
 
 
+def test_rows_in_no_order_are_sorted_by_their_force(truth, tmp_path, imported):
+    """The sweeps of the shuffled table are those of the table in order; forces are held to a per cent."""
+    rng, path = np.random.default_rng(1), tmp_path / "a.csv"
+    held = {"frequency": lambda F: truth.f, "force": lambda F: F * (1.0 + 0.01 * np.cos(np.arange(len(truth.f))))}
+    rows = stacked(truth, **held, displacement=lambda F: np.abs(truth.H) * F)
+    rows.iloc[rng.permutation(len(rows))].to_csv(path, index=False)
+    read = imported(path, units={"response": "m", "force": "N"}, scaling="peak").record.frame
+    assert read["sweep"].nunique() == len(FORCES)
+    for _, sweep in read.groupby("sweep"):
+        np.testing.assert_allclose(np.sort(sweep["frequency"]), truth.f, rtol=CLOSE)
+        assert np.ptp(np.log(sweep["force"])) < 0.03
+
+
 def test_structures_and_cells(truth, tmp_path, imported):
     run = np.zeros((1, 3), dtype=[("freq", "O"), ("force", "O"), ("disp", "O")])
     cells = np.empty((3, 3), dtype=object)

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import gamma
 
 from damping.effects import CATALOGUE, FOREIGN, with_effects
 from damping.effects.contact import Contact, Rub
@@ -170,6 +171,13 @@ def test_many_joints_are_the_sum_of_each(kappa, bounded):
     for own, of_each in zip(force.averages(0.3 * A, OMEGA), expected, strict=True):
         # eight points, of an integrand with a root where the largest limits begin to slip, and a logarithm beyond
         np.testing.assert_allclose(own, of_each, rtol=2e-3, atol=1e-3 * np.max(np.abs(of_each)))
+
+
+def test_joints_far_beyond_their_limits_all_slip():
+    """C tends to 4/pi of the sum of the slip forces, whose mean limit is limit Gamma(1 + 1/kappa)."""
+    force = joint_force({"stiffness": 65.0, "limit": 0.3, "kappa": 60.0})
+    # eight points in the place of an integral
+    assert force.quadrature(1e12, OMEGA) == pytest.approx(4.0 / np.pi * 65.0 * 0.3 * gamma(1.0 + 1.0 / 60.0), rel=2e-3)
 
 
 def test_many_joints_change_with_amplitude_as_they_say():

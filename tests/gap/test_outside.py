@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from damping.arrays import RAD_S_PER_HZ
+from damping.effects import CATALOGUE
 from damping.effects.contact import LooseDashpot
 from damping.effects.contract import Drive, Terms
 from damping.effects.foreign import DisplacementPower
@@ -16,7 +21,11 @@ from damping.gap.diagnose import diagnose, explain
 from damping.gap.next_test import _predict_runs
 from damping.gap.rows import read_rows
 from damping.gap.unknowns import stated_noise
+from damping.records.mode import Rig
 from damping.records.record import Record
+from damping_validation.generator.refit import applied
+from damping_validation.generator.steady import true_record
+from tests.gap.limited import limited
 
 #: One group: what was integrated is shared with other files.
 pytestmark = pytest.mark.usefixtures("no_folds")
@@ -261,3 +270,51 @@ def test_a_force_cell_that_is_not_linear_is_told(lab):
     assert found.in_library < 0.5
     sentence = "a force that is read wrong in proportion to a power of itself explains"
     assert any(sentence in caution for caution in found.cautions)
+
+
+@pytest.mark.parametrize(("true", "stated"), [(0.0, 0.5), (0.5, -0.5), (0.5, 3.0), (0.5, 0.0)])
+def test_a_sweep_rate_that_is_not_as_stated_is_told_with_what_it_was(lab, true, stated):
+    """Rates in squared half-bandwidths, the motion by the generator's equations; lesser causes were blamed, or flagged.
+
+    The rate comes out within a tenth: noise of a hundredth leaves some per cent.
+    """
+    unit = (lab.xi * lab.omega) ** 2
+    bench = lab.bench(levels=2, points=40)
+    rows = replace(bench.rows, rate=np.full(len(bench.rows.omega), true * unit))
+    cells = lab.cells(*true_record(*applied((), replace(bench, rows=rows))))
+    mode = lab.mode(rig=Rig(rate=stated * unit / RAD_S_PER_HZ))
+    library = {name: CATALOGUE[name] for name in ("sweep-rate", "planar-coupling")}
+    found = limited(library, explain, lab.record(rows, cells, 3), mode)
+    told = [caution for caution in found.cautions if "stated" in caution and "explains the record better" in caution]
+    assert len(told) == 1
+    assert found.in_library < 0.5
+    if true:
+        rate = float(re.search(r"a sweep rate of (\S+) Hz/s in sweep A, in place of the stated one", told[0])[1])
+        np.testing.assert_allclose(rate * RAD_S_PER_HZ, true * unit, rtol=0.1)
+    else:
+        assert "a test that dwelt, against the stated sweep rate, explains" in told[0]
+
+
+@pytest.mark.parametrize("same", [False, True])
+@pytest.mark.parametrize("factor", [1.2, 1.0 / 1.2])
+def test_the_mass_of_one_state_that_is_not_as_stated_is_told(lab, factor, same):
+    """The second of three states weighs a fifth more or less than stated, of one stiffness or of its own."""
+    given = []
+    for number, (mass, ratio) in enumerate(((1.0, 1.0), (1.3, 0.9), (1.7, 0.8))):
+        ratio = mass**-0.5 if same else ratio
+        stated = lab.mass * mass * (factor if number == 1 else 1.0)
+        actual, omega = lab.mass * mass, lab.omega * ratio
+        rows = lab.bench(levels=2, points=20).rows
+        rows = replace(rows, omega=rows.omega * ratio)
+        Z = actual * (omega**2 - rows.omega**2) + 1j * lab.viscous * rows.omega
+        hertz = (np.sqrt(lab.mass / stated) * lab.omega if same else omega) / RAD_S_PER_HZ
+        measured = lab.record(rows, lab.cells(rows.force / np.abs(Z), np.angle(Z)), number)
+        given.append((measured, replace(lab.mode(), frequency=hertz, mass=stated)))
+    library = {name: CATALOGUE[name] for name in ("amplitude-scale", "natural-frequency", "level-offset")}
+    (record, mode), *states = given
+    found = limited(library, explain, record, mode, states)
+    told = [caution for caution in found.cautions if "explains the record better" in caution]
+    sizes = [re.search(r"\(mass ([-+.\d]+), state 2\)", caution) for caution in told]
+    assert len(told) == 1
+    assert sizes[0], told
+    np.testing.assert_allclose(1.0 + float(sizes[0][1]), 1.0 / factor, rtol=0.02)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import damping as dp
+from damping.arrays import RAD_S_PER_HZ
+from damping.effects import CATALOGUE
+from damping.gap.diagnose import explain
 from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulator
+from tests.gap.limited import limited
 
 MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
 STIFFNESS = MASS * (2.0 * np.pi * FREQUENCY) ** 2
@@ -124,6 +130,41 @@ def test_a_frequency_in_another_unit_is_told(record, mode, columns, taken, said)
     told = check_sense(Simulator.read(function, mode), named)
     assert [f"the simulation resembles the test {said} the frequencies" in text for text in told] == [True] * bool(said)
     assert check_sense(Simulator.read(of_the_band, mode), named) == ()
+
+
+@pytest.mark.parametrize(("factor", "said"), [(RAD_S_PER_HZ**-2.0, "1/(2 pi)"), (RAD_S_PER_HZ**2.0, "2 pi")])
+def test_a_stiffness_made_with_hz_is_told(record, mode, factor, said):
+    """m f^2 in the place of m (2 pi f)^2, or (2 pi)^2 times as much: far from the test at any frequency."""
+
+    def function(force, frequency):
+        return simulate(force, frequency, stiffness=factor * STIFFNESS)
+
+    (told,) = check_sense(Simulator.read(function, mode), record)
+    assert f"resembles the test at {said} times the frequencies, with" in told
+    assert "a mistake of rad/s for Hz in its stiffness?" in told
+
+
+@pytest.mark.parametrize("factor", [1.5, 0.85])
+@pytest.mark.parametrize("wrong", ["mass", "stiffness"])
+def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, factor):
+    """Without friction, one value off by 16 to 40 tolerances: right within a tolerance of the other."""
+    rng, frequency = np.random.default_rng(5), FREQUENCY * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 41))
+    n, noise = 41, 0.005
+    table = {"sweep": "A", "force": 1.0, "frequency": frequency}
+    table["amplitude"] = (1.0 + noise * rng.normal(size=n)) / np.abs(impedance(frequency))
+    table["phase"] = np.angle(impedance(frequency)) + noise * rng.normal(size=n)
+    given = {"mass": MASS, "stiffness": STIFFNESS}
+    given[wrong] *= factor
+
+    def function(force, frequency, *, mass=(given["mass"], 0.01), stiffness=(given["stiffness"], 0.01)):
+        Z = stiffness * (1.0 + 1j * LOSS) - mass * (2.0 * np.pi * frequency) ** 2
+        return force / np.abs(Z), np.angle(Z)
+
+    library = {name: CATALOGUE[name] for name in ("amplitude-scale", "natural-frequency", "phase-lag")}
+    found = limited(library, explain, dp.Record(pd.DataFrame(table)), mode, simulate=function)
+    told = [re.search(rf"a {wrong} of (\S+) .* in the simulator explains", caution) for caution in found.cautions]
+    values = [float(match[1]) for match in told if match]
+    np.testing.assert_allclose(values, [given[wrong] / factor], rtol=0.01)
 
 
 def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):

@@ -245,6 +245,7 @@ def test_the_page_of_a_record_says_damping_and_what_its_numbers_are(alone):
     assert format_percent_ratio(row["damping_ratio_low"]) in text
     assert f"({format_length_band(row['low'], row['high'], row['units_length'])}, 90 % predictive band)" in text
     assert "A coefficient is a posterior median." in text
+    assert "with the 90 % predictive interval" in html.unescape((alone / "fleet.html").read_text())
 
 
 def test_rows_say_how_they_came_about(alone):

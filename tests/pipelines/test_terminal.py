@@ -156,6 +156,27 @@ def test_the_other_way_round(damping, saturn_data, tmp_path):
     assert "svg or .png" in damping("rank", record, "--mode", mode, "--plot", tmp_path / "a.gif").err
 
 
+@pytest.mark.usefixtures("few_laws")
+def test_a_picture_that_cannot_be_drawn_changes_nothing(damping, saturn_data, tmp_path, monkeypatch):
+    """A failed run leaves earlier results as they were, and says so in one line; no half of the answer gets out."""
+    record, mode = saturn_data / "records" / "config-2-mode-1.csv", saturn_data / "modes" / "config-2-mode-1.toml"
+    form, picture = tmp_path / "rank.json", tmp_path / "rank.svg"
+    form.write_text("earlier")
+
+    def fail(self):
+        raise ValueError("no canvas")
+
+    monkeypatch.setattr("damping.answers.RankingResult.plot", fail)
+    for target in (form, "-"):
+        run = damping("rank", record, "--mode", mode, "--json", target, "--plot", picture)
+        assert run.code == 1
+        assert run.out == ""
+        assert "ValueError: no canvas" in run.err
+        assert "Traceback" not in run.err
+    assert form.read_text() == "earlier"
+    assert not picture.exists()
+
+
 @pytest.mark.parametrize("command", sorted(c.name or c.callback.__name__ for c in app.registered_commands))
 def test_every_help_ends_with_an_example(command, damping):
     said = " ".join(damping(command, "--help").out.split())

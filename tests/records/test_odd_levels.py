@@ -51,6 +51,16 @@ def test_a_frequency_that_jumps_and_returns_is_named(frequency, verdict):
     assert f"frequency {frequency[np.argmax(off)]:g} at row {np.argmax(off) + 1} " in found.what
 
 
+@pytest.mark.parametrize("lowest", [True, False])
+def test_a_low_reading_at_the_lowest_force_may_be_held_by_friction(lowest):
+    """Below its breakaway force friction holds a structure, which then moves only as its joints deform."""
+    force = 4.0 * 1.6 ** np.arange(5)
+    amplitude = np.where(np.arange(5) == (0 if lowest else 2), 1e-6, 1e-4) * force
+    found = tell(force, np.full(5, 25.0), amplitude)
+    assert found is not None
+    assert ("friction holds" in found.advice) == lowest
+
+
 def test_a_level_run_twice_tells_of_a_wrong_frequency():
     force = [4.0, 8.0, 8.0, 16.0]
     found = tell(force, [25.0, 25.0, 25.4, 25.0], [2.5e-4, 5e-4, 5.01e-4, 1e-3])

@@ -320,6 +320,26 @@ def test_without_phases_the_largest_amplitude_is_taken_for_the_resonance():
     assert resonance(record(1.5, frequency, A), "A").method == "peak"
 
 
+@pytest.mark.parametrize("rows", [(0.82, -0.9, -0.3), (0.7, -0.88, -0.35)])
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_coarse_sweeps_without_phases_are_read_between_their_rows(power, rows):
+    """C of a power of amplitude: both sides of a resonance are known in closed form, whose nearest row reads 90 %."""
+    tables, peaks, shares = [], [1e-3, 2e-3, 4e-3], np.append(rows, 0.3)
+    for label, peak in zip("ABC", peaks, strict=True):
+        A, loss = np.abs(shares) * peak, C * OMEGA_N * np.abs(shares * peak / 2e-3) ** (power - 1.0)
+        F = C * OMEGA_N * (peak / 2e-3) ** (power - 1.0) * peak
+        square = OMEGA_N**2 + np.sign(shares) * np.sqrt((F / A) ** 2 - loss**2) / M
+        tables.append(record(F, np.sqrt(square) / (2 * pi), A, sweep=label).frame)
+    coarse = Record(pd.concat(tables, ignore_index=True), "made")
+    found = tabulate_resonances(coarse)
+    # exact for a power of amplitude once the turns for A_r and for the power have settled
+    np.testing.assert_allclose(found["amplitude"], peaks, rtol=0.01)
+    np.testing.assert_allclose(found["frequency"], OMEGA_N / (2 * pi), rtol=1e-3)
+    said = [f for f in audit(coarse).findings if f.check == "edge-of-sweep"]
+    assert [f.verdict for f in said] == ["caution"]
+    assert "above the largest reading" in said[0].what
+
+
 def test_one_row_a_sweep_is_at_resonance():
     table = pd.DataFrame({"sweep": ["b", "a"], "force": [1.0, 2.0], "frequency": [3.0, 4.0], "amplitude": [5.0, 6.0]})
     rows = tabulate_resonances(Record(table, "made"))

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from damping.report import format_between, format_signed, number
+from damping.report import format_between, format_share, format_signed, number
 from damping.report.study import Rendered, render
 
 ROOT = Path(__file__).parents[2]
@@ -125,7 +126,7 @@ def value(text: str) -> float:
     [
         (["10", "9", "–", "−3.5"], ["−3.5", "9", "10", "–"]),
         (["1.2×10⁶", "3.0×10⁻⁵", "2"], ["3.0×10⁻⁵", "2", "1.2×10⁶"]),
-        (["0.001", "< 0.001", "0.25"], ["< 0.001", "0.001", "0.25"]),
+        (["0.001", format_share(1e-9), "0.25"], [format_share(1e-9), "0.001", "0.25"]),
         (["+67 %", "−4 %", "+5 %"], ["−4 %", "+5 %", "+67 %"]),
         (["2.5 (2.1 to 3.0)", "0.9 (0.5 to 1.3)"], ["0.9 (0.5 to 1.3)", "2.5 (2.1 to 3.0)"]),
         (["4.3.13", "4.3.2", "Table 2.II"], ["4.3.2", "4.3.13", "Table 2.II"]),
@@ -141,6 +142,24 @@ def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered
+
+
+def test_every_sheet_of_a_long_table_has_its_headings(opened, tmp_path):
+    """Counted in the PDF by the colour of a heading, which nothing else has."""
+    import pandas as pd
+
+    from damping.report.page import Footer, Section, Table, render_page
+
+    path, table = tmp_path / "page.html", Table(pd.DataFrame({"a": range(200)}), "c")
+    path.write_text(render_page("t", [Section("s", "S", [table])], Footer(1, {}, {})))
+    with opened(path) as one:
+        one.page.locator("th").evaluate("head => { head.style.color = '#0f0'; }")
+        printed = one.page.pdf(format="A4")
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", printed, re.DOTALL)
+    drawn = [zlib.decompress(stream) for stream in streams if stream[:1] == b"x"]  # deflated
+    (sheets,) = re.findall(rb"/Type /Pages\s+/Count (\d+)", printed)
+    assert int(sheets) >= 4
+    assert sum(b"0 1 0 rg" in text for text in drawn) == int(sheets)
 
 
 def test_figures_say_their_values(opened, html, rendered):
@@ -221,6 +240,11 @@ def test_on_paper_there_is_what_paper_can_hold(opened, html):
         right = "getBoundingClientRect().right"
         cut = f"all => all.filter(one => one.{right} > one.closest('figure').{right} + 1)"
         assert one.page.locator("figure svg:visible").evaluate_all(f"{cut}.length") == 0  # no figure runs into the next
+        small = one.page.locator("td", has_text=format_share(1e-9))
+        assert small.count() > 0
+        lines = """cells => cells.map((cell) => { const range = document.createRange(); range.selectNodeContents(cell);
+            return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size; })"""
+        assert set(small.evaluate_all(lines)) <= {0, 1}  # 0: folded away; "<" never stands on a line of its own
         assert one.page.pdf(format="A4").startswith(b"%PDF")
 
 

@@ -15,13 +15,20 @@ from damping.report import number
 from damping.report.page import Block, FigureBlock, Fold, List, Table, Text
 from damping.report.results import StudyResult
 from damping.report.study import Rendered, render
-from damping_reed1970 import ReportPart, chapter_of, describe_agreement_text, load_text
+from damping_reed1970 import (
+    ReportPart,
+    chapter_of,
+    describe_agreement_text,
+    describe_columns,
+    describe_in_symbols,
+    load_text,
+)
 from damping_reed1970.chapter_2.page import AMPLITUDES, tabulate_energies_at, tabulate_lumped_masses
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.chapter_4.page import tabulate_spreads
 from damping_reed1970.chapter_5.page import tabulate_regression_rows
 from damping_reed1970.exhibit import exhibit, report_parts
-from damping_reed1970.reproduction import count_agreements, describe_in_symbols, evidence
+from damping_reed1970.reproduction import count_agreements, evidence
 from damping_reed1970.studies import Gaps, ReportResults, Studies
 
 FIGURES = {"2.4", "2.5", "3.2", "3.3", "3.5", "3.6", "3.9", "3.10", *(f"4.{n}" for n in range(1, 11)), "5.1"}
@@ -238,6 +245,12 @@ def test_errata_come_with_their_proof_and_their_numbers(parts: list[ReportPart],
 )
 def test_proofs_in_symbols(plain: str, expected: str) -> None:
     assert describe_in_symbols(plain) == expected
+
+
+def test_columns_have_symbols_and_units() -> None:
+    names = ["rms_error_in_lb", "omega_rad_s", "A_printed_in", "printed_in_interval", "noise_percent", "ξ_1, in"]
+    said = ["rms error, in-lb", "ω, rad/s", "A printed, in", "printed in interval", "noise, per cent", "ξ_1, in"]
+    assert list(describe_columns(pd.DataFrame(columns=names)).values()) == said
 
 
 def test_gaps_name_the_second_plane_and_the_missing_damping(results: ReportResults, parts: list[ReportPart]) -> None:

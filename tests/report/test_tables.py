@@ -291,8 +291,9 @@ def test_numbers_as_people_write_them() -> None:
         "–",
         "0.100",
     ]
-    assert [format_share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", "< 0.001", "0"]
-    assert [format_percent(x) for x in (67.6, -9.96, 1.234, 1e-9, float("inf"))] == ["68", "−10", "1.2", "< 0.01", "–"]
+    small, smaller = "<\N{NO-BREAK SPACE}0.01", "<\N{NO-BREAK SPACE}0.001"
+    assert [format_share(x) for x in (1.0, 0.23, 0.0049, 1e-9, 0.0)] == ["1.00", "0.23", "0.005", smaller, "0"]
+    assert [format_percent(x) for x in (67.6, -9.96, 1.234, 1e-9, float("inf"))] == ["68", "−10", "1.2", small, "–"]
     assert [format_signed(x) for x in (67.6, -3.2, 0.0)] == ["+68 %", "−3.2 %", "0 %"]
     assert format_between(2.587, 3.2557, "in") == "2.59 to 3.26 in"
     assert format_joined(["a", "b", "c"]) == "a, b and c"

@@ -195,7 +195,7 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
     table = kept.read((*COLUMNS, "model_sha256"))
     multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
     asked = "the largest design force" if settings.forces else multiple
-    page = describe_fleet_page(table, settings.method, asked, settings.seed, settings.versions)
+    page = describe_fleet_page(table, settings, asked)
     stems = [f"reports/{Path(report).stem}" for report in table["report"]]
     pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
     parts = [path.relative_to(out).as_posix() for path in kept.files()]

@@ -56,12 +56,11 @@ SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 class FleetRecord:
     """The results of a record; a stage that was not requested or failed is None, and ``reasons`` give the failures.
 
-    ``diagnosed``: whether there is a simulation to diagnose. ``bands``: over a grid of forces, None with ``--fast``.
+    ``bands``: over a grid of forces, None with ``--fast``.
     """
 
     task: FleetTask
     prepared: PreparedRecord
-    diagnosed: bool
     ranking: RankingResult | None = None
     loads: LoadsResult | None = None
     bands: Loads | None = None
@@ -170,7 +169,7 @@ def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> Fle
         tested, predicted = prepared.data.tested_force, loads.extrapolation
         ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
         bands = predicted.predict_at(np.linspace(*ends, _GRID))
-    return FleetRecord(task, prepared, diagnosed, ranking, loads, bands, diagnosis, tuple(reasons))
+    return FleetRecord(task, prepared, ranking, loads, bands, diagnosis, tuple(reasons))
 
 
 def _rank(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> RankingResult:

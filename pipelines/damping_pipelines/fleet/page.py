@@ -1,7 +1,6 @@
 """The page of a fleet: leading laws, overprediction of linear damping, outliers, failures, and all records."""
 
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from damping.arrays import FloatArray
 from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, law_style, styled, to_svg
 from damping.report import count, format_joined, format_percent, format_share, format_signed, number
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
+from damping_pipelines.fleet.dataset import FleetSettings
 
 #: Laws that lead in as many records are named up to this many.
 MOST_TIED = 3
@@ -84,10 +84,10 @@ OUTLYING = 3.5
 _OVER = "linear_overprediction_percent"
 
 
-def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int, versions: Mapping[str, str]) -> str:
+def describe_fleet_page(table: pd.DataFrame, settings: FleetSettings, asked: str) -> str:
     """The page as HTML of ``COLUMNS`` by record; equal arguments give equal text.
 
-    ``method``: of the posteriors. ``asked``: the force of the loads.
+    ``settings``: of the run. ``asked``: the force of the loads.
     """
     good = table[table["status"] != "failed"]
     over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
@@ -107,7 +107,8 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
     values = {
         "asked": asked,
         "copies": list_copies(table),
-        "method": method,
+        "method": settings.method,
+        "level": f"{100 * settings.level:g}",
         "refused": len(good) - len(predicted),
         "quartiles": quartiles,
         "outlying": OUTLYING,
@@ -122,7 +123,9 @@ def describe_fleet_page(table: pd.DataFrame, method: str, asked: str, seed: int,
         for name, part in parts.items()
     }
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, shown)
-    return render_page(f"Fleet of {count(len(table), 'record')}", sections, Footer(seed, versions, {}))
+    return render_page(
+        f"Fleet of {count(len(table), 'record')}", sections, Footer(settings.seed, settings.versions, {})
+    )
 
 
 def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:

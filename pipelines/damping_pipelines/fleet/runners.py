@@ -1,7 +1,5 @@
 """Tasks on Dask, with a bounded number in progress."""
 
-from __future__ import annotations
-
 import itertools
 import logging
 import time

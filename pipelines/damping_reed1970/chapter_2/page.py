@@ -47,17 +47,17 @@ def draw_hysteresis_loops(loops: Mapping[str, Loop]) -> Figure:
 @styled
 def draw_slip_equivalent(equivalent: SlipEquivalent) -> Figure:
     """Draw the loops of slip and of its equivalents, and the errors against amplitude (in units of A1, stuck K = 1)."""
-    figure, (left, right) = build_panels(5.8, 2)
+    figure, (upper, lower) = build_panels(5.8, 2)
     slip_colour, square_colour = law_style("slip").colour, law_style("velocity-squared").colour
     slip, printed, corrected = equivalent.slip, equivalent.printed, equivalent.corrected
-    left.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
-    left.plot(slip.q, slip.force, color=slip_colour, label="slip joint (exact)")
-    left.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
-    left.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
-    left.set(xlabel="displacement / A₁", ylabel="force / K A₁", ylim=(-2.9, 2.1))
-    left.set_title(f"Loops at A = {REFERENCE:g} A₁")
-    left.legend(loc="lower right", fontsize=7)
-    _draw_errors(right, equivalent.error)
+    upper.fill(slip.q, slip.force, color=slip_colour, alpha=0.2, linewidth=0)
+    upper.plot(slip.q, slip.force, color=slip_colour, label="slip joint (exact)")
+    upper.plot(corrected.q, corrected.force, color=square_colour, label="C₃q̇² of equal energy")
+    upper.plot(printed.q, printed.force, color=LINEAR, linestyle=(0, (4, 2)), label="C₃ by (2.4.4) as printed")
+    upper.set(xlabel="displacement / A₁", ylabel="force / K A₁", ylim=(-2.9, 2.1))
+    upper.set_title(f"Loops at A = {REFERENCE:g} A₁")
+    upper.legend(loc="lower right", fontsize=7)
+    _draw_errors(lower, equivalent.error)
     return figure
 
 

@@ -55,15 +55,18 @@ def _receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> Complex
 
 #: Second mode of Configuration I (Eq. 3.2.16): phi_t2, M_2, omega_2p, omega_2y, theta.
 PLANES = signals.PrincipalPlanes(phi=0.041, mass=21.0, omega_p=11.40, omega_y=11.50, theta=radians(28.0))
+#: The fit with the report's angle and mass, and the one with everything free.
+REPORT = "theta = 28, M = 21"
+MOST = "free + in phase + lag"
 #: What is held, and what is added to the planes, in each fit; in the order of the tables.
 VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
     "free": ({}, ()),
     "theta = 28": ({"theta": PLANES.theta}, ()),
-    "theta = 28, M = 21": ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
+    REPORT: ({"theta": PLANES.theta, "M": PLANES.mass}, ()),
     "one plane": ({"theta": 0.0, "omega_y": PLANES.omega_y}, ()),
     "free + in phase": ({}, ("R",)),
     "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
-    "free + in phase + lag": ({}, ("R", "lag")),
+    MOST: ({}, ("R", "lag")),
 }
 #: A damping factor above this is none of a structure (erratum E3IV-1).
 LARGEST_XI = 0.05

@@ -15,7 +15,7 @@ from damping.plots import ALERT, AVERAGE, CREDIBLE, INK, LINEAR, MEASURED, MUTED
 from damping.plots.fits import corner
 from damping.signals import plane_motion
 from damping_reed1970 import LABELS
-from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, pitch_response
+from damping_reed1970.chapter_3 import LARGEST_XI, MOST, PLANES, REPORT, pitch_response
 from damping_reed1970.chapter_3.planar_fit import Fits, phasors
 from damping_reed1970.chapter_3.planar_posterior import Curve, PlanarBand
 
@@ -133,27 +133,27 @@ def draw_principal_amplitudes(measured: pd.DataFrame, corrected: pd.DataFrame, c
 @styled
 def draw_conditioning_effect(effect: pd.DataFrame, removed: pd.DataFrame) -> Figure:
     """Draw what each step of the conditioning removed: motion in phase with the force."""
-    figure, (left, right, amplitude, phase) = build_panels(7.6, 4, sharex=True)
+    figure, (total, removals, amplitude, phase) = build_panels(7.6, 4, sharex=True)
     first = effect[effect["step"] == effect["step"].iloc[0]]
     for step, rows in effect.groupby("step", sort=False):
         colour, line = _STEPS.get(str(step), (INK, "-"))
         style = {"color": colour, "linestyle": line, "marker": "o", "markersize": 3.0, "label": f"after {step}"}
-        left.plot(rows["omega"], rows["amplitude"], **style)
+        total.plot(rows["omega"], rows["amplitude"], **style)
         change = 100.0 * (rows["amplitude"].to_numpy() / first["amplitude"].to_numpy() - 1.0)
         amplitude.plot(rows["omega"], change, **style)
         phase.plot(rows["omega"], rows["phase"].to_numpy() - first["phase"].to_numpy(), **style)
-    _draw_parts(right, removed)
+    _draw_parts(removals, removed)
     titles = (
         "Amplitude (in)",
         "Removed, in phase with the force (in)",
         "Change of amplitude (%)",
         "Change of phase (rad)",
     )
-    for axes, title in zip((left, right, amplitude, phase), titles, strict=True):
+    for axes, title in zip((total, removals, amplitude, phase), titles, strict=True):
         axes.set_title(title, fontsize=8.5)
     phase.set_xlabel(OMEGA)
-    left.set_ylim(bottom=0.0)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    total.set_ylim(bottom=0.0)
+    figure.legend(*total.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -221,7 +221,7 @@ def draw_damping_roots(branches: pd.DataFrame, fitted: Sequence[float]) -> Figur
     largest = LARGEST_XI
     figure, axes = build_panel(3.9, OMEGA, "damping factor ξ")
     low, median, high = fitted
-    axes.axhspan(low, high, color=CREDIBLE, linewidth=0, label="planar oscillator, one ξ for all points")
+    axes.axhspan(low, high, color=CREDIBLE, linewidth=0, label="planar oscillator, one ξ: 90 % credible")
     axes.axhline(median, color=AVERAGE, linewidth=1.0)
     omega = branches["omega"]
     axes.vlines(omega, branches["xi_low"], branches["xi_high"].clip(upper=largest), color=MUTED, linewidth=0.7)
@@ -268,7 +268,7 @@ def tabulate_fitted_curves(fits: Fits) -> pd.DataFrame:
     for suffix, planes, xi in (("", free.planes, free.xi), ("_report", PLANES, MEAN_XI)):
         motion = plane_motion(planes, F / PLANES.phi, omega, xi)
         curves |= {f"pitch{suffix}": motion.A_p, f"yaw{suffix}": motion.A_y, f"energy{suffix}": motion.E_p + motion.E_y}
-    for suffix, variant in (("_held", "theta = 28, M = 21"), ("_more", "free + in phase + lag")):
+    for suffix, variant in (("_held", REPORT), ("_more", MOST)):
         response = pitch_response(fits["A2", "constant", variant].model, F, omega)
         curves |= {f"amplitude{suffix}": np.abs(response), f"phase{suffix}": -np.angle(response)}
     return pd.DataFrame(curves)

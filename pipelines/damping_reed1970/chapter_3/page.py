@@ -14,7 +14,7 @@ from damping.records.runs import find_prominent
 from damping.report import NOTHING
 from damping_reed1970 import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_3 import PLANES, figures
-from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, PlanarBand, prior_draws
+from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, TAILS, PlanarBand, prior_draws
 from damping_reed1970.chapter_3.study import Chapter3
 from damping_reed1970.studies import ReportResults
 
@@ -99,7 +99,7 @@ def collect_figures(computed: Chapter3) -> dict[str, Callable[[], Figure]]:
     measured, corrected, curves = computed.measured, computed.corrected, computed.curves
     tail, mode, branches = computed.bands["tail"], computed.bands["A2"], computed.tables["branches"]
     main = computed.posteriors[SAMPLED[0]]
-    xi = np.quantile(main.parameters["xi"], [0.05, 0.5, 0.95]).tolist()
+    xi = np.quantile(main.parameters["xi"], TAILS).tolist()
     return {
         "tail-displacement": lambda: figures.draw_tail_displacement(measured, tail),
         "tail-phase-sine": lambda: figures.draw_tail_phase_sine(measured, tail),

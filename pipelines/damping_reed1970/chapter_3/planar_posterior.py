@@ -24,7 +24,7 @@ from damping.arrays import FloatArray, wrap_lag
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import Evidence, importance
 from damping.infer.likelihood import REACH, log_prior
-from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import PLANES, REPORT, VARIANTS, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, phasors
 
 #: Log standard deviation of M: a factor of 2.3 either way in 90 %.
@@ -178,7 +178,7 @@ def planar_posterior(prior: PlanarPrior, seed: int, settings: Settings | None = 
 
 #: Data and variant of the posteriors that are sampled, and of those known by importance sampling.
 SAMPLED = (("A2", "free"), ("tail", "free + in phase"))
-WEIGHTED = tuple(("A2", fit) for fit in ("theta = 28", "theta = 28, M = 21", "one plane", "free + in phase"))
+WEIGHTED = tuple(("A2", fit) for fit in ("theta = 28", REPORT, "one plane", "free + in phase"))
 #: Content of every interval and band.
 LEVEL = 0.9
 TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))

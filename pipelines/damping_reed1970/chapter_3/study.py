@@ -16,16 +16,13 @@ from damping.signals import input_energy, plane_motion, viscous_energy
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
 from damping_reed1970 import chapter_3, columns, data_folder, load_table
-from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, planar_posterior, yaw_response
+from damping_reed1970.chapter_3 import MOST, PLANES, REPORT, VARIANTS, PlanarOscillator, planar_posterior, yaw_response
 from damping_reed1970.chapter_3.figures import tabulate_fitted_curves
 from damping_reed1970.chapter_3.planar_fit import Fits, Phasors, comparison, fit_table, phasors, planar_fits
 from damping_reed1970.chapter_3.planar_posterior import LEVEL, SAMPLED, TAILS, PlanarBand, PlanarPosterior, Posteriors
 
 #: Where the report's second frequency (Eq. 3.1.37) may lie when it is read off a plot to .01 or two: asked of omega_y.
 SECOND_PLANE = (11.48, 11.51)
-#: The fit with the report's angle and mass, and the one with everything free.
-REPORT = "theta = 28, M = 21"
-MOST = "free + in phase + lag"
 
 
 @dataclass(frozen=True)

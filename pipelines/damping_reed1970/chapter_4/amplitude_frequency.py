@@ -180,8 +180,8 @@ _PRINTED: Any = {"color": ALERT, "markersize": 5, "zorder": 4}
 
 @styled
 def draw_response_explained(result: AmplitudeFrequency) -> Figure:
-    """Draw the first case damped and undamped with the backbone, delta and epsilon (Fig. 4.3)."""
-    figure, axes = build_panel(3.3, "frequency ratio squared η²", "amplitude")
+    """Draw the first case damped and undamped with the backbone, delta and epsilon (Fig. 4.3); A_m is 1."""
+    figure, axes = build_panel(3.3, "frequency ratio squared η²", "amplitude / resonant amplitude")
     curve, top = result.curves[0], 1.6 * result.A_m
     _draw_undamped(axes, result)
     axes.plot(*_join_sides(curve, result.amplitude, result.amplitude), color=INK, label="damped")
@@ -233,16 +233,16 @@ def draw_phase_curves(result: AmplitudeFrequency) -> Figure:
 @styled
 def draw_differences(result: AmplitudeFrequency) -> Figure:
     """Draw delta and epsilon against amplitude, with the printed delta of case I (Figs. 4.7, 4.8)."""
-    figure, (left, right) = build_panels(5.4, 2, sharex=True)
+    figure, (upper, lower) = build_panels(5.4, 2, sharex=True)
     for curve in result.curves:
-        _draw_line(left, curve.name, result.amplitude, 1e3 * curve.delta)
-        _draw_line(right, curve.name, result.amplitude, curve.epsilon)
-    left.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
-    left.plot(CURVES["A"], 1e3 * CURVES["delta"], "s", **_PRINTED, label="printed, case I")
-    left.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
-    left.legend(loc="upper left", fontsize=7)
-    right.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0), title="Vertical difference")
-    right.set(ylabel="ε (in)", xlabel="modal amplitude (in)")
+        _draw_line(upper, curve.name, result.amplitude, 1e3 * curve.delta)
+        _draw_line(lower, curve.name, result.amplitude, curve.epsilon)
+    upper.plot(result.amplitude, 1e3 * (1.0 - result.undamped[0]), color=MUTED, linewidth=0.8, label="undamped curve")
+    upper.plot(CURVES["A"], 1e3 * CURVES["delta"], "s", **_PRINTED, label="printed, case I")
+    upper.set(ylim=(0.0, 4.0), title="Horizontal difference", ylabel="δ in η² (10⁻³)")
+    upper.legend(loc="upper left", fontsize=7)
+    lower.set(xlim=(0.0, 1.03 * result.A_m), ylim=(0.0, 1.0), title="Vertical difference")
+    lower.set(ylabel="ε (in)", xlabel="modal amplitude (in)")
     return figure
 
 

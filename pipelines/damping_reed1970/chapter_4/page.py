@@ -23,7 +23,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     studies, every, named = results.studies, results.studies.tables(4), results.tables
     lines, variations, predictions = named["linear_coefficients"], every["level_variations"], every["level_predictions"]
     bases, pairs = "base " + variations["base"], predictions["base"] + " → " + predictions["sweep"]
-    symbols = {"parameter": "", "force_coefficient": "its coefficient", "printed_force": "printed"}
+    symbols = {"force_coefficient": "its coefficient", "printed_force": "printed"}
     columns = ["mode", "cases", "parameter", "coefficient", "std_error", "low", "high", "printed", "force"]
     corrected = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
     parameter = corrected["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁")

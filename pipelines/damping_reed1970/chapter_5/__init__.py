@@ -112,7 +112,8 @@ E_4 = FITS["E4"]
 def generate_check_out() -> Points:
     """A and omega of the corrected Table 5.II with the energy pi/2 A^2 omega + 16/15 A^3 omega to three decimals.
 
-    The printed generator 1.571, 1.067 rounds pi/2 and 16/15; fitted, this gives the printed 1.571 and 1.066.
+    The printed generator 1.571, 1.067 rounds pi/2 and 16/15; fitted, this gives 1.5707 and
+    1.0668 (printed 1.571, 1.066).
     """
     A, omega, _ = CHECK_OUT_TWO.data("corrected")
     return A, omega, np.round(polynomial({"A2w": pi / 2.0, "A3w": 16.0 / 15.0}, A, omega), 3)

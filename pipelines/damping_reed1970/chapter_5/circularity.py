@@ -32,7 +32,7 @@ from damping_reed1970.chapter_5.false_terms import fits_in_blocks
 FORCES = ("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement")
 #: Points at which the report took the low root of Eq. 3.2.15 (erratum E3IV-1); at the others the high one.
 LOW_ROOT = np.isin(np.arange(1, 16), (1, 2, 3, 4, 5, 6, 14, 15))
-#: Two planes fitted to amplitude and phase of Table 3.III with all five parameters free (relative residuals).
+#: Two planes near those that fit Table 3.III with all five parameters free, by either noise (:mod:`planar_fit`).
 FITTED = PlanarOscillator(M=22.8, C=2.49, omega_p=11.399, omega_y=11.491, theta=radians(36.3))
 #: The planes that the report's route assumes (Eq. 3.2.16), with its linear coefficient (3.2.19).
 ASSUMED = PlanarOscillator(M=PLANES.mass, C=2.30, omega_p=PLANES.omega_p, omega_y=PLANES.omega_y, theta=PLANES.theta)

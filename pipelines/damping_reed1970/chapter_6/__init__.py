@@ -238,7 +238,7 @@ def draw_force_laws(errors: pd.DataFrame) -> Figure:
     figure, axes = build_panel(0.9 + 0.25 * len(laws), "error of resonant amplitude\nat the tested forces (per cent)")
     draw_plain_rows(axes, [f"{equation}  (configuration {c}, mode {m})" for c, m, equation in laws])
     styles = {"printed": (LINEAR, "x"), "recomputed": (MUTED, "o"), "ours": (AVERAGE, "D")}
-    axes.axvspan(-REPRODUCES, REPRODUCES, color="#eef1f4", zorder=0)
+    axes.axvspan(-REPRODUCES, REPRODUCES, color="#eef1f4", zorder=0, label=f"within {REPRODUCES:g} per cent")
     axes.axvline(0.0, color=INK, linewidth=0.7)
     row = amplitude.groupby(["configuration", "mode", "equation"], sort=False).ngroup()
     for shift, (version, (colour, marker)) in zip((-0.2, 0.0, 0.2), styles.items(), strict=True):
@@ -246,5 +246,5 @@ def draw_force_laws(errors: pd.DataFrame) -> Figure:
             errors_of = amplitude.loc[(row == place) & (amplitude["version"] == version), "percent_error"]
             at, label = [place + shift] * len(errors_of), version if place == 0 else None
             axes.plot(errors_of, at, marker, color=colour, markersize=4.5, label=label)
-    figure.legend(loc="outside upper right", ncols=3)
+    figure.legend(loc="outside upper right", ncols=4, columnspacing=1.2)
     return figure

@@ -1,7 +1,5 @@
 """Results of a campaign as objects and as the form ``campaign/1``: modes, their levels, the peak of each sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property

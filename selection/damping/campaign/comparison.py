@@ -1,7 +1,5 @@
 """A campaign beside an earlier one: peaks against their predictions, and what has changed in modes and levels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np

@@ -9,8 +9,6 @@ values of the complex mode indicator function (Shih et al., Mech. Syst. Signal P
 modes are needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -11,8 +11,6 @@ of the row over that at the peak. t, the share of friction, is free only if the 
 solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -179,12 +177,6 @@ def _fit_cluster(
     return poles.with_cluster(cluster, *np.split(optimum.x, parts))
 
 
-def _measure_size(columns: FloatArray) -> FloatArray:
-    """Norm of each column; 1 for a zero column."""
-    size = np.linalg.norm(columns, axis=0)
-    return np.where(size == 0.0, 1.0, size)
-
-
 def evaluate_sd(H: ComplexArray, noise: FloatArray) -> FloatArray:
     """Standard deviation (sensors, n) of the real and of the imaginary part of H."""
     return np.asarray(np.hypot(noise[0] * np.abs(H), noise[1]))
@@ -223,7 +215,8 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
         freedom = max(2 * residual.size - sensors * width - free, 1)
         misfit = max(float(np.sum(np.abs(residual) ** 2)) / freedom, 1.0)
         jacobian = _stack_derivatives(f[rows], columns, coefficients, sd, cluster, poles)
-        size = _measure_size(jacobian)
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0.0] = 1.0
         inverse = np.linalg.pinv(jacobian / size, rcond=1e-10)
         deviation = np.sqrt(misfit * np.sum(inverse**2, axis=1)) / size
         delayed = stack_parts(-2j * np.pi * f[rows] * (coefficients @ columns.T) / sd).ravel()

@@ -6,8 +6,6 @@ SIAM J. Numer. Anal. 10, 1973):
     dr = -(I - P P^+) dP a - (P^+)^T dP^T r.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,7 +15,7 @@ import pandas as pd
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
 from damping.campaign.merged import describe_excess, split_merged
-from damping.campaign.modal_fit import LEAST_T, Level, find_peaks_of, fit_level
+from damping.campaign.modal_fit import LEAST_T, Level, evaluate_sd, find_peaks_of, fit_level
 from damping.campaign.runs import ORDERS, CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
 from damping.errors import AnalysisError, InputError
@@ -231,7 +231,7 @@ def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: in
         rows = _rows_near(level, k)
         f, H = level.f[rows], level.H[:, rows]
         rest = level.fit.rest(f, H, k)[kept]
-        sd = np.hypot(level.fit.noise[0] * np.abs(H[kept]), level.fit.noise[1])
+        sd = evaluate_sd(H[kept], level.fit.noise)
         weight = r[:, None] / sd**2
         p = np.sum(weight * rest, axis=0) / np.sum(weight * r[:, None], axis=0)
         error = 1.0 / np.sqrt(np.sum((r[:, None] / sd) ** 2, axis=0)) / np.abs(p)

@@ -1,7 +1,5 @@
 """Peaks of all sensors at a mode and level, with every mode at its own frequency and damping there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, log, pi

@@ -1,7 +1,5 @@
 """Values of a campaign's results: a mode at a level, the peak of a sensor, a notch, a prediction and its outcome."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

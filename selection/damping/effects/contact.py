@@ -1,7 +1,5 @@
 """Causes outside the library: a spring, friction or a dashpot that acts beyond a clearance only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -12,7 +10,7 @@ from damping.arrays import ComplexArray, Floats
 from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.forces import adds_force
 from damping.forces.contract import GrowingForce, spread
-from damping.forces.joints import Spring
+from damping.forces.joints import Spring, saturate
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 
 #: Displacement at which a force beyond a gap begins to act.
@@ -61,10 +59,7 @@ class Rub(GrowingForce):
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C = (4/pi) R (1 - x), x = clearance/A, and dC/d ln A = (4/pi) R x above the clearance; else 0."""
-        saturation, x = (4.0 / np.pi) * self.coefficient, self.clearance / A
-        return spread(saturation * (1.0 - np.minimum(x, 1.0)), omega), spread(
-            np.asarray(saturation * x * (x < 1.0)), omega
-        )
+        return saturate((4.0 / np.pi) * self.coefficient, np.minimum(self.clearance / A, 1.0), omega)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """-i (4/(3 pi)) R (1 + sin 3 theta), sin theta = clearance/A: 0 below it, that of friction far above."""

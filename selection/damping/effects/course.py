@@ -8,7 +8,7 @@ from math import log
 import numpy as np
 from scipy.special import expit
 
-from damping.arrays import RAD_S_PER_HZ, Floats, differs
+from damping.arrays import RAD_S_PER_HZ, BoolArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.rig import list_states
 from damping.forces.shapes import TIME, Shape
@@ -24,6 +24,7 @@ _GIVING_WAY = 0.01
 #: Largest relative change of frequency of one structure; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
+_MOST_MASS = 1.5  #: Largest |ln| of actual over stated mass of a state: a factor of 4.5 is beyond all sense.
 #: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 #: Most sweeps for which each may have its own frequency.
@@ -243,12 +244,12 @@ READING_DRIFT: Effect = Effect(
 
 
 def state_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln| of actual over stated damping, or frequency, of one of several states."""
-    sizes = {"damping": (0.2, _MOST_WARMING), "frequency": (scales.bandwidth, _MOST_DRIFT)}
+    """Strength: |ln| of actual over stated damping, frequency or mass of one of several states."""
+    sizes = {"damping": (0.2, _MOST_WARMING), "frequency": (scales.bandwidth, _MOST_DRIFT), "mass": (0.05, _MOST_MASS)}
     return tuple(
         chain.from_iterable(
             OTHER_STATE.either_sign(
-                lambda size, of=of, state=state: {of: size, "state": float(state)},
+                lambda size, of=of, state=state: {of: np.expm1(size), "state": float(state)},
                 f"{of} of state {state}",
                 natural=natural,
                 largest=most,
@@ -260,19 +261,34 @@ def state_forms(scales: Scales) -> tuple[Form, ...]:
 
 
 def simulate_state(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """All ``damping``, or the ``frequency``, of one ``state`` times e to that."""
-    of = "damping" if "damping" in table else "frequency"
+    """All ``damping``, the ``frequency`` or the ``mass`` of one ``state`` times 1 + that.
 
-    def part(drive: Drive) -> Floats:
-        return np.asarray(table[of] * (drive.state + 1.0 == table["state"]))
+    A mass is at the frequency of its state, or, where that follows from one stiffness of all states, at that stiffness.
+    """
+    of, field = next((of, field) for of, field in _OF_STATE.items() if of in table)
+    size = np.log1p(table[of])
 
-    return terms.plus(**{"damped" if of == "damping" else "detuned": part})
+    def in_state(drive: Drive) -> BoolArray:
+        return np.asarray(np.asarray(drive.state) + 1.0 == table["state"])
+
+    def free(drive: Drive) -> Floats:
+        return np.asarray(size * (in_state(drive) & (np.asarray(drive.added) == 0.0)))
+
+    def loaded(drive: Drive) -> Floats:
+        more = table[of] * (terms.M * drive.mass + drive.added) * np.square(drive.omega)
+        return np.asarray(-more * (in_state(drive) & (np.asarray(drive.added) != 0.0)))
+
+    if of == "mass":
+        return terms.plus(weighed=free, beside=loaded)
+    return terms.plus(**{field: lambda drive: np.asarray(size * in_state(drive))})
 
 
+#: Fields of `Terms` by the quantity of a state.
+_OF_STATE = {"damping": "damped", "frequency": "detuned", "mass": "weighed"}
 OTHER_STATE: Effect = Effect(
     name="other-state",
     kind="parameter",
-    sentence="a state whose damping or frequency differs from the one stated",
+    sentence="a state whose mass, damping or frequency differs from the one stated",
     forms=state_forms,
     simulate=simulate_state,
 )

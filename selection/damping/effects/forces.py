@@ -8,8 +8,6 @@ An elastic joint slips beyond an amplitude (bilinear hysteresis, Fig. 2.4c).
 A restoring force with a cubic term, or another power such as q |q|, bends the resonance to higher or lower frequencies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -148,7 +146,8 @@ class ManyJoints(SlippingForce):
 
     def _find_slipping(self, A: Floats, omega: Floats) -> tuple[Floats, FloatArray]:
         """The share of all joints that slips at amplitudes A, and limits of representative ones along a first axis."""
-        reached = (A / self.limit) ** self.kappa
+        with np.errstate(over="ignore"):  # far beyond the limit all of them slip
+            reached = np.power(A / self.limit, self.kappa)
         slipping = np.minimum(reached, 1.0) if self.bounded else -np.expm1(-reached)
         share = _SLIPPING.reshape(-1, *[1] * max(np.ndim(slipping), np.ndim(omega)))
         if self.bounded:  # limits of slipping joints scale with the largest of them

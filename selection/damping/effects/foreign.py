@@ -1,7 +1,5 @@
 """Causes outside the library that imitate those in it: other powers, falling friction, lag, a warming spring."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

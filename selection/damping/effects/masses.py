@@ -1,7 +1,5 @@
 """Wrong masses outside the library: of the mode, of added masses, and one that varies with the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -138,7 +138,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
     refusal = f"{REFUSAL}: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
-        refusal = f"{REFUSAL}: too few levels to predict damping beyond the force {plan.limit:.4g}"
+        refusal = f"{REFUSAL}: too few levels to predict damping beyond the {plan.described_limit}"
     return Loads(
         force=average.median,
         level=loads.level,

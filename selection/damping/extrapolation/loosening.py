@@ -1,7 +1,5 @@
 """Shapes of the change of resonance with amplitude, powers or joints that lose stiffness, and their prior odds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache

@@ -22,7 +22,7 @@ from damping.infer.observations import Observations, at_resonance, observe
 from damping.ranking import weigh_laws
 from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.resonance import SAME_LEVEL, tabulate_resonances
 
@@ -204,6 +204,13 @@ class Plan:
     joint: JointEvidence = ANY_JOINT
     excluded: str = ""
     state: str = ""
+    units: Units | None = None
+
+    @property
+    def described_limit(self) -> str:
+        """The limit with the name of its quantity, and its unit if that is known."""
+        units = self.units or Units()
+        return f"{units.drive} {self.limit:.4g} {units.force}".rstrip()
 
     def allows(self, force: Floats) -> BoolArray:
         """Whether predictions are given at a force, or at each of several, with the margin ``ROUNDING``."""
@@ -251,4 +258,5 @@ def plan_loads(
         bistable=bistable,
         joint=joint,
         state=describe_state(data, mode) if mode else "",
+        units=mode.units if mode else None,
     )

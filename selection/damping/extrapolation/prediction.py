@@ -78,7 +78,7 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
         )
     if not plan.allows(force):
         few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
-        cautions.append(f"{REFUSAL} beyond the force {plan.limit:.4g}: {few}")
+        cautions.append(f"{REFUSAL} beyond the {plan.described_limit}: {few}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
         ends = f": damping may stop growing{allowed}" if p.falling else ""

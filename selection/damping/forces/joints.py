@@ -52,6 +52,11 @@ def lose_stiffness(held: Floats) -> tuple[Floats, Floats]:
     return S, -(4.0 / pi) * held * sine
 
 
+def saturate(most: Floats, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    """C = ``most`` (1 - held) and dC/d ln A, ``held`` = limit/A up to 1: of a force that starts at the limit."""
+    return spread(most * (1.0 - held), omega), spread(np.asarray(most * held * (held < 1.0)), omega)
+
+
 @dataclass(frozen=True)
 class SlippingForce(GrowingForce):
     """Force of joints less their ``stiffness`` times q, which is no force while they stick.
@@ -104,16 +109,11 @@ class Slip(SlippingForce):
         """
         held = self._held(A)
         size, (S, turned) = self.stiffness * A, lose_stiffness(held)
-        return *self._grow(held, omega), size * S, size * (S + turned)
+        return *saturate(self.scale(A, omega), held, omega), size * S, size * (S + turned)
 
     def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
         """C and dC/d ln A: see `averages`."""
-        return self._grow(self._held(A), omega)
-
-    def _grow(self, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
-        """C and dC/d ln A from ``held`` = A1/A."""
-        saturation = self.scale(held, omega)
-        return spread(saturation * (1.0 - held), omega), spread(np.asarray(saturation * held * (held < 1.0)), omega)
+        return saturate(self.scale(A, omega), self._held(A), omega)
 
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""

@@ -12,10 +12,11 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS, PHASES, find_abscissa_factor
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
+from damping.records.resonance import number_levels
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -33,6 +34,9 @@ _BEHIND_FORCE = {"phase", "lag_deg", "angle"}
 _RESTART = 0.5
 #: Fewest rows of a sweep before a new one may begin.
 _FEWEST_ROWS = 4
+#: Share of rows at which the frequency turns, two thirds in a random order, and fewest rows, from which there is none.
+_DISORDER = 0.5
+_FEWEST_IN_DISORDER = 12
 
 
 def to_series(
@@ -97,7 +101,10 @@ def _list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) 
     """The sweeps of a table by the label of each row, else split by `_cuts`."""
     if labels is None and not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
-        if cuts:
+        if cuts and (levels := _find_levels_in_disorder(whole)) is not None:
+            summary.note(f"rows in no order of frequency are sorted into {int(levels.max()) + 1} sweeps by their force")
+            labels = [f"{whole.label} {level + 1}" for level in levels]
+        elif cuts:
             summary.note(f"{len(cuts) + 1} sweeps one below the other are separated by frequency and force")
             labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
     if labels is None:
@@ -106,6 +113,15 @@ def _list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) 
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
     return [_take_rows(whole, label or whole.label, rows) for label, rows in by_label.items()]
+
+
+def _find_levels_in_disorder(whole: Series) -> IntArray | None:
+    """Force level of each row (n,) where the frequency turns from row to row more than it goes on; else None."""
+    way, size = np.sign(np.diff(whole.abscissa)), np.abs(np.zeros(1) if whole.force is None else whole.force)
+    if len(way) < _FEWEST_IN_DISORDER or np.mean(way[1:] * way[:-1] < 0.0) < _DISORDER or not np.isfinite(size).all():
+        return None
+    levels = number_levels(size * np.ones(len(whole.abscissa)))
+    return levels if (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
 
 
 def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:

@@ -3,8 +3,6 @@
 The evidence penalises every free shape and strength of a hypothesis (MacKay 1992), the prior every effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product

@@ -3,8 +3,6 @@
 The derivative of the residuals by a further effect, at an existing fit, gives its start values and its linear gain.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

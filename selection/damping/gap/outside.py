@@ -1,20 +1,25 @@
 """Causes outside the library, weighed against the leading explanation.
 
-These are the effects of `damping.effects.FOREIGN`, and amplitudes of another quantity than displacement.
+These are the effects of `damping.effects.FOREIGN`, and quantities of the files that are not as stated: amplitudes of
+another quantity than displacement, another sweep rate, a parameter of a simulator beyond its tolerance.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.effects import FOREIGN
+from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
+from damping.errors import InputError
 from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
+from damping.gap.simulation import MOST_TOLERANCES, within_tolerance
 from damping.gap.weighing import (
     EXCLUDED,
     KNOWN,
@@ -37,6 +42,9 @@ QUANTITIES = {
     1: "velocity entered as displacement",
     2: "acceleration entered as displacement, or the force of a rotating mass entered as constant",
 }
+#: Most fits of a parameter of a simulator, and the last change of its departure over itself: a fraction of its error.
+_MOST_TURNS = 12
+_SAME = 0.005
 
 
 def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float], tuple[Hypothesis, ...]]:
@@ -47,27 +55,89 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
     odds, foreign = _weigh_quantities(search, leading), fit_foreign(search, leading)
     if foreign:
         first = foreign[0]
-        cause = " with ".join(FOREIGN[name].sentence for name in first.effects if name in FOREIGN)
+        cause = " with ".join(_describe(first, name) for name in first.effects if name in FOREIGN)
         beside = " and ".join(name for name in first.effects if name not in FOREIGN)
         odds[f"{cause} beside {beside}" if beside else cause] = first.log_posterior - leading.log_posterior
     imitations = (other for other in foreign if other.key & IMITATIONS)
     return odds, tuple(other for other in imitations if other.log_posterior > leading.log_posterior - EXCLUDED)
 
 
-def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
-    """Log odds, against the leading effects, of amplitudes that are A (omega/omega_n)^k, by the quantity entered.
+def _describe(hypothesis: Hypothesis, name: str) -> str:
+    """The sentence of an effect outside the library, with its sizes where it is a parameter of the simulation."""
+    model, y = hypothesis.best.model, hypothesis.best.y[np.newaxis]
+    part, x = next((part, x) for part, x in model.own_variables(y) if part.form.effect == name)
+    sizes = {key: float(np.squeeze(value)) for key, value in part.form.report(*part.values(x)).items()}
+    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes.items()]
+    of_simulation = FOREIGN[name].kind == "parameter"
+    return FOREIGN[name].sentence + (f" ({', '.join(texts)})" if of_simulation else "")
 
-    k = 1 of a velocity, 2 of an acceleration (over omega_n^k) or of a force of that power entered as constant. Only
-    where the simulation alone fits the converted amplitudes to the noise, with the prior of one effect.
+
+def _weigh_quantities(search: Search, leading: Hypothesis) -> dict[str, float]:
+    """Log odds, against the leading effects, of a quantity of the files that is not as stated, by the quantity.
+
+    Only where the simulation with that quantity alone fits to the noise, with the prior of one effect.
     """
-    rows, odds = search.problem.rows, dict[str, float]()
-    for k, what in QUANTITIES.items() if leading.effects and not rows.at_resonance else ():
+    if not leading.effects or search.problem.rows.at_resonance:
+        return {}
+    fits = chain(_convert_amplitudes(search), _free_rate(search), _free_parameters(search))
+    return {what: fit.log_evidence - leading.log_posterior for what, fit in fits if leaves_noise(fit)}
+
+
+def _convert_amplitudes(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """Fits to amplitudes that are A (omega/omega_n)^k, by the quantity entered.
+
+    k = 1 of a velocity, 2 of an acceleration (over omega_n^k) or of a force of that power entered as constant.
+    """
+    rows = search.problem.rows
+    for k, what in QUANTITIES.items():
         freed = replace(rows, u=rows.u - k * np.log(rows.omega / search.problem.simulation.mode.omega_n))
+        times = "(f0/f)" + ("^2" if k > 1 else "")
         alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().ranked()[0]
-        if leaves_noise(alone):
-            times = "(f0/f)" + ("^2" if k > 1 else "")
-            odds[f"{what} (amplitudes times {times} fit)"] = alone.log_evidence - leading.log_posterior
-    return odds
+        yield f"{what} (amplitudes times {times} fit)", alone
+
+
+def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """The fit without a stated sweep rate: to dwells, or to a frequency that moves at any rate in either direction."""
+    if SWEEP_RATE.name in search.effects:
+        return
+    problem = search.problem
+    still = replace(problem.rows, rate=np.zeros(len(problem.rows)))
+    freed = replace(problem, rows=still, simulation=replace(problem.simulation, swept=()))
+    first = Search(freed, {SWEEP_RATE.name: SWEEP_RATE}, search.unknown).run().ranked()[0]
+    if not first.effects:
+        yield "a test that dwelt, against the stated sweep rate,", first
+        return
+    model = first.best.model
+    (part, x), *_ = model.own_variables(first.best.y[np.newaxis])
+    rate = float(np.squeeze(part.form.report(*part.values(x))["rate"])) * problem.rows.up[0]
+    yield f"a sweep rate of {rate:.3g} Hz/s in sweep {problem.rows.sweeps[0]}, in place of the stated one,", first
+
+
+def _free_parameters(search: Search) -> Iterator[tuple[str, Hypothesis]]:
+    """The fits with each parameter of a simulator at any value, where that is beyond its tolerance.
+
+    Z is linear in ln of the parameter between the stated value and the last fitted one, and so exact at that. The prior
+    is as wide as the two are apart, like that of a strength.
+    """
+    problem, simulator = search.problem, search.problem.simulation.simulator
+    if simulator is None:
+        return
+    for place, (name, tolerance) in enumerate(simulator.tolerances.items(), -len(simulator.values)):
+        by = least = MOST_TOLERANCES * tolerance
+        for _ in range(_MOST_TURNS if least else 0):
+            own = replace(problem.simulation, simulator=simulator.freed(name, by))
+            try:
+                alone = Search(replace(problem, simulation=own), {}, search.unknown).run().ranked()[0]
+            except InputError:  # it need not answer there
+                break
+            fitted = alone.best.y[: alone.best.model.size][place]
+            change = float(within_tolerance(fitted)) - 1.0
+            by *= 1.0 + change / (1.0 + 0.5 * abs(by))  # the slope of exp turns a change by about -by/2
+            if abs(change) < _SAME:
+                if abs(by) > least:
+                    value = f"{simulator.values[name] * np.exp(by):.4g} ({np.expm1(by):+.1%})"
+                    yield f"a {name} of {value} in the simulator", alone
+                break
 
 
 def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:

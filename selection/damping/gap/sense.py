@@ -1,7 +1,5 @@
 """Whether a user's own simulation makes sense: one answer to one question, in the units of the mode, in Hz."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 
@@ -14,8 +12,14 @@ from damping.records.record import Record
 #: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
 NONSENSE = ("units", "phase-unit", "phase-sign")
 REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
-#: Factors between the frequencies that a simulator is given and those that it takes, by the mistake in the unit.
-MISTAKEN = {"2 pi": RAD_S_PER_HZ, "1/(2 pi)": 1.0 / RAD_S_PER_HZ}
+#: Factors between the frequencies that a simulator is given and those that it takes, and on its response there, by the
+#: mistake: a unit of all frequencies, or of those in a stiffness m omega_n^2 alone.
+MISTAKEN = {
+    "2 pi times the frequencies": (RAD_S_PER_HZ, 1.0),
+    "1/(2 pi) times the frequencies": (1.0 / RAD_S_PER_HZ, 1.0),
+    "1/(2 pi) times the frequencies, with 1/(2 pi)^2 of its response": (1.0 / RAD_S_PER_HZ, RAD_S_PER_HZ**-2.0),
+    "2 pi times the frequencies, with (2 pi)^2 times its response": (RAD_S_PER_HZ, RAD_S_PER_HZ**2.0),
+}
 #: Median |ln(simulated/measured response)| from which such a mistake is tried: a factor of e in the response.
 FAR = 1.0
 #: A mistake is reported if frequencies times its factor reduce that median below this share: by more than half, which
@@ -47,14 +51,15 @@ def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:
 def _doubt_frequency(simulator: Simulator, asked: pd.DataFrame, apart: float) -> tuple[str, ...]:
     """A caution where a simulation that is far ``apart`` from the test is near it at frequencies in another unit."""
     force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T
-    for name, factor in MISTAKEN.items() if apart > FAR else ():
+    for name, (factor, share) in MISTAKEN.items() if apart > FAR else ():
         try:
-            answer = simulator.answer(force, factor * frequency, {})
+            A, phase = simulator.answer(force, factor * frequency, {})
         except InputError:  # it need not answer there
             continue
-        if _measure_distance(asked, *answer) < NEARER * apart:
-            remark = "is there a mistake of rad/s for Hz in it? It is given Hz"
-            return (f"the simulation resembles the test at {name} times the frequencies: {remark}",)
+        if _measure_distance(asked, share * A, phase) < NEARER * apart:
+            what = "its stiffness" if share != 1.0 else "it"
+            remark = f"is there a mistake of rad/s for Hz in {what}? It is given Hz"
+            return (f"the simulation resembles the test at {name}: {remark}",)
     return ()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from inspect import signature
 from pathlib import Path
@@ -213,6 +213,10 @@ class Simulator:
             values[parameter.name], tolerances[parameter.name] = value, tolerance
         return Simulator(function, values, tolerances, mode)
 
+    def freed(self, name: str, by: float) -> Simulator:
+        """The simulator with another tolerance of one parameter; below 0: slopes are to smaller values."""
+        return replace(self, tolerances={**self.tolerances, name: by}, _known={})
+
     def beside(self, deviation: FloatArray) -> OfDrive:
         """Z less that of the mode, at ln deviations (batch, parameters, 1) of the parameters."""
 
@@ -227,7 +231,7 @@ class Simulator:
         key = (drive.F.tobytes(), drive.omega.tobytes())
         if key not in self._known:
             A, Z = self._stiffness(drive, {})
-            free = {name: by for name, by in self.tolerances.items() if by > 0.0}
+            free = {name: by for name, by in self.tolerances.items() if by != 0.0}
             changed = {
                 name: self._stiffness(drive, {name: self.values[name] * np.exp(by)})[1] for name, by in free.items()
             }

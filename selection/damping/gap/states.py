@@ -6,8 +6,6 @@ state, all masses and forces are divided by its p m: forces are then acceleratio
 Otherwise masses are in the unit of its force.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -4,8 +4,6 @@ This module has least squares with coefficients >= 0 of many problems at once. W
 the best with coefficients >= 0 is taken; with many, the method of Lawson and Hanson (1974).
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -17,6 +17,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
 from damping.errors import AnalysisError
+from damping.records.between import ERROR_OF_RISE
 from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import number_levels, tabulate_resonances
 
@@ -199,7 +200,15 @@ def observe(record: Record) -> Observations:
         added_mass=record.added_masses[peaks["row"]],
         tested_mass=record.column("mass")[peaks["row"]] if "mass" in table else None,
     )
+    if not record.has_phase and "energy" not in table.columns:
+        observed = _read_between(observed, force)
     return observed.take_sweeps(np.lexsort((observed.tested_omega, observed.tested_amplitude, observed.tested_force)))
+
+
+def _read_between(data: Observations, force: FloatArray) -> Observations:
+    """One row for each sweep without phases: its resonance, which in a coarse one lies above its largest reading."""
+    rise = np.log(data.tested_amplitude / data.tested_force)[data.sweep] - np.log(data.A / force)
+    return at_resonance(replace(data, sd_amplitude=np.hypot(data.sd_amplitude, ERROR_OF_RISE * np.abs(rise))))
 
 
 def at_resonance(data: Observations) -> Observations:

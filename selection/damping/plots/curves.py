@@ -166,23 +166,23 @@ def mode_over_level(table: pd.DataFrame, label: str) -> Figure:
         table: one row for each level, rising: ``level, tested, frequency, median, low, high`` of the damping ratio.
         label: of the level, with its unit.
     """
-    figure, (left, right) = build_panels(4.4, 2, sharex=True)
+    figure, (upper, lower) = build_panels(4.4, 2, sharex=True)
     level = table["level"].to_numpy(dtype=float)
     tested = table["tested"].to_numpy(dtype=bool)
-    left.fill_between(
+    upper.fill_between(
         level, 100.0 * table["low"], 100.0 * table["high"], color=look.PREDICTIVE, label="90 % predictive band"
     )
     frequency, ratio = (table[name].to_numpy(dtype=float) for name in ("frequency", "median"))
     inner, outer = frequency * (1.0 - ratio), frequency * (1.0 + ratio)
-    right.fill_between(level, inner, outer, color=look.PREDICTIVE, label="half-power bandwidth")
-    left.plot(level, 100.0 * ratio, color=look.AVERAGE)
-    for axes, values in ((left, 100.0 * ratio), (right, frequency)):
+    lower.fill_between(level, inner, outer, color=look.PREDICTIVE, label="half-power bandwidth")
+    upper.plot(level, 100.0 * ratio, color=look.AVERAGE)
+    for axes, values in ((upper, 100.0 * ratio), (lower, frequency)):
         axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
         axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
         axes.set_xlabel(label)
-    left.set_ylabel("damping ratio, %")
-    right.set_ylabel("frequency, Hz")
-    bands, marks = (axes.get_legend_handles_labels() for axes in (left, right))
+    upper.set_ylabel("damping ratio (%)")
+    lower.set_ylabel("frequency (Hz)")
+    bands, marks = (axes.get_legend_handles_labels() for axes in (upper, lower))
     handles, labels = bands[0][:1] + marks[0], [f"{bands[1][0]}, above", f"{marks[1][0]}, below", *marks[1][1:]]
     figure.legend(handles, labels, loc="outside lower left", ncols=2)  # not on a band of its own colour
     return figure

@@ -122,7 +122,7 @@ _MARKS = "os^Dv<>P*X"
 
 @styled
 def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Figure:
-    """Draw frequency (left) and damping ratio (right) over amplitude.
+    """Draw frequency, and damping ratio below it, over amplitude.
 
     Args:
         estimates: ``sweep, amplitude, frequency, frequency_sd, damping, damping_sd``.

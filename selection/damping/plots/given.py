@@ -1,7 +1,5 @@
 """Drawing on the caller's axes: names and bars that fit into them, and colours that show on their background."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from colorsys import hls_to_rgb, rgb_to_hls
 from contextlib import contextmanager

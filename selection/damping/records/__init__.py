@@ -28,7 +28,7 @@ NAMES = (
     "sensor-saturation",
 )  # fmt: skip
 #: Findings whose refusal does not stop a diagnosis: laws cannot be ranked on such a record, but it can name the effect.
-DIAGNOSED = ("level-offset",)
+DIAGNOSED = ("level-offset", "phase-offset")
 #: Findings that noise or exchanged columns explain: all but copies.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
 _OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
@@ -47,6 +47,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
     (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),
     (check_sweeps.check_jump, ()),
+    (check_sweeps.check_coarse, ()),
     (check_units.check_energy, ()),
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),

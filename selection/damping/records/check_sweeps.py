@@ -58,6 +58,9 @@ def check_outlier(view: View) -> Finding | None:
         by_frequency, off = view.odd.quantity == "frequency", abs(view.odd.off)
         taken |= off > NO_RERUN if by_frequency else off > log(WILD) and not view.record.has_phase
         advice = "every fit includes it: correct that reading, or run again without the row"
+        lowest = any(run.F[0] == table["force"].min() for run in view.odd.runs)
+        if lowest and not by_frequency and view.odd.off < 0.0:
+            advice += "; if friction holds the structure at that force, the reading is right: leave that level out"
     sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
 
@@ -98,6 +101,27 @@ def check_jump(view: View) -> Finding | None:
     what = f"jumps past the resonance: {named}; the damping is that of the row beside it"
     advice = "sweep the other way, or hold the phase at 90 degrees, to reach the resonance"
     return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
+
+
+#: A resonance that lies above the largest reading by this factor is reported: bands of careful tests are narrower.
+RISEN = 1.05
+
+
+def check_coarse(view: View) -> Finding | None:
+    """Sweeps without phases whose rows are so far apart that the resonance lies well above the largest reading."""
+    if view.record.has_phase or "energy" in view.record.frame.columns:
+        return None
+    table = tabulate_resonances(view.right).query("method == 'between'")
+    largest = view.right.frame.loc[table["row"], ["force", "amplitude"]].to_numpy(dtype=np.float64)
+    rise = (table["amplitude"] / table["force"]).to_numpy(dtype=np.float64) * largest[:, 0] / largest[:, 1]
+    if not np.any(rise > RISEN):
+        return None
+    sweeps = tuple(table["sweep"][rise > RISEN].astype(str))
+    what = f"{name_sweeps(sweeps)}: no row at the resonance, which lies up to {100.0 * (rise.max() - 1.0):.0f} % above "
+    what += "the largest reading by a curve through the rows; bands allow for its error"
+    return Finding(
+        "edge-of-sweep", "caution", what, "sweep with closer rows, dwell at the peak or record phases", sweeps
+    )
 
 
 SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them

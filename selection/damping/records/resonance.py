@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
+from damping.records.between import TURNS, estimate_power, find_between
 from damping.records.record import Record
 from damping.records.runs import order_rows
 
@@ -55,8 +56,9 @@ class Resonance:
 
     ``force``, ``frequency`` (Hz) and ``amplitude`` at resonance; ``phase_offset`` (rad) was subtracted from the phases;
     ``method`` is ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping
-    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it) or ``peak`` (that row, taken for
-    resonance); ``row`` is the row of the record at or nearest to resonance.
+    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through
+    rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance); ``row`` is the row of the record
+    at or nearest to resonance.
     """
 
     sweep: str
@@ -70,7 +72,11 @@ class Resonance:
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, one row each in order of appearance, with the columns of ``Resonance``."""
-    rows = [find_resonance(str(sweep), table) for sweep, table in record.frame.groupby("sweep", sort=False)]
+    sweeps = [(str(sweep), table) for sweep, table in record.frame.groupby("sweep", sort=False)]
+    rows = [find_resonance(*sweep) for sweep in sweeps]
+    for _ in range(TURNS if any(row.method == "between" for row in rows) else 0):
+        power = estimate_power(*(np.array([getattr(row, name) for row in rows]) for name in ("force", "amplitude")))
+        rows = [find_resonance(*sweep, power) for sweep in sweeps]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))
 
 
@@ -92,8 +98,8 @@ def number_levels(force: FloatArray) -> IntArray:
     return number
 
 
-def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
-    """Phase resonance of one sweep; ``table``: its rows in the record, with their index.
+def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Resonance:
+    """Phase resonance of one sweep; ``table``: its rows in the record, with their index; ``power``: see `find_between`.
 
     A constant phase offset is subtracted first (``phase_offset``). Force, frequency and 1/Im Z at phase pi/2, Re Z = 0,
     then come from a fit of 1, cot(phase) and 1/sin(phase) - 1 to the rows between the half-power points, or to a
@@ -101,7 +107,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
     at constant amplitude, averages noise, and does not depend on order, direction or repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
     force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
-    Without phases or a passage (:func:`find_jump`), the row of largest amplitude is taken.
+    Without phases a coarse sweep is read between its rows (:func:`find_between`). Else, and without a passage
+    (:func:`find_jump`), the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -117,6 +124,8 @@ def find_resonance(sweep: str, table: pd.DataFrame) -> Resonance:
         if (beside := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
             return Resonance(sweep, *beside, offset, "beside", int(rows[np.argmax(amplitude)]))
     peak = int(np.argmax(amplitude))
+    if "phase" not in table.columns and (between := find_between(force, frequency, amplitude, power)) is not None:
+        return Resonance(sweep, *between, offset, "between", int(rows[peak]))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
 

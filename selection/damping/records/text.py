@@ -132,13 +132,13 @@ NOTHING = "–"
 
 
 def format_share(value: SupportsFloat) -> str:
-    """A probability with two decimals, three where small."""
+    """A probability with two decimals, three where small; ``< 0.001``, which no line breaks, for less than that."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
     if x == 0.0:
         return "0"
-    return f"{x:.2f}" if x >= 0.0095 else f"{x:.3f}" if x >= 0.0005 else "< 0.001"
+    return f"{x:.2f}" if x >= 0.0095 else f"{x:.3f}" if x >= 0.0005 else "<\N{NO-BREAK SPACE}0.001"
 
 
 def name_apart(names: Iterable[str]) -> list[str]:

@@ -146,12 +146,12 @@ def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digi
 
 
 def format_percent(value: SupportsFloat) -> str:
-    """Per cent: whole numbers from 10, two digits below, and ``< 0.01`` for less than that either way."""
+    """Per cent: whole numbers from 10, two digits below, and ``< 0.01``, which no line breaks, for less either way."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
     if 0.0 < abs(x) < 0.01:
-        return "< 0.01"
+        return "<\N{NO-BREAK SPACE}0.01"
     return (f"{x:.0f}" if abs(x) >= 9.95 else number(x, 2)).replace("-", "−")
 
 

@@ -115,6 +115,13 @@ def _build_forces(candidate: Candidate) -> list[Form]:
 _BAND_KEYS = ("median", "low", "high", "credible_low", "credible_high")
 #: Prefix of the columns of the parts of a predictive distribution, standard deviations in per cent of amplitude.
 PART = "sd_percent_"
+#: What these parts (:data:`PARTS`) are called for people, on pages and on the terminal.
+PART_NAMES = {
+    "measurement_noise": "noise",
+    "parameters": "coefficients",
+    "between_model": "which law",
+    "discrepancy": "change of the law beyond the test",
+}
 
 
 def tabulate_loads(loads: Loads, curve: Curve | None = None) -> pd.DataFrame:

@@ -1,7 +1,5 @@
 """A gap diagnosis in words, as an engineer would report it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

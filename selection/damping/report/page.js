@@ -28,7 +28,7 @@
   function numeric(text) {
     const power = (_, digits) => "e" + [...digits].map((d) => "-0123456789"[SUPERSCRIPTS.indexOf(d)]).join("");
     const plain = text.replace(/−/g, "-").replace(/×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)/, power);
-    const found = /^([<>]?)[+±~ ]*(-?\d+(?:\.\d+)?(?:e-?\d+)?)(?=$|[ %(])/.exec(plain);
+    const found = /^([<>]?)[+±~\s]*(-?\d+(?:\.\d+)?(?:e-?\d+)?)(?=$|[ %(])/.exec(plain);
     return found ? Number(found[2]) * (found[1] === "<" ? 0.999 : 1) : null;
   }
 

@@ -14,11 +14,12 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.prediction import BEYOND_TEST, PARTS, REFUSAL, Loads
+from damping.extrapolation.prediction import BEYOND_TEST, REFUSAL, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables
 from damping.report.figures import build_loads_explorer, describe_misfit
+from damping.report.forms import PART_NAMES
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
 from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest
 
@@ -185,11 +186,10 @@ def _tabulate_laws(result: RecordResult) -> Table:
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     """Amplitude and damping at the design forces, and the parts of their band."""
     headings, key = {"band": f"{100 * design.level:g} % predictive band"}, result.stem("design_loads")
-    of_parts = {"between_model": "which law, %", "parameters": "its coefficients, %", "measurement_noise": "noise, %"}
-    of_parts |= {"discrepancy": "change of the law beyond the test, %"}
-    formats: dict[str, Format] = dict.fromkeys(PARTS, words.format_percent)
+    of_parts = {part: f"{name}, %" for part, name in PART_NAMES.items()}
+    formats: dict[str, Format] = dict.fromkeys(PART_NAMES, words.format_percent)
     predicted = tables.tabulate_design(design, result.design_curve, result.mode.units)
-    spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PARTS}})
+    spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PART_NAMES}})
     return {
         f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),
         f"{result.name}-parts": Table(spread, "", formats, of_parts),
