@@ -9,7 +9,7 @@ omega(A).
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -110,6 +110,7 @@ def _bouc_wen(n: float) -> ComplexArray:
     return 2.0 * in_phase / 800.0 + 1j * np.maximum(energy, 1e-12) / (np.pi * _A[:, 0])
 
 
+@lru_cache(maxsize=8)  # most truths hold one of four exponents
 def _velocity_power(exponent: float) -> Parts:
     return {exponent: _over_a_cycle(lambda q, v: np.sign(v) * np.abs(v) ** exponent)}
 

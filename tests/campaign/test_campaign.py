@@ -347,7 +347,7 @@ def decay(start: float) -> np.ndarray:
         def rate(_, y, w_n=w_n, ratio=ratio, growth=growth):
             return [y[1], -(w_n**2) * y[0] - 2 * ratio * w_n * (1 + growth * abs(y[0])) * y[1]]
 
-        found = solve_ivp(rate, (0.0, t[-1]), [q0, 0.0], t_eval=t, rtol=1e-8, atol=1e-12)
+        found = solve_ivp(rate, (0.0, t[-1]), [q0, 0.0], t_eval=t, method="DOP853", rtol=1e-8, atol=1e-12)
         total += shapes[:, k : k + 1] * np.gradient(found.y[1], t)
     return np.column_stack([t, total.T])
 

@@ -60,7 +60,7 @@ def hardening(path, start, kind):
     def accelerate(x, v):
         return -(w**2) * x - 2 * ZETA * w * v - K3 * x**3 / M
 
-    y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
+    y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], "DOP853", t, rtol=1e-9, atol=1e-12).y
     x = 1e3 * y[0] if kind == "mm" else accelerate(*y)
     x = x + 3e-4 * np.max(np.abs(x)) * np.random.default_rng(2).normal(size=len(t))
     return write_columns(path, f"time [s],tip [{kind}]", t, x)
@@ -103,7 +103,7 @@ def test_decays_in_two_units_and_below_the_test(tmp_path, few_laws):
 
     files, rng = [tmp_path / f"d{k}.csv" for k in range(3)], np.random.default_rng(2)
     for path, start in zip(files, (1e-3, 2e-3, 3e-3), strict=True):
-        y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
+        y = solve_ivp(lambda _, y: [y[1], accelerate(*y)], (0, 3), [start, 0], "DOP853", t, rtol=1e-9, atol=1e-12).y
         a = accelerate(*y)
         mid, tip = (part * a + 3e-4 * np.max(np.abs(a)) * rng.normal(size=len(t)) for part in (0.6, 1.0))
         write_columns(path, "time [s],mid [g],tip [m/s^2]", t, mid / G, tip)

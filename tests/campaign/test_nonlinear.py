@@ -187,8 +187,11 @@ def balance(f, force):
     k, between = m * (2 * np.pi * 38.0) ** 2, 0.09 * m * (2 * np.pi * 38.0) ** 2
     x, equivalent = np.zeros((2, len(f)), complex), np.zeros((2, len(f)))
     for _ in range(300):
+        before = x
         (a, b), shared = k + between - m * w**2 + 1j * w * (c + equivalent), -between
         x = force / (a * b - shared**2) * np.array([b, np.full(len(f), -shared)])
+        if np.allclose(x, before, rtol=1e-12, atol=0.0):
+            break
         equivalent = 0.5 * (equivalent + 8 / (3 * np.pi) * d[:, np.newaxis] * np.abs(w * x))
     return -(w**2) * x
 

@@ -271,11 +271,21 @@ def test_an_interrupted_run_keeps_what_has_come(records, alone, tmp_path, monkey
         done.append(task.name)
         return analyse(task)
 
-    monkeypatch.setattr(runners, "analyse", interrupted)
+    monkeypatch.setattr("damping_pipelines.fleet.analyse.analyse", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fleet(records, tmp_path, fast=True, workers=0, seed=5, max_size=SIZE)
     assert [row["name"] for row in rows_of(tmp_path)] == done
     assert rows_of(tmp_path) == rows_of(alone)[:2]
+
+
+def test_records_one_by_one_need_no_dask(tmp_path, one_law, monkeypatch):
+    """What only workers need is not loaded without them: neither its memory nor its installation is asked for."""
+    for package in ("dask", "distributed"):
+        monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.delattr("damping_pipelines.fleet.runners")
+    monkeypatch.delitem(sys.modules, "damping_pipelines.fleet.runners")
+    fleet(_one(tmp_path), tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    assert [row["status"] for row in rows_of(tmp_path / "out")] == ["done"]
 
 
 def test_changed_and_removed_records(tmp_path, one_law):
@@ -586,7 +596,7 @@ def test_an_interrupt_is_one_line_and_130(records, tmp_path, monkeypatch, dampin
     def interrupted(task):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(runners, "analyse", interrupted)
+    monkeypatch.setattr("damping_pipelines.fleet.analyse.analyse", interrupted)
     run = damping("fleet", records, "--out", tmp_path, "--workers", 0)
     assert (run.code, run.out) == (130, "")
     assert run.err == "damping: interrupted; no half-written file is left\n"

@@ -186,14 +186,14 @@ def draw_lag(seed: int) -> DrawnCase:
 
 #: Processes of a blind run at work, which say so in a file each.
 WORKING = """
-import os, pathlib, time
-from damping_validation import blind
+import pathlib, time
 
 def work(number):
     pathlib.Path(f"{number}.begun").touch()
     time.sleep(60)
 
 if __name__ == "__main__":
+    from damping_validation import blind  # here alone: the processes at work need none of it
     list(blind._each(work, list(range(8)), 2))
 """
 

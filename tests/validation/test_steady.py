@@ -231,7 +231,7 @@ def test_a_moving_frequency_leaves_what_the_equation_of_motion_says(mode, share)
 
     start = 4.0 / (K - MASS * omega[0] ** 2 + 1j * VISCOUS * omega[0])
     times = (omega - omega[0]) / rate
-    y = solve_ivp(moved, (0.0, times[-1]), [start, 1j * omega[0] * start], t_eval=times, rtol=1e-8, atol=1e-12).y[0]
+    y = solve_ivp(moved, (0.0, times[-1]), [start, 1j * omega[0] * start], "DOP853", times, rtol=1e-8, atol=1e-12).y[0]
     exact = y * np.exp(-1j * (omega[0] * times + rate * times**2 / 2))
     # z'' dropped: z'/(2 omega z), some XI of the amplitude
     np.testing.assert_allclose(swept, exact, rtol=0, atol=2 * XI * np.max(np.abs(exact)))

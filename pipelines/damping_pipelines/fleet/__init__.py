@@ -1,23 +1,22 @@
 """``damping fleet``: run the tasks not done yet, store results batch by batch, and write one page at the end."""
 
 import itertools
+import socket
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
-
-from distributed import Client
 
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
 from damping.report import count, format_joined
-from damping_pipelines.fleet import dataset, runners
+from damping_pipelines.fleet import dataset
+from damping_pipelines.fleet.analyse import BY_CHANCE, analyse_each
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, shorten
-from damping_pipelines.manifest import describe_code, digest, digest_code, publish, sole_writer, versions
+from damping_pipelines.manifest import digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import progress, tell
 
@@ -51,9 +50,11 @@ def fleet(
     """
     check_loads(force or dataset.MULTIPLES, level)
     _check_workers(scheduler, workers, time_limit)
+    if with_workers := scheduler is not None or workers != 0:
+        from damping_pipelines.fleet import runners  # noqa: PLC0415 - Dask: 19 MB that records one by one do not need
     require_checks(despite)
     address = None if dashboard == "off" else dashboard
-    runners.check_address(address)
+    _check_address(address)
     settings = dataset.FleetSettings(
         seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )
@@ -74,13 +75,13 @@ def fleet(
             tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
             tasks = itertools.chain(first, tasks)
-            if not first or (scheduler is None and workers == 0):
-                book.keep(runners.serial(tasks), done)
+            if not first or not with_workers:
+                book.keep(analyse_each(tasks), done)
             else:
                 with runners.connected(scheduler, workers, address) as client:
-                    _greet(client, done, shown=scheduler is not None or address is not None)
+                    runners.greet(client, done, shown=scheduler is not None or address is not None)
                     if scheduler is not None:
-                        _check_code(client)
+                        runners.check_code(client)
                     book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
@@ -94,6 +95,19 @@ def _check_workers(scheduler: str | None, workers: int | None, time_limit: float
         raise InputError("--workers is for a local cluster", expected="either --scheduler or --workers")
     if not time_limit > 0.0:
         raise InputError(f"--time-limit {time_limit:g}", expected="seconds, more than 0")
+
+
+def _check_address(dashboard: str | None) -> None:
+    """InputError unless this is ``HOST:PORT`` of a known host, or None."""
+    if dashboard is None:
+        return
+    host, _, port = dashboard.rpartition(":")
+    try:
+        if not (port.isascii() and port.isdigit() and int(port) < 65536):
+            raise OSError("no port")
+        socket.getaddrinfo(host, int(port))
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"--dashboard {dashboard!r}", expected="HOST:PORT of this machine, or off") from error
 
 
 @dataclass
@@ -143,37 +157,11 @@ class _Book:
 def _final(kept: dataset.FleetDataSet) -> set[str]:
     """Keys of rows that stay, without records that failed for external reasons."""
     table = kept.read(["reason"])
-    chance = table["reason"].fillna("").str.startswith(runners.BY_CHANCE)
+    chance = table["reason"].fillna("").str.startswith(BY_CHANCE)
     final = set(table.loc[~chance, "key"])
     if chance.any():
         kept.keep(final)
     return final
-
-
-def _greet(client: Client, done: Advance, *, shown: bool) -> None:
-    """Print the addresses of the scheduler and its dashboard."""
-    about = client.scheduler_info()
-    sentence = f"scheduler {about['address']}"
-    if shown and about["services"].get("dashboard"):
-        sentence += f", dashboard {client.dashboard_link}"
-        if find_spec("bokeh") is None:
-            sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
-    if not client.ncores():
-        sentence += f", no worker yet (waiting {runners.PATIENCE:g} s for one)"
-    done(sentence, 0)
-
-
-def _check_code(client: Client) -> None:
-    """Require that workers of an existing scheduler run the code of this process; later workers are checked by row.
-
-    InputError: a worker runs other code.
-    """
-    own = describe_code()
-    for address, theirs in client.run(describe_code).items():
-        for name, version in own.items():
-            if theirs.get(name) != version:
-                expected = f"{version}, as here: results depend on it"
-                raise InputError(f"worker {address} has {name} {theirs.get(name)}", expected=expected)
 
 
 def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask]) -> None:

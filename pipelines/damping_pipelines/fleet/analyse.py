@@ -1,8 +1,9 @@
-"""The work on one record: from its files to its row and pages, without other output."""
+"""The work on each record: from its files to its row and pages, without other output."""
 
 import ctypes
+import gc
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,15 +35,19 @@ from damping.report.screens import describe_load
 from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping.result import DiagnosisResult
-from damping_pipelines import give_back_memory
+from damping_pipelines import COLLECT_DRAWN, give_back_memory
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 
 #: Forces over which bands are drawn.
 _GRID = 40
 Made = TypeVar("Made")
-#: How the reason of a record begins that was given up: it is tried again when the fleet is run again.
+# How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
+DIED = "workers died"
+INTERNAL = "internal error"
+OTHER_CODE = "a worker computes with other code"
 OUT_OF_TIME = "out of time"
+BY_CHANCE = (DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME)
 #: The way back from the page of a record.
 SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 
@@ -106,6 +111,12 @@ def analyse(task: FleetTask) -> FleetResult:
         return failed(task, f"{OUT_OF_TIME}: it took more than {task.settings.time_limit:g} s (--time-limit)")
     finally:
         give_back_memory()  # draws of one record leave holes that those of the next do not fill
+
+
+def analyse_each(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
+    """Results of tasks, one by one in this process."""
+    gc.set_threshold(COLLECT_DRAWN)
+    return map(analyse, tasks)
 
 
 def failed(task: FleetTask, reason: str) -> FleetResult:

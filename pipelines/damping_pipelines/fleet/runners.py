@@ -1,23 +1,23 @@
-"""Ways to run tasks: one by one in this process, or on Dask with a bounded number in progress."""
+"""Tasks on Dask, with a bounded number in progress."""
 
-import gc
 import itertools
 import logging
-import socket
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, Security, wait
 
 from damping.errors import AnalysisError, InputError, escape_control
-from damping_pipelines import COLLECT_DRAWN
-from damping_pipelines.fleet.analyse import OUT_OF_TIME, analyse, failed
+from damping.progress import Advance
+from damping_pipelines.fleet.analyse import DIED, INTERNAL, OTHER_CODE, analyse, failed
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask
+from damping_pipelines.manifest import describe_code
 
 #: Tasks under way for each thread of a worker: one at work and one on its way.
 PER_THREAD = 2
@@ -33,20 +33,9 @@ CONNECT = 10.0
 _ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.
 _DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-# How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
-DIED = "workers died"
-INTERNAL = "internal error"
-OTHER_CODE = "a worker computes with other code"
-BY_CHANCE = (DIED, INTERNAL, OTHER_CODE, OUT_OF_TIME)
 _GONE = "the scheduler went away; what is done is kept, run again to go on"
 
 Work = Callable[[FleetTask], FleetResult]
-
-
-def serial(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
-    """Run tasks one by one in this process."""
-    gc.set_threshold(COLLECT_DRAWN)
-    return map(analyse, tasks)
 
 
 @contextmanager
@@ -91,17 +80,30 @@ def connected(scheduler: str | None, workers: int | None, dashboard: str | None 
             yield client
 
 
-def check_address(dashboard: str | None) -> None:
-    """InputError unless this is ``HOST:PORT`` of a known host, or None."""
-    if dashboard is None:
-        return
-    host, _, port = dashboard.rpartition(":")
-    try:
-        if not (port.isascii() and port.isdigit() and int(port) < 65536):
-            raise OSError("no port")
-        socket.getaddrinfo(host, int(port))
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"--dashboard {dashboard!r}", expected="HOST:PORT of this machine, or off") from error
+def greet(client: Client, done: Advance, *, shown: bool) -> None:
+    """Print the addresses of the scheduler and its dashboard."""
+    about = client.scheduler_info()
+    sentence = f"scheduler {about['address']}"
+    if shown and about["services"].get("dashboard"):
+        sentence += f", dashboard {client.dashboard_link}"
+        if find_spec("bokeh") is None:
+            sentence += " (its pages need the extra: pip install damping-selection[dashboard])"
+    if not client.ncores():
+        sentence += f", no worker yet (waiting {PATIENCE:g} s for one)"
+    done(sentence, 0)
+
+
+def check_code(client: Client) -> None:
+    """Require that workers of an existing scheduler run the code of this process; later workers are checked by row.
+
+    InputError: a worker runs other code.
+    """
+    own = describe_code()
+    for address, theirs in client.run(describe_code).items():
+        for name, version in own.items():
+            if theirs.get(name) != version:
+                expected = f"{version}, as here: results depend on it"
+                raise InputError(f"worker {address} has {name} {theirs.get(name)}", expected=expected)
 
 
 def distributed(client: Client, tasks: Iterable[FleetTask], work: Work = analyse) -> Iterator[FleetResult]:

@@ -150,10 +150,14 @@ def _fit_cluster(
     sd, count, parts, columns = evaluate_sd(H, noise), len(cluster), 3 + friction, poles.columns(f)
     places, copies = 2 + np.array(cluster), poles.repeat(cluster, parts)
     every, of = range(parts * count), np.tile(places, parts)  # a copy of its mode for each parameter, all at once
+    last: dict[bytes, Projection] = {}  # derivatives are asked for where the misfit was
 
     def fit(x: FloatArray) -> Projection:
-        columns[:, places] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
-        return project(columns, H, sd)
+        if x.tobytes() not in last:
+            columns[:, places] = poles.with_cluster(cluster, *np.split(x, parts)).motions(f, cluster).T
+            last.clear()
+            last[x.tobytes()] = project(columns, H, sd)
+        return last[x.tobytes()]
 
     def misfit(x: FloatArray) -> FloatArray:
         return fit(x).rest.ravel()

@@ -115,7 +115,7 @@ def receptance(
         for _ in range(_HALVINGS):
             rho = 0.5 * (low + high)
             loss = per_ratio * np.maximum(friction + (linear + slope * rho) * rho, 0.0)
-            above = peak * np.hypot(elastic * rho, loss) > drive
+            above = squared * (rho * rho) + loss * loss > target
             low, high = np.where(above, low, rho), np.where(above, rho, high)
         for _ in range(_NEWTON_STEPS):  # on rho^2 |1/G|^2 = (drive/peak)^2, from a close bracket
             loss = per_ratio * (friction + (linear + slope * rho) * rho)

@@ -81,7 +81,7 @@ class _Memory(NamedTuple):
         start = lewis + begun * (still - lewis) if differs(begun, 0.0) else lewis
         return _Memory(lewis, quiet, start, np.where(moving, z.imag, x) < 0.0, p, alpha)
 
-    def take(self, rows: IntArray) -> _Memory:
+    def take(self, rows: IntArray | slice) -> _Memory:
         """The memory of some rows."""
         return _Memory._make(part[..., rows] for part in self)
 
@@ -122,7 +122,7 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     way, sweep = ways.reshape(-1, ways.shape[-1])[0], np.asarray(drive.sweep)
     order = np.lexsort((way * drive.omega, way, sweep))
     memory, omega, F = memory.take(order), drive.omega[order], drive.F[order]
-    last, row = memory.take(np.arange(len(order) - 1)), memory.take(np.arange(1, len(order)))  # pairs of neighbours
+    last, row = memory.take(slice(-1)), memory.take(slice(1, None))  # pairs of neighbours
     beyond = row.beyond & last.beyond  # the quiet solution diverges before resonance
     V, before = (np.where(beyond, part.quiet, part.lewis) for part in (row, last))
     by_p = 0.5 * (row.by_p(V) + last.by_p(before))
