@@ -393,7 +393,7 @@ def test_a_state_that_is_not_damped_as_stated_is_told(lab):
     other = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))
     found = explain(plain, lab.mode(), states=[(state, other)])
     assert found.in_library < 0.5
-    assert any("a state whose damping or frequency differs" in caution for caution in found.cautions)
+    assert any("a state whose mass, damping or frequency differs" in caution for caution in found.cautions)
 
 
 def test_states_share_what_is_wrong(lab):
