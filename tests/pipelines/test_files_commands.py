@@ -131,7 +131,7 @@ def test_a_ring_down(tmp_path, damping):
     words = ("import", tmp_path / "t.csv", "--out", tmp_path / "r.csv")
     run = damping(*words)
     assert run.code == 2
-    assert "--ring-down --mode MODE.toml where they are free decays" in run.err
+    assert "--ring-down --mode MODE.toml of free decays" in run.err
     assert "--mode MODE.toml with the frequency and mass" in damping(*words, "--ring-down").err
     assert "--levels without --ring-down" in damping(*words, "--levels", 5).err
     decays = (*words, "--ring-down", "--mode", tmp_path / "m.toml", "--levels", 5)

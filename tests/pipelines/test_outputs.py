@@ -14,6 +14,7 @@ import pytest
 
 import damping as dp
 from damping.errors import InputError
+from damping.extrapolation.prediction import PARTS
 from damping_pipelines import manifest
 from damping_pipelines.manifest import (
     MANIFEST,
@@ -152,7 +153,7 @@ def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch
     assert bands.title_structures({"a": "bracket"}) == {"a": "bracket"}
     assert bands.title_structures({"a": "a", "b": "b"}) == {"a": "a", "b": "b"}
     over = [f"linear_overprediction_{end}" for end in ("percent", "low", "high")]
-    row = dict.fromkeys(("force", "median", "low", "high", *over, *(f"sd_percent_{name}" for name in bands.PARTS)), 1.0)
+    row = dict.fromkeys(("force", "median", "low", "high", *over, *(f"sd_percent_{name}" for name in PARTS)), 1.0)
     rows = pd.DataFrame([row | {"extrapolation_ratio": ratio} for ratio in bands.RATIOS])
     monkeypatch.setattr(bands.forms, "tabulate_loads", lambda at: rows)
     columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")

@@ -107,7 +107,7 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
     at constant amplitude, averages noise, and does not depend on order, direction or repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
     force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
-    Without phases a coarse sweep is read between its rows (:func:`find_between`). Else, and without a passage
+    Without phases and energies a coarse sweep is read between its rows (:func:`find_between`). Else, and without a passage
     (:func:`find_jump`), the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
@@ -124,7 +124,8 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
         if (beside := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
             return Resonance(sweep, *beside, offset, "beside", int(rows[np.argmax(amplitude)]))
     peak = int(np.argmax(amplitude))
-    if "phase" not in table.columns and (between := find_between(force, frequency, amplitude, power)) is not None:
+    silent = not {"phase", "energy"} & set(table.columns)
+    if silent and (between := find_between(force, frequency, amplitude, power)) is not None:
         return Resonance(sweep, *between, offset, "between", int(rows[peak]))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
