@@ -107,8 +107,8 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
     at constant amplitude, averages noise, and does not depend on order, direction or repeated points. With fewer than
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
     force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
-    Without phases and energies a coarse sweep is read between its rows (:func:`find_between`). Else, and without a passage
-    (:func:`find_jump`), the row of largest amplitude is taken.
+    Without phases and energies a coarse sweep is read between its rows (:func:`find_between`). Else, and without a
+    passage (:func:`find_jump`), the row of largest amplitude is taken.
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
