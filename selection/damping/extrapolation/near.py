@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri, stdtr
 
-from damping.arrays import BoolArray, FloatArray, Floats
+from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
@@ -101,6 +102,16 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 #: Standard normal quantile (one-sided 5 %) beyond which a change of p is reported.
 CHANGES = 1.64
+#: Scatter of resonances from level to level before any is seen, and the degrees of freedom that it is worth: its median
+#: is then 1.2 %, that of the prior of laws. Power laws of three levels that scatter by 3 % seem to fall in 5 % of tests.
+EXPECTED = (0.0078, 1.0)
+#: A scatter that is known is worth this many.
+_CERTAIN = 1e9
+#: Factor on the probability of a change with more than three levels, which are looked at twice (parabola and bend); as
+#: much again for tests that scatter more than expected. With a scatter of 3 % it then is 4 to 5 %, with less below 2 %.
+LOOKS = 4.0
+#: Probability below which none is told apart.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -109,8 +120,8 @@ class Trend:
 
     Attributes:
         force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
-            scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, from a parabola
-            ln A(ln F) through the levels (for a decay ln F(ln A)); NaN with fewer than three levels.
+            scatter of resonances, (levels - 1,). z: change of p over the test or at its top level, as a standard normal
+            deviate (:func:`find_change`); NaN with fewer than three levels.
     """
 
     force: FloatArray
@@ -130,33 +141,55 @@ class Trend:
 
     @property
     def failing(self) -> float:
-        """Confidence, 0 to 1, that p falls: 0 up to the change that is reported, 1 from twice that change."""
-        return float(np.clip(np.nan_to_num(-self.z) / CHANGES - 1.0, 0.0, 1.0))
+        """Confidence, 0 to 1, that p falls: 1 from the change that is reported, 0 up to half of it."""
+        return float(np.clip(np.nan_to_num(-self.z) / (0.5 * CHANGES) - 1.0, 0.0, 1.0))
 
 
-def trend(data: Observations, scatter: float) -> Trend:
+def trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
-        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
+        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force. expected: scatter by
+            which a change is judged, and the degrees of freedom it is worth; by default ``scatter``, as known. Where it
+            comes from a fit of laws, it may be a change taken for scatter.
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
-    log_F, log_A = (np.bincount(levels, np.log(v)) / count for v in (data.tested_force, data.tested_amplitude))
+    each_F, each_A = np.log(data.tested_force), np.log(data.tested_amplitude)
+    log_F, log_A = (np.bincount(levels, v) / count for v in (each_F, each_A))
     step_F, step_A = np.diff(log_F), np.diff(log_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = np.where(step_A > 0.0, step_F / step_A, np.nan)
         slope = (1.0 if of_decay else p) / step_A  # change of p with the scattering quantity: decay ln F, else ln A
-    variance = scatter**2 / count
-    sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
+    sd = np.abs(slope) * scatter * np.sqrt(1.0 / count[:-1] + 1.0 / count[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
     if len(p) < 2 or np.isnan(p).any():
         return Trend(force, p, sd, np.nan)
-    given, scatters = (log_A, log_F) if of_decay else (log_F, log_A)
-    weighed = np.vander(given - given.mean(), 3) / np.sqrt(variance)[:, np.newaxis]
-    covariance = np.linalg.inv(weighed.T @ weighed)  # of a parabola: p falls where ln A(ln F) bends upwards
-    bend = (covariance @ weighed.T @ (scatters / np.sqrt(variance)))[0]
-    return Trend(force, p, sd, float((bend if of_decay else -bend) / np.sqrt(covariance[0, 0])))
+    known = expected or (scatter, _CERTAIN)
+    z = find_change(each_A, each_F, levels, *known) if of_decay else -find_change(each_F, each_A, levels, *known)
+    return Trend(force, p, sd, z)  # p falls where ln A(ln F) bends upwards
+
+
+def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, freedom: float) -> float:
+    """Change of the slope of y(x) as a standard normal deviate; x, y, ``levels`` of each sweep: (sweeps,).
+
+    Beside a straight line, y has a parabola, or a step at the top level: a bend just below it. Of n sweeps, either fit
+    leaves a sum of squares S, so that s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and the size of the
+    change over its standard deviation follows Student's t. The larger counts, its probability times ``LOOKS``
+    (Bonferroni). A scatter about the straight line alone would be that of the change itself.
+    """
+    line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
+    ratios = []
+    for shape in (line[:, 0] ** 2, levels == levels.max()):
+        design = np.column_stack([shape, line])
+        covariance = np.linalg.inv(design.T @ design)
+        fitted = covariance @ design.T @ y
+        squares = np.sum((y - design @ fitted) ** 2)
+        variance = (freedom * scatter**2 + squares) / (freedom + left)
+        ratios.append(fitted[0] / np.sqrt(covariance[0, 0] * variance))
+    largest = max(ratios, key=abs)  # of three levels both are the same
+    tail = stdtr(freedom + left, -abs(largest)) * (LOOKS if left else 1.0)
+    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), largest))
 
 
 #: Fewest levels for predictions beyond ``NEAREST`` times the largest tested force.
@@ -244,9 +277,10 @@ def plan_loads(
         if row.evidence
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
+    stated = mode.repeatability.amplitude if mode else None
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = trend(data, float(np.median(scatter)))
+    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated else EXPECTED)
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
