@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri, stdtr
+from scipy.special import ndtri, stdtr
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.extrapolation.states import describe_state, read_resonances
@@ -102,13 +102,14 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 #: Standard normal quantile (one-sided 5 %) beyond which a change of p is reported.
 CHANGES = 1.64
-#: Scatter of resonances from level to level before any is seen, and the degrees of freedom that it is worth: its median
-#: is then 1.2 %, that of the prior of laws. Power laws of three levels that scatter by 3 % seem to fall in 5 % of tests.
+#: Scatter of resonances before any is seen, and the degrees of freedom it is worth: a median of 1.2 %, as of the prior
+#: of laws. At three levels that scatter by 3 % a constant p then seems to fall in 5 % of tests.
 EXPECTED = (0.0078, 1.0)
-#: A scatter that is known is worth this many.
+#: Scatter up to which that holds; a larger one counts where it is stated, worth as many degrees as one that is known.
+COVERED = 0.03
 _CERTAIN = 1e9
-#: Factor on the probability of a change with more than three levels, which are looked at twice (parabola and bend); as
-#: much again for tests that scatter more than expected. With a scatter of 3 % it then is 4 to 5 %, with less below 2 %.
+#: Factor on the probability of a change at more than three levels: two for two shapes, two for tests that scatter more
+#: than expected. At a scatter of 3 % a constant p then seems to fall in 4 to 5 % of tests, at 1 % in at most 2 %.
 LOOKS = 4.0
 #: Probability below which none is told apart.
 _TINY = 1e-300
@@ -150,8 +151,8 @@ def trend(data: Observations, scatter: float, expected: tuple[float, float] | No
 
     Args:
         scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force. expected: scatter by
-            which a change is judged, and the degrees of freedom it is worth; by default ``scatter``, as known. Where it
-            comes from a fit of laws, it may be a change taken for scatter.
+            which a change is judged, and the degrees of freedom it is worth; by default ``scatter``, as known. (That of
+            a fit of laws is not known: the fit may take a change for scatter.)
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
@@ -173,10 +174,10 @@ def trend(data: Observations, scatter: float, expected: tuple[float, float] | No
 def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, freedom: float) -> float:
     """Change of the slope of y(x) as a standard normal deviate; x, y, ``levels`` of each sweep: (sweeps,).
 
-    Beside a straight line, y has a parabola, or a step at the top level: a bend just below it. Of n sweeps, either fit
-    leaves a sum of squares S, so that s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and the size of the
-    change over its standard deviation follows Student's t. The larger counts, its probability times ``LOOKS``
-    (Bonferroni). A scatter about the straight line alone would be that of the change itself.
+    Beside a straight line, y has a parabola, or a step at the top level: a bend between the two highest. The least
+    squares S that n sweeps leave beside either give s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and
+    the change over its standard deviation follows Student's t. The larger counts, its probability times ``LOOKS``
+    (Bonferroni).
     """
     line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
     ratios = []
@@ -277,10 +278,11 @@ def plan_loads(
         if row.evidence
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
-    stated = mode.repeatability.amplitude if mode else None
+    repeats = (mode and mode.repeatability.amplitude) or 0.0
+    stated = float(np.sqrt(repeats**2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated else EXPECTED)
+    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated > COVERED else EXPECTED)
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
