@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtr
+from scipy.special import ndtr, ndtri, stdtr
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.extrapolation.states import describe_state, read_resonances
@@ -105,8 +105,9 @@ CHANGES = 1.64
 #: Scatter of resonances before any is seen, and the degrees of freedom it is worth: a median of 1.2 %, as of the prior
 #: of laws. At three levels that scatter by 3 % a constant p then seems to fall in 5 % of tests.
 EXPECTED = (0.0078, 1.0)
-#: Scatter up to which that holds; a larger one counts where it is stated, worth as many degrees as one that is known.
-COVERED = 0.03
+#: Largest scatter where none larger is stated, the upper end of the prior of laws: whatever the levels seem to scatter,
+#: a change of many times this is one. Degrees of freedom of a scatter that is known.
+MOST = 0.04
 _CERTAIN = 1e9
 #: Factor on the probability of a change at more than three levels: two for two shapes, two for tests that scatter more
 #: than expected. At a scatter of 3 % a constant p then seems to fall in 4 to 5 % of tests, at 1 % in at most 2 %.
@@ -176,21 +177,21 @@ def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, 
 
     Beside a straight line, y has a parabola, or a step at the top level: a bend between the two highest. The least
     squares S that n sweeps leave beside either give s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and
-    the change over its standard deviation follows Student's t. The larger counts, its probability times ``LOOKS``
-    (Bonferroni).
+    the change over its standard deviation follows Student's t; over that by a scatter of ``MOST``, it is at most as
+    improbable as a normal deviate. The least probable counts, times ``LOOKS`` (Bonferroni).
     """
     line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
-    ratios = []
-    for shape in (line[:, 0] ** 2, levels == levels.max()):
+    found = []
+    for shape in (line[:, 0] ** 2, levels == levels.max()):  # with three levels both are the same
         design = np.column_stack([shape, line])
         covariance = np.linalg.inv(design.T @ design)
         fitted = covariance @ design.T @ y
-        squares = np.sum((y - design @ fitted) ** 2)
-        variance = (freedom * scatter**2 + squares) / (freedom + left)
-        ratios.append(fitted[0] / np.sqrt(covariance[0, 0] * variance))
-    largest = max(ratios, key=abs)  # of three levels both are the same
-    tail = stdtr(freedom + left, -abs(largest)) * (LOOKS if left else 1.0)
-    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), largest))
+        change, squares = fitted[0] / np.sqrt(covariance[0, 0]), np.sum((y - design @ fitted) ** 2)
+        own = np.sqrt((freedom * scatter**2 + squares) / (freedom + left))
+        tail = min(stdtr(freedom + left, -abs(change) / own), ndtr(-abs(change) / max(MOST, scatter)))
+        found.append((tail * (LOOKS if left else 1.0), change))
+    tail, change = min(found)
+    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), change))
 
 
 #: Fewest levels for predictions beyond ``NEAREST`` times the largest tested force.
@@ -282,7 +283,7 @@ def plan_loads(
     stated = float(np.sqrt(repeats**2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated > COVERED else EXPECTED)
+    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated > MOST else EXPECTED)
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
