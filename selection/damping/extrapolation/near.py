@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri, stdtr
 
-from damping.arrays import BoolArray, FloatArray, Floats
+from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
@@ -101,6 +102,18 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 #: Standard normal quantile (one-sided 5 %) beyond which a change of p is reported.
 CHANGES = 1.64
+#: Scatter of resonances before any is seen, and the degrees of freedom it is worth: a median of 1.2 %, as of the prior
+#: of laws. At three levels that scatter by 3 % a constant p then seems to fall in 5 % of tests.
+EXPECTED = (0.0078, 1.0)
+#: Largest scatter where none larger is stated, the upper end of the prior of laws: whatever the levels seem to scatter,
+#: a change of many times this is one. Degrees of freedom of a scatter that is known.
+MOST = 0.04
+_CERTAIN = 1e9
+#: Factor on the probability of a change at more than three levels: two for two shapes, two for tests that scatter more
+#: than expected. At a scatter of 3 % a constant p then seems to fall in 4 to 5 % of tests, at 1 % in at most 2 %.
+LOOKS = 4.0
+#: Probability below which none is told apart.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -109,8 +122,8 @@ class Trend:
 
     Attributes:
         force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
-            scatter of resonances, (levels - 1,). z: change of p over the test, in standard deviations, from a parabola
-            ln A(ln F) through the levels (for a decay ln F(ln A)); NaN with fewer than three levels.
+            scatter of resonances, (levels - 1,). z: change of p over the test or at its top level, as a standard normal
+            deviate (:func:`find_change`); NaN with fewer than three levels.
     """
 
     force: FloatArray
@@ -130,33 +143,55 @@ class Trend:
 
     @property
     def failing(self) -> float:
-        """Confidence, 0 to 1, that p falls: 0 up to the change that is reported, 1 from twice that change."""
-        return float(np.clip(np.nan_to_num(-self.z) / CHANGES - 1.0, 0.0, 1.0))
+        """Confidence, 0 to 1, that p falls: 1 from the change that is reported, 0 up to half of it."""
+        return float(np.clip(np.nan_to_num(-self.z) / (0.5 * CHANGES) - 1.0, 0.0, 1.0))
 
 
-def trend(data: Observations, scatter: float) -> Trend:
+def trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
-        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
+        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force. expected: scatter by
+            which a change is judged, and the degrees of freedom it is worth; by default ``scatter``, as known. (That of
+            a fit of laws is not known: the fit may take a change for scatter.)
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
-    log_F, log_A = (np.bincount(levels, np.log(v)) / count for v in (data.tested_force, data.tested_amplitude))
+    each_F, each_A = np.log(data.tested_force), np.log(data.tested_amplitude)
+    log_F, log_A = (np.bincount(levels, v) / count for v in (each_F, each_A))
     step_F, step_A = np.diff(log_F), np.diff(log_A)
     with np.errstate(divide="ignore", invalid="ignore"):
         p = np.where(step_A > 0.0, step_F / step_A, np.nan)
         slope = (1.0 if of_decay else p) / step_A  # change of p with the scattering quantity: decay ln F, else ln A
-    variance = scatter**2 / count
-    sd = np.abs(slope) * np.sqrt(variance[:-1] + variance[1:])
+    sd = np.abs(slope) * scatter * np.sqrt(1.0 / count[:-1] + 1.0 / count[1:])
     force = np.exp(0.5 * (log_F[:-1] + log_F[1:]))
     if len(p) < 2 or np.isnan(p).any():
         return Trend(force, p, sd, np.nan)
-    given, scatters = (log_A, log_F) if of_decay else (log_F, log_A)
-    weighed = np.vander(given - given.mean(), 3) / np.sqrt(variance)[:, np.newaxis]
-    covariance = np.linalg.inv(weighed.T @ weighed)  # of a parabola: p falls where ln A(ln F) bends upwards
-    bend = (covariance @ weighed.T @ (scatters / np.sqrt(variance)))[0]
-    return Trend(force, p, sd, float((bend if of_decay else -bend) / np.sqrt(covariance[0, 0])))
+    known = expected or (scatter, _CERTAIN)
+    z = find_change(each_A, each_F, levels, *known) if of_decay else -find_change(each_F, each_A, levels, *known)
+    return Trend(force, p, sd, z)  # p falls where ln A(ln F) bends upwards
+
+
+def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, freedom: float) -> float:
+    """Change of the slope of y(x) as a standard normal deviate; x, y, ``levels`` of each sweep: (sweeps,).
+
+    Beside a straight line, y has a parabola, or a step at the top level: a bend between the two highest. The least
+    squares S that n sweeps leave beside either give s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and
+    the change over its standard deviation follows Student's t; over that by a scatter of ``MOST``, it is at most as
+    improbable as a normal deviate. The least probable counts, times ``LOOKS`` (Bonferroni).
+    """
+    line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
+    found = []
+    for shape in (line[:, 0] ** 2, levels == levels.max()):  # with three levels both are the same
+        design = np.column_stack([shape, line])
+        covariance = np.linalg.inv(design.T @ design)
+        fitted = covariance @ design.T @ y
+        change, squares = fitted[0] / np.sqrt(covariance[0, 0]), np.sum((y - design @ fitted) ** 2)
+        own = np.sqrt((freedom * scatter**2 + squares) / (freedom + left))
+        tail = min(stdtr(freedom + left, -abs(change) / own), ndtr(-abs(change) / max(MOST, scatter)))
+        found.append((tail * (LOOKS if left else 1.0), change))
+    tail, change = min(found)
+    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), change))
 
 
 #: Fewest levels for predictions beyond ``NEAREST`` times the largest tested force.
@@ -244,9 +279,11 @@ def plan_loads(
         if row.evidence
     ]
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
+    repeats = (mode and mode.repeatability.amplitude) or 0.0
+    stated = float(np.sqrt(repeats**2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = trend(data, float(np.median(scatter)))
+    exponents = trend(data, float(np.median(scatter)), (stated, _CERTAIN) if stated > MOST else EXPECTED)
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(

@@ -247,7 +247,8 @@ def extend(
         least = (LETS_GO * max(lean, 0.0) * near if joint.informative else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
         spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
-        fails = FAILS * joint.failing * (1.0 - bent) / np.maximum(spread, 1e-6)
+        known = np.clip((q[:, :1] - 1.0) / BENT, 0.0, 1.0)  # a law whose damping grows slower tells of the failing
+        fails = FAILS * joint.failing * (1.0 - known) / np.maximum(spread, 1e-6)
         grown *= np.where(grown > 0.0, np.hypot(1.0, fails), 1.0)
     # slopes end at ``SLOPES``, or at the law's slope; 10 only prevents overflow
     slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), SLOPES[0], np.maximum(q, SLOPES[1]))
