@@ -17,7 +17,9 @@ from audit_cases import Bench, clean, many_modes, measured, swept_fast
 
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import predict
+from damping.records import audit, check_copies
 from damping.records.mode import describe_mode_to_toml
+from damping.records.record import Record
 from damping_pipelines.store import write_text
 
 BENCH = Bench(law="velocity-squared", levels=4, seed=7)
@@ -121,6 +123,21 @@ def test_right_records_pass(tmp_path, damping):
     run = damping("check", tmp_path / "record.csv", "--mode", tmp_path / "mode.toml")
     assert (run.code, run.err) == (0, "")
     assert "audit: ok" in run.out
+
+
+def test_sweeps_that_differ_at_first_sight_are_not_compared_row_by_row(monkeypatch):
+    """A thousand levels are half a million pairs: only what may be a copy is looked at closer."""
+    compared = []
+    find = check_copies._find_factor
+    monkeypatch.setattr(check_copies, "_find_factor", lambda *pair: compared.append(pair) or find(*pair))
+    peaks = right().loc[right().groupby("sweep")["amplitude"].idxmax()]
+    scaled = (peaks[["force", "amplitude"]] * (1.0 + 0.01 * k) for k in range(9))
+    levels = [peaks.assign(sweep=peaks["sweep"] + str(k), **by) for k, by in enumerate(scaled)]
+    for table in (right(), pd.concat(levels)):
+        assert "repeated-sweep" not in str(audit(Record(table)))
+    assert not compared
+    assert "repeated-sweep" in str(audit(Record(repeat())))
+    assert compared
 
 
 @pytest.mark.parametrize("resonant", [False, True])

@@ -13,8 +13,10 @@ from damping.records.view import Finding, View, label_sweeps
 def check_repeats(view: View) -> Finding | None:
     """A sweep that repeats another one, or a multiple of it, to the last digit: noise never repeats itself."""
     copies: list[tuple[Run, Run, float]] = []
+    marks = np.array([_mark(run) for run in view.raw])
     for k, second in enumerate(view.raw):
-        for first in view.raw[:k]:
+        for i in np.flatnonzero((np.abs(marks[:k] - marks[k]) <= _MARKED).all(axis=1)).tolist():
+            first = view.raw[i]
             factor = _find_factor(first, second)
             if factor is not None and first.sweep != second.sweep:
                 copies.append((first, second, factor))
@@ -30,6 +32,15 @@ def check_repeats(view: View) -> Finding | None:
 
 COPY = 2e-4  #: proportional rows are a copy if their ratio is constant to this share: six digits, rounded,
 NOISE_OF_COPY = 5.0  #: and if the noise of their rows exceeds that by this factor
+#: Differences of marks beyond which two runs are no copies: wider than the tolerances of `_find_factor`.
+_MARKED = (0.0, 1e-8, 1e-8, 2.0 * COPY)
+
+
+def _mark(run: Run) -> tuple[float, float, float, float]:
+    """Numbers that copies share, so that most pairs of many runs need no comparison of their rows."""
+    phase = 0.0 if run.phase is None else float(run.phase[0])
+    size = float(run.A[0]) if len(run) >= FEWEST_ROWS else 1.0  # a longer copy may be scaled
+    return float(len(run)), float(np.log(run.omega[0])), phase, float(np.log(run.A[-1] / size))
 
 
 def _find_factor(first: Run, second: Run) -> float | None:

@@ -87,9 +87,9 @@ def check_energy(view: View) -> Finding | None:
     row = int(np.nanargmax(np.abs(np.where(by_phase, apart, 0.0)) if by_phase.any() else share))
     what = f"energy {table['energy'][row]:g} at row {row + 1} is "
     if by_phase.any():
-        what += f"{np.exp(apart[row]):.3g} of pi F A sin(phase), the energy from force, amplitude and phase"
+        what += f"{np.exp(apart[row]):.3g} times pi F A sin(phase), the energy from force, amplitude and phase"
     else:
-        what += f"{share[row]:.3g} of pi F A, the most that force and motion allow"
+        what += f"{share[row]:.3g} times pi F A, the most that force and motion allow"
         what += "" if wrong.any() else "; at a resonance it is all of it"
     advice = "check the unit of the energy and whether it is per cycle, or leave the column out"
     return Finding("energy", "refuse", what, advice, label_sweeps(run for run in view.runs if wrong[run.rows].any()))
