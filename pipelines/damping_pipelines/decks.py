@@ -41,6 +41,12 @@ from damping_pipelines.terminal import tell
 
 #: Structural codes, each with how its comments begin.
 COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "openfast": "!"}
+#: What a code does with a mode that has no ratio at a level; OpenSees takes no such level.
+ABSENT = {
+    "nastran": "the table gives it that of the modes beside it",
+    "abaqus": "undamped unless you give it one",
+    "ansys": "undamped unless you give it one",
+}
 #: The damping ratios written of each load level.
 BOUNDS = ("median", "low")
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
@@ -97,6 +103,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
     number = {mode: i + 1 for i, mode in enumerate(by_frequency)}
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
     si = find_si(form.units)
+    kept = ", ".join(filter(None, form.units.values())) or "which names none"
+    unconverted = f"OpenFAST takes N, m, s: these are the units of the form, {kept}"
     fitted = [(mode, which, points, fit_coefficients(points, which, unit, si)) for (mode, points), which in of_modes]
     values = {
         "code": code,
@@ -109,6 +117,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "unit": unit,
         "fitted": fitted,
         "si": si,
+        "unconverted": unconverted,
+        "absent": ABSENT,
         "missing": missing,
         "flank": FLANK,
         "wrap": partial(wrap, width=COMMENT_WIDTH, subsequent_indent="  "),
@@ -116,8 +126,8 @@ def export_deck(source: Path, out: Path, code: str) -> None:
         "split_runs": partial(split_runs, number),
     }
     write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
-    misses = (f"{m}, {which}: {c}" for m, which, _, c in fitted if c.alone or abs(c.miss) > MOST_MISFIT)
-    tell(f"{out} written: damping for {code}", (*missing, *misses))
+    misses = [f"{m}, {which}: {c}" for m, which, _, c in fitted if c.alone or abs(c.miss) > MOST_MISFIT]
+    tell(f"{out} written: damping for {code}", (*missing, *([unconverted] if fitted and si is None else []), *misses))
 
 
 def to_ascii(text: str) -> str:

@@ -231,6 +231,11 @@ def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
     assert "! MDAMP,1,0.01\n! MDAMP,3,0.03,0.04,0.05,0.06,0.07,0.08\n" in higher
     assert "! MDAMP,1,0.01,0.02,0.03,0.04,0.05,0.06\n! MDAMP,7,0.07,0.08\n" in deck(form, "ansys")
     assert "\nMDAMP,1,0.01\nMDAMP,3,0.03,0.04,0.05,0.06,0.07,0.08\n" in deck(form, "ansys")
+    said = {"nastran": "the table gives it that of the modes", "abaqus": "undamped", "ansys": "undamped"}
+    for code, becomes in said.items():  # beside the numbers of that level, and of no other
+        text = deck(form, code)
+        assert text.count("m2: no ratio here") == text.count(f"m2: no ratio here: {becomes}") == 2
+        assert "m2: no" not in text.split("level 2")[0]
     opensees = deck(form, "opensees")
     assert re.findall(r"^eigen .*\nmodalDamping .*$", opensees, re.MULTILINE) == [
         "eigen 8\nmodalDamping 0.01 0.02 0.03 0.04 0.05 0.06 0.07 0.08"
@@ -291,7 +296,9 @@ def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):
         ({}, (1e-6, 1e-9), "these are the units of the form, which names none"),
     ):
         source.write_text(json.dumps({**form, "units": units}))
-        assert damping("export", source, "--to", "openfast", "--out", out).code == 0
+        run = damping("export", source, "--to", "openfast", "--out", out)
+        assert run.code == 0
+        assert ("which names none" in run.out) is not bool(units)  # not in a comment alone
         text = out.read_text()
         numbers = [float(number) for number in re.findall(r"^(\S+)  AddB", text, re.MULTILINE)][:2]
         np.testing.assert_allclose(numbers, np.multiply(factors, (c1, c2)), rtol=1e-8)  # nine digits are written
