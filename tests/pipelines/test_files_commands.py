@@ -148,6 +148,17 @@ def test_a_ring_down(tmp_path, damping):
     np.testing.assert_allclose(record.column("force"), c * CENTRE * record.column("amplitude"), rtol=5e-3)
 
 
+@pytest.mark.parametrize(("options", "off"), [((), ""), (("--text",), "off by up to 0.003 Hz")])
+def test_frequencies_that_text_rounds(tmp_path, damping, options, off):
+    """1000.003 Hz in E13.5 is 1000.00: rows a hundredth of a hertz apart become one frequency."""
+    rows = (f"A,1,1000.00{k},0.{k}1,1.{k}" for k in (1, 2, 3))
+    (tmp_path / "r.csv").write_text("\n".join(["sweep,force,frequency,amplitude,phase", *rows]))
+    run = damping("export", tmp_path / "r.csv", "--out", tmp_path / "r.uff", "--from", "si", *options)
+    assert run.code == 0
+    assert off in run.out
+    assert ("off by" in run.out) == bool(off)
+
+
 @pytest.mark.parametrize("words", [("a.uff",), ("a.unv", "--text")])
 def test_there_and_back(tmp_path, damping, words):
     path, out, back = universal(tmp_path / "in.uff", "mobility", even=0), tmp_path / "r.csv", tmp_path / "b.csv"

@@ -131,6 +131,7 @@ PEAK = "peak amplitudes"  #: fourth ID line of a set with peak amplitudes of the
 _DISPLACEMENT = 8  #: data type of the numerator
 _FORCE = 13  #: data type of the denominator
 _ACCELERATION = 12  #: the same where a base is driven
+_ABSCISSA = "{:13.5E}"  #: of uneven spacing as text, which the format sets
 
 
 def write_uff(
@@ -147,6 +148,9 @@ def write_uff(
     """
     written = (*REQUIRED_COLUMNS, "phase")
     notes = [f"column {name} is not in the universal file" for name in record.frame.columns if name not in written]
+    off = max(abs(float(_ABSCISSA.format(f)) - f) for f in record.column("frequency").tolist())
+    if off > 0.0 and not binary:
+        notes.append(f"frequencies are off by up to {off:.2g} Hz: as text they have six digits")
     displacement = _describe_axis(_DISPLACEMENT, "Displacement", length)
     force = force.replace("²", "^2")  # the format is of ASCII characters
     drive = _describe_axis(_ACCELERATION, "Acceleration", force) if of_base else _describe_axis(_FORCE, "Force", force)
@@ -192,7 +196,7 @@ def _set(title: str, function: int, x: FloatArray, y: Samples, axes: tuple[str, 
 
 def _as_text(numbers: FloatArray) -> bytes:
     """Text in the format 1E13.5,2E20.12 for complex and 2(1E13.5,1E20.12) for real values."""
-    points = [f"{row[0]:13.5E}" + "".join(f"{value:20.12E}" for value in row[1:]) for row in numbers.tolist()]
+    points = [_ABSCISSA.format(row[0]) + "".join(f"{value:20.12E}" for value in row[1:]) for row in numbers.tolist()]
     if numbers.shape[1] == 2:
         points = ["".join(points[i : i + 2]) for i in range(0, len(points), 2)]
     return "".join(f"{point}\n" for point in points).encode()
