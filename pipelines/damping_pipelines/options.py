@@ -169,7 +169,8 @@ def import_(
 @delegate(".export")
 def export(
     source: Annotated[
-        Path, Argument(metavar="SOURCE", help="Record (CSV), or the JSON of rank, extrapolate, curve or campaign.")
+        Path,
+        Argument(metavar="SOURCE", help="Record (CSV), or JSON of rank, extrapolate, curve, campaign (with --to)."),
     ],
     out: Annotated[Path, Option(metavar="FILE", help="Output; format by its ending: .uff, .unv, .csv or .parquet.")],
     units: Annotated[str | None, Option(metavar="si|us", help="Convert to N and m, or lbf and in.")] = None,
@@ -201,10 +202,12 @@ def regress(
     data: Annotated[list[Path], Argument(metavar="DATA.csv", help="Any table; of several, each gets the same curve.")],
     response: Annotated[str, Option(metavar="COL", help="The dependent column.")],
     terms: Annotated[list[str], Option(metavar='"T1, T2"', help="Terms; repeatable, one per curve.")],
-    select: Annotated[str, Option(help="none, backward, forward, stepwise or best.")] = "none",
-    criterion: Annotated[str, Option(help="bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
+    select: Annotated[str, Option(help="How terms are dropped: none, backward, forward, stepwise or best.")] = "none",
+    criterion: Annotated[str, Option(help="Decides what --select keeps: bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
     nonnegative: Annotated[bool, Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
-    t_stop: Annotated[float | None, Option(help="Drop terms while the smallest |T| is below this.")] = None,
+    t_stop: Annotated[
+        float | None, Option(metavar="T", help="Steps stop at this |T|, not by --criterion: no term below it is kept.")
+    ] = None,
     plots: Annotated[Path | None, Option(metavar="DIR", help="Folder for plots of the deviations.")] = None,
     json_out: Json = None,
     max_size: MaxSize = MAX_SIZE,

@@ -239,7 +239,7 @@ BAD = {
     ),
     "unknown column": ("--terms", "xx", "missing column xx"),
     "text column": ("--terms", "x, label", "line 2, column label: 'a' is not a number"),
-    "unknown response": ("--response", "w", "missing column w"),
+    "unknown response": ("--response", "w", "missing column w among x, y, z, label; expected columns w, x"),
     "text response": ("--response", "label", "line 2, column label"),
     "empty response": ("--response", "", "name of the response is empty"),
     "unknown selection": ("--select", "all", "none, backward, forward, stepwise, best"),
@@ -301,6 +301,7 @@ CANNOT = {
     "zero column": ("x, none", ["none"]),
     "too few rows": ("x, z, 1, x^2, z^2, x*z", ["5", "6"]),
     "no value": ("none^-1", ["none^-1", "observation 1"]),
+    "no square": ("x^300, z", ["x^300", "to be squared"]),
 }
 
 

@@ -198,6 +198,7 @@ def test_every_method_finds_clear_terms(method: str, nonnegative: bool) -> None:
     [
         ({"method": "all"}, "one of none, backward, forward, stepwise, best"),
         ({"criterion": "BIC"}, "one of bic, aic, aicc, adjusted-r2, loo"),
+        ({"nonnegative": "no"}, "True or False"),
         ({"method": "best", "t_stop": 2.0}, "one of backward, forward, stepwise"),
         ({"method": "backward", "t_stop": -1.0}, "a finite number >= 0"),
         ({"method": "forward", "t_stop": float("inf")}, "a finite number >= 0"),

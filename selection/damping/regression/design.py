@@ -121,11 +121,23 @@ class Design:
         return Design(names, self.columns[:, chosen], self.tails[:, chosen], self.response, self.observed)
 
 
+#: Sums of squares of numbers from here to its inverse neither vanish nor overflow, with digits to spare.
+LEAST_NUMBER = 1e-140
+
+
 def design_of(columns: Columns, response: str, terms: Sequence[Term]) -> Design:
-    """The design of terms on the columns of a table. AnalysisError if a term has no finite value somewhere."""
+    """The design of terms on the columns of a table.
+
+    AnalysisError: a term has no finite value somewhere, or numbers too large or small to be squared.
+    """
     pairs = [term.values(columns.numbers.__getitem__, len(columns)) for term in terms]
     heads, tails = (np.column_stack(parts) for parts in zip(*pairs, strict=True))
-    return Design(tuple(term.name for term in terms), heads, tails, response, columns.numbers[response])
+    design = Design(tuple(term.name for term in terms), heads, tails, response, columns.numbers[response])
+    for name, values in zip((*design.names, response), (*heads.T, design.observed), strict=True):
+        largest = float(np.abs(values).max())
+        if not (largest == 0.0 or LEAST_NUMBER <= largest <= 1.0 / LEAST_NUMBER):
+            raise AnalysisError(f"numbers of {name} reach {largest:.3g}, too far from 1 to be squared: change the unit")
+    return design
 
 
 def design_of_arrays(

@@ -223,6 +223,8 @@ class Choice:
         if self.method not in METHODS:
             raise InputError(f"no selection {self.method!r}", expected=f"one of {', '.join(METHODS)}")
         check_criterion(self.criterion)
+        if not isinstance(self.nonnegative, bool | np.bool_):
+            raise InputError(f"nonnegative {self.nonnegative!r}", expected="True or False")
         if self.t_stop is None:
             return
         if self.method not in DIRECTIONS:
