@@ -21,13 +21,19 @@ DEGREES = "expected radians within -2 pi..2 pi (phases in degrees?)"
 REFUSED = {
     "empty": ("", ": the file is empty; expected a file with contents"),
     "white": ("\ufeff \n\t\n", ": the file is empty; expected a file with contents"),
-    "blank cells": ("\n\n   \n \x0b x", ", line 4: missing columns sweep, force, frequency, amplitude; " + NEEDED),
+    "blank cells": (
+        "\n\n   \n \x0b x",
+        ", line 4: missing columns sweep, force, frequency, amplitude among x; " + NEEDED,
+    ),
     "header only": (HEAD, ": no data rows; expected at least one row below the header"),
     "missing": (
         "sweep,Force,frequency\nA,1,2\n",
         f", line 1: missing columns force, amplitude (is 'Force' meant?); {NEEDED}",
     ),
-    "missing one": ("sweep,force,frequency,x\nA,1,2,3\n", f", line 1: missing column amplitude; {NEEDED}"),
+    "missing one": (
+        "sweep,force,frequency,x\nA,1,2,3\n",
+        f", line 1: missing column amplitude among sweep, force, frequency, x; {NEEDED}",
+    ),
     "semicolons": (
         "sweep;force;frequency;amplitude\nA;1;2;3\n",
         f", line 1: missing columns sweep, force, frequency, amplitude "

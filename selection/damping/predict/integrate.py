@@ -273,5 +273,6 @@ def _settle(oscillator: Oscillator, state: State, radius: float | None) -> TimeS
             last = change
         previous = harmonic
     raise AnalysisError(
-        f"no steady state within {_MOST_WINDOWS * _WINDOW} periods at {oscillator.omega / (2 * np.pi):.6g} Hz"
+        f"no steady state within {_MOST_WINDOWS * _WINDOW} periods at {oscillator.omega / (2 * np.pi):.6g} Hz: "
+        "method ritz needs no settling"
     )
