@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import nan
 from operator import itemgetter
 from pathlib import Path
@@ -168,7 +169,7 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
 
 def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[str, Any], dict[str, Block]]:
     """Values and tables of the text on one law in all records."""
-    values: dict[str, Any] = {"among": "", "decides": DECIDES}
+    values: dict[str, Any] = {"among": "", "decides": DECIDES, "number": partial(report.number, digits=2)}
     if len(records) < 2:
         return values, {}
     names, groups = [name for name, _ in records], [record.groups for _, record in records]

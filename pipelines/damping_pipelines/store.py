@@ -94,6 +94,8 @@ def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> No
         refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
     seen: dict[str, str] = {}
     for option, target in targets.items():
+        if str(target) == "-" and option != "--json":
+            raise InputError(f"{option} - is no file; only --json writes to standard output", expected="a name")
         if target is not None and target != "-":
             other = seen.setdefault(os.path.realpath(target), option)
             if other != option:  # the later would replace the earlier

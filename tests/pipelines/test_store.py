@@ -49,7 +49,9 @@ def test_outputs_are_different_files(tmp_path):
         with pytest.raises(InputError, match=r"--json is the file of --out; expected another file for each output"):
             check_outputs({"--out": one, "--page": None, "--json": target})
     check_outputs({"--out": one, "--page": None, "--json": tmp_path / "two.csv"})
-    check_outputs({"--out": "-", "--page": None, "--json": "-", "--report": None})
+    check_outputs({"--out": one, "--page": None, "--json": "-", "--report": None})
+    with pytest.raises(InputError, match=r"--out - is no file; only --json writes to standard output"):
+        check_outputs({"--out": "-", "--json": "-"})
 
 
 def test_plain_data(capsys):
