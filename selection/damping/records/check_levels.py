@@ -71,12 +71,17 @@ def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
     One pair is enough if one of its levels is ``odd``.
     """
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
-    pairs = [(i, j) for i in range(len(F)) for j in range(i + 1, len(F)) if F[j] > FORCE_STEP * F[i]]
-    falling = [(i, j) for i, j in pairs if A[j] < FALLEN * A[i]]
-    explained = any(odd & set(table["sweep"].iloc[[i, j]]) for i, j in falling)
-    if not falling or not (explained or len(falling) >= FALLING * len(pairs)):
-        return None
-    return min(falling, key=lambda pair: A[pair[1]] / A[pair[0]])
+    is_odd = table["sweep"].isin(odd).to_numpy()
+    pairs, falling, explained, deepest = 0, 0, False, (FALLEN, -1, -1)
+    for i in range(len(F)):  # by rows, since the pairs of many levels are more than memory holds
+        above = np.flatnonzero(FORCE_STEP * F[i] < F)
+        lower = above[A[above] < FALLEN * A[i]]
+        pairs, falling = pairs + len(above), falling + len(lower)
+        if len(lower):
+            explained |= bool(is_odd[i] or is_odd[lower].any())
+            j = int(lower[np.argmin(A[lower])])
+            deepest = min(deepest, (float(A[j] / A[i]), i, j))
+    return deepest[1:] if falling and (explained or falling >= FALLING * pairs) else None
 
 
 def _report_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:

@@ -72,7 +72,8 @@ NO_RERUN = 0.05
 def check_edge(view: View) -> Finding | None:
     """Sweeps that contain no resonance: without a phase the row at their edge would be taken for it."""
     seen = {leg.run.sweep for leg in view.legs if leg.resonant}
-    beside = [leg for leg in view.legs if leg.run.sweep not in seen and not _find_levels(view, leg.run.sweep)]
+    unseen = [leg for leg in view.legs if leg.run.sweep not in seen]
+    beside = [leg for leg in unseen if not _find_levels(view, view.record.of(leg.run.sweep).frame)]
     if not beside:
         return None
     below = all(np.argmax(leg.run.compliance) > len(leg.run) // 2 for leg in beside)
@@ -224,8 +225,8 @@ def check_mixed_levels(view: View) -> Finding | None:
 
     The record is refused if the levels would be taken for one sweep without a resonance.
     """
-    levels_of = {sweep: _find_levels(view, sweep) for sweep in view.record.sweeps}
-    mixed = {sweep: levels for sweep, levels in levels_of.items() if levels}
+    by_sweep = view.record.frame.groupby("sweep", sort=False)
+    mixed = {str(sweep): levels for sweep, rows in by_sweep if (levels := _find_levels(view, rows))}
     resonant = {leg.run.sweep for leg in view.legs if leg.resonant}
     if not mixed or view.record.is_decay:
         return None
@@ -239,9 +240,9 @@ def check_mixed_levels(view: View) -> Finding | None:
     return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
 
 
-def _find_levels(view: View, sweep: str) -> list[float]:
-    """Forces of the levels under one label; empty if there is one level."""
-    table = view.record.frame[view.record.frame["sweep"] == sweep].sort_values("frequency", kind="stable")
+def _find_levels(view: View, rows: pd.DataFrame) -> list[float]:
+    """Forces of the levels in the ``rows`` of one label; empty if there is one level."""
+    table = rows.sort_values("frequency", kind="stable")
     frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
     order = np.sort(x)
     cuts = np.flatnonzero(np.diff(order) > log(LEVEL))
