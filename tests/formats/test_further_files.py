@@ -81,6 +81,13 @@ def test_a_broken_wav_file_is_refused(tmp_path):
     path.write_bytes(data[:20] + b"\x11" + data[21:])  # compressed
     with pytest.raises(InputError, match="Unknown wave file format"):
         histories(path, scale={"response": 1.0}, **SIGNAL)
+    random = np.random.default_rng(1)
+    for _ in range(300):
+        broken = bytearray(data)
+        broken[random.integers(60)] = random.choice([0, 255, random.integers(256)])
+        path.write_bytes(broken)
+        with contextlib.suppress(InputError):  # and nothing else
+            read_file(path, Stated(scale={"response": 1.0}, **SIGNAL))
 
 
 def workbook(*sheets: list[list[object]]) -> bytes:

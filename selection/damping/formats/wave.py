@@ -1,7 +1,6 @@
 """WAV files: channels of samples at a sampling rate, in parts of full scale or as floating-point numbers."""
 
 import io
-import struct
 import warnings
 
 import numpy as np
@@ -28,14 +27,14 @@ def read_wav(data: bytes, stated: Stated) -> Arrays:
             warnings.filterwarnings("error", category=wavfile.WavFileWarning)  # fewer samples than stated
             warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)  # of text, which is skipped
             rate, table = wavfile.read(io.BytesIO(data))
-    except (wavfile.WavFileWarning, struct.error, ValueError, LookupError, EOFError, MemoryError) as error:
+        step, table = 1.0 / rate, table.reshape(len(table), -1 if len(table) else 1)
+    except Exception as error:  # whatever a damaged file makes the reader raise
         raise InputError(f"no WAV file that can be read ({error})", expected=NAMES["whole"]["wav"]) from None
-    table = table.reshape(len(table), -1)
     known: dict[str, tuple[int, ...]] = {str(k + 1): (len(table),) for k in range(table.shape[1])}
     asked = stated.columns.get("response")
     chosen = [name for name in known if asked in (None, name)]
     arrays: dict[str, list[Samples]] = {name: [_convert(table[:, int(name) - 1])] for name in chosen}
-    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, 1.0 / rate)))
+    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, step)))
 
 
 def _convert(column: Samples) -> Samples:
