@@ -198,7 +198,9 @@ def _list_sampled(
     name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
     if name is None:
         return None
-    beside = [one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) == "increment"]
+    beside = [
+        one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) in NAMES["rate"]["increment"]
+    ]
     names = [name, *(one for one in beside if last_name(one) in NAMES["rate"]["start"])]
     read = read_arrays(path, kind, names, max_size).arrays
     step, start = (float(read[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
