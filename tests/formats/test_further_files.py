@@ -300,3 +300,10 @@ def test_french_headers(truth, tmp_path, imported, name, motion):
     rows = zip(truth.f, truth.amplitude, strict=True)
     path.write_text(f"{name};force (N);{motion}\n" + "".join(f"{f:.4f};3;{a:.9f}\n".replace(".", ",") for f, a in rows))
     assert len(imported(path).record) == len(truth.f)
+
+
+def test_a_rate_beside_an_array_of_times_is_refused(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"acc": X, "t": T})
+    with pytest.raises(InputError, match="--rate beside an array of times"):
+        read_file(path, Stated(columns={"response": "acc", "time": "t"}, rate=RATE, **SIGNAL))

@@ -152,6 +152,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
+    if stated.rate is not None and set(ABSCISSAS) & set(names):
+        raise InputError("--rate beside an array of times or frequencies", expected="one of them")
     main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
     usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(known, main)
     require_response(names | usual, known, stated, many=kind == "hdf5")
