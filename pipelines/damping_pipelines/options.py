@@ -140,9 +140,7 @@ def import_(
     delimiter: Annotated[str, Option(help="comma, semicolon, tab, space or auto.")] = "auto",
     decimal: Annotated[str, Option(help="Decimal mark: point, comma or auto.")] = "auto",
     skip: Annotated[int, Option(min=0, help="Lines before the header of a CSV file.")] = 0,
-    rate: Annotated[
-        float | None, Option(metavar="HZ", help="Sampling rate of a signal whose times the file does not state.")
-    ] = None,
+    rate: Annotated[float | None, Option(metavar="HZ", help="Sampling rate of a signal without times.")] = None,
     ring_down: Annotated[bool, Option("--ring-down", help="Time histories are free decays of --mode.")] = False,
     mode: Annotated[Path | None, Option(metavar="MODE.toml", help="Mode of the free decays: frequency, mass.")] = None,
     periods: Annotated[float | None, Option(help="Window of a decay, periods.")] = None,
@@ -169,8 +167,7 @@ def import_(
 @delegate(".export")
 def export(
     source: Annotated[
-        Path,
-        Argument(metavar="SOURCE", help="Record (CSV), or JSON of rank, extrapolate, curve, campaign (with --to)."),
+        Path, Argument(metavar="SOURCE", help="Record, or JSON of rank, extrapolate, curve, campaign (with --to).")
     ],
     out: Annotated[Path, Option(metavar="FILE", help="Output; format by its ending: .uff, .unv, .csv or .parquet.")],
     units: Annotated[str | None, Option(metavar="si|us", help="Convert to N and m, or lbf and in.")] = None,

@@ -214,7 +214,7 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
     forces = sum(h.probability for h in second if {CATALOGUE[name].kind for name in h.effects} == {"force"})
     values: dict[str, Any] = {"titles": {number: diagnosis.mode.name for number, diagnosis in diagnoses.items()}}
     values |= {"planes": _find_planes(diagnoses["1"]), "missing_forces": format_share(forces)}
-    values["cases"] = blind["cases"].max()  # the figures of all of them, first
+    values["cases"] = blind["cases"].max()  # a figure of all of them
     blocks = write_blocks(Path(__file__).with_name("gaps.txt"), values, take)
     return ReportPart(Section("gaps", "Two gaps between simulation and test", blocks), tables)
 

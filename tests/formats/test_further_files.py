@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import struct
+import zipfile
 from pathlib import Path
 
 import h5py
@@ -81,13 +83,14 @@ def test_a_broken_wav_file_is_refused(tmp_path):
     path.write_bytes(data[:20] + b"\x11" + data[21:])  # compressed
     with pytest.raises(InputError, match="Unknown wave file format"):
         histories(path, scale={"response": 1.0}, **SIGNAL)
-    random = np.random.default_rng(1)
-    for _ in range(300):
-        broken = bytearray(data)
-        broken[random.integers(60)] = random.choice([0, 255, random.integers(256)])
-        path.write_bytes(broken)
+    for content in (data[:24] + bytes(8) + data[32:], wave(X[:0, None], 16), data.replace(b"data", b"junk")):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="without samples or sampling rate"):
+            histories(path, scale={"response": 1.0}, **SIGNAL)
+    for place, byte in itertools.product(range(48), (0x00, 0xFF)):  # every byte of the head
+        path.write_bytes(data[:place] + bytes([byte]) + data[place + 1 :])
         with contextlib.suppress(InputError):  # and nothing else
-            read_file(path, Stated(scale={"response": 1.0}, **SIGNAL))
+            read_file(path, Stated(format="wav", scale={"response": 1.0}, **SIGNAL))
 
 
 def workbook(*sheets: list[list[object]]) -> bytes:
@@ -134,6 +137,47 @@ def test_a_workbook_that_is_broken_or_unpacks_to_too_much(tmp_path):
             read_file(path, Stated(**SIGNAL))
 
 
+def insert_rows(data: bytes, rows: str) -> bytes:
+    """A workbook with further rows of XML in its first sheet, and with one long text shared by cells ``<v>0</v>``."""
+    changed, kind = io.BytesIO(), "application/vnd.openxmlformats-officedocument.spreadsheetml.sharedStrings+xml"
+    added = {
+        "sheet1.xml": ("</sheetData>", rows),
+        "Types].xml": ("</Types>", f'<Override PartName="/s" ContentType="{kind}"/>'),
+    }
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(changed, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            end, text = next((pair for tail, pair in added.items() if name.endswith(tail)), ("", ""))
+            new.writestr(name, old.read(name).replace(end.encode(), (text + end).encode()) if end else old.read(name))
+        space = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+        new.writestr("s", f'<sst xmlns="{space}"><si><t>{"x" * 30_000}</t></si></sst>')
+    return changed.getvalue()
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        '<row r="1000000000000"><c><v>1</v></c></row>',  # as many empty rows above it
+        "<row>" + '<c t="s"><v>0</v></c>' * 900 + "</row>",  # a long text in many cells
+        f"<row>{'<c><v>1</v></c>' * 900}</row>{'<row><c><v>1</v></c></row>' * 3000}",  # all as wide as the widest
+    ],
+    ids=["far", "shared", "wide"],
+)
+def test_a_small_workbook_that_would_fill_memory_is_refused(tmp_path, rows):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(insert_rows(workbook([["time", "a"], [0.0, 1.0]]), rows))
+    with pytest.raises(InputError, match=r"a sheet of more than 1048576 rows, or of more than 2000000 characters"):
+        read_file(path, Stated(**SIGNAL), max_size=2_000_000)
+
+
+def test_errors_name_the_row_of_a_sheet_with_empty_rows(tmp_path):
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(
+        workbook([["Prüfling"], [None], ["time", "a"], *([k / 10, 0.5] for k in range(5)), [], [0.5, "?"]])
+    )
+    with pytest.raises(InputError, match="line 10, column a: '\\?' is not a number"):
+        read_file(path, Stated(**SIGNAL))
+
+
 def test_a_number_in_the_same_structure_says_how_a_signal_was_sampled(tmp_path):
     """The step of another signal would make every frequency wrong by its factor."""
     path = tmp_path / "a.mat"
@@ -174,6 +218,16 @@ def test_the_frequency_of_the_same_group_and_attributes(truth, tmp_path, importe
     stated = {"columns": {"response": "run_2/disp"}, "consistent": True, "response": "displacement"}
     record = imported(path, forces=(truth.F,), scaling="peak", **stated).record
     np.testing.assert_array_equal(record.column("frequency"), truth.f + 1.0)
+    (one,) = histories(path, columns={"response": "acc"}, **SIGNAL)
+    np.testing.assert_allclose(one.t, T, rtol=1e-12)
+
+
+@pytest.mark.parametrize("value", ["fast", [1.0, 2.0], [], h5py.Empty("f")])
+def test_an_attribute_that_is_no_number_says_nothing_about_sampling(tmp_path, value):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["acc"], file["number/fs"] = X, RATE
+        file["acc"].attrs["rate"] = value
     (one,) = histories(path, columns={"response": "acc"}, **SIGNAL)
     np.testing.assert_allclose(one.t, T, rtol=1e-12)
 
@@ -246,3 +300,10 @@ def test_french_headers(truth, tmp_path, imported, name, motion):
     rows = zip(truth.f, truth.amplitude, strict=True)
     path.write_text(f"{name};force (N);{motion}\n" + "".join(f"{f:.4f};3;{a:.9f}\n".replace(".", ",") for f, a in rows))
     assert len(imported(path).record) == len(truth.f)
+
+
+def test_a_rate_beside_an_array_of_times_is_refused(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"acc": X, "t": T})
+    with pytest.raises(InputError, match="--rate beside an array of times"):
+        read_file(path, Stated(columns={"response": "acc", "time": "t"}, rate=RATE, **SIGNAL))

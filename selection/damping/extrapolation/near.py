@@ -109,7 +109,7 @@ EXPECTED = (0.0078, 1.0)
 #: a change of many times this is one. Degrees of freedom of a scatter that is known.
 MOST = 0.04
 _CERTAIN = 1e9
-#: Factor on the probability of a change at more than three levels: two for two shapes, two for tests that scatter more
+#: Factor on the probability of a change in more than three sweeps: two for two shapes, two for tests that scatter more
 #: than expected. At a scatter of 3 % a constant p then seems to fall in 4 to 5 % of tests, at 1 % in at most 2 %.
 LOOKS = 4.0
 #: Probability below which none is told apart.
@@ -178,7 +178,7 @@ def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, 
     Beside a straight line, y has a parabola, or a step at the top level: a bend between the two highest. The least
     squares S that n sweeps leave beside either give s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and
     the change over its standard deviation follows Student's t; over that by a scatter of ``MOST``, it is at most as
-    improbable as a normal deviate. The least probable counts, times ``LOOKS`` (Bonferroni).
+    probable as a normal deviate. The least probable counts, times ``LOOKS`` (Bonferroni).
     """
     line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
     found = []

@@ -152,6 +152,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
+    if stated.rate is not None and set(ABSCISSAS) & set(names):
+        raise InputError("--rate beside an array of times or frequencies", expected="one of them")
     main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
     usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(known, main)
     require_response(names | usual, known, stated, many=kind == "hdf5")
@@ -198,7 +200,9 @@ def _list_sampled(
     name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
     if name is None:
         return None
-    beside = [one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) == "increment"]
+    beside = [
+        one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) in NAMES["rate"]["increment"]
+    ]
     names = [name, *(one for one in beside if last_name(one) in NAMES["rate"]["start"])]
     read = read_arrays(path, kind, names, max_size).arrays
     step, start = (float(read[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))

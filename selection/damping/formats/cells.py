@@ -40,11 +40,12 @@ def read_number(cell: str, decimal: str, line: int, column: str) -> float:
 class Thousands:
     """Whether points may stand between thousands: numbers such as ``978`` and ``12.345``, and none with other decimals.
 
-    Taken for a decimal point, such a mark makes numbers a thousand times too small.
+    Taken for a decimal point, such a mark makes numbers a thousand times too small. ``is_possible``: whether the layout
+    allows it, and whether every number seen does.
     """
 
-    def __init__(self) -> None:
-        self.is_possible = True  #: no number with other decimals was seen
+    def __init__(self, *, is_possible: bool) -> None:
+        self.is_possible = is_possible
         self._pointed: tuple[str, str] | None = None
         self._has_plain = False
 

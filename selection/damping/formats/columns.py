@@ -164,8 +164,7 @@ def read_columns(
     values = {role: array("d") for role in places if role != "sweep"}
     gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
     labels: list[str] | None = [] if "sweep" in places else None
-    thousands = Thousands()
-    thousands.is_possible = decimal == "auto" and layout.decimal == "point" and mark != ","
+    thousands = Thousands(is_possible=decimal == "auto" and layout.decimal == "point" and mark != ",")
     for line, row in rows:
         if len(row) != len(names):
             raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")

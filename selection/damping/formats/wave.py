@@ -12,9 +12,9 @@ from damping.formats.series import Samples, Stated
 
 
 def read_wav(data: bytes, stated: Stated) -> Arrays:
-    """The channels of a WAV file, named from 1, as far as the role ``response`` asks for them.
+    """The channels of a WAV file, named from 1, as far as the role ``response`` asks for them: (samples,), step in s.
 
-    InputError: a broken file, compressed samples, or no stated scale: a file does not say what full scale is.
+    InputError: a broken or empty file, compressed samples, or no stated scale: a file does not say what full scale is.
     """
     from scipy.io import wavfile  # noqa: PLC0415 - half a second, for this format alone
 
@@ -27,14 +27,18 @@ def read_wav(data: bytes, stated: Stated) -> Arrays:
             warnings.filterwarnings("error", category=wavfile.WavFileWarning)  # fewer samples than stated
             warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)  # of text, which is skipped
             rate, table = wavfile.read(io.BytesIO(data))
-        step, table = 1.0 / rate, table.reshape(len(table), -1 if len(table) else 1)
+    except UnboundLocalError:  # so SciPy answers a file without samples
+        rate, table = 0, np.zeros(0)
     except Exception as error:  # whatever a damaged file makes the reader raise
         raise InputError(f"no WAV file that can be read ({error})", expected=NAMES["whole"]["wav"]) from None
+    if not (rate and table.size):
+        raise InputError("a WAV file without samples or sampling rate", expected=NAMES["whole"]["wav"])
+    table = table.reshape(len(table), -1)
     known: dict[str, tuple[int, ...]] = {str(k + 1): (len(table),) for k in range(table.shape[1])}
     asked = stated.columns.get("response")
     chosen = [name for name in known if asked in (None, name)]
     arrays: dict[str, list[Samples]] = {name: [_convert(table[:, int(name) - 1])] for name in chosen}
-    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, step)))
+    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, 1.0 / rate)))
 
 
 def _convert(column: Samples) -> Samples:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from openpyxl.worksheet._read_only import ReadOnlyWorksheet
 
 MOST_COLUMNS = 1000  #: Columns that are read: a bound for a stray cell far to the right.
+MOST_ROWS = 1_048_576  #: Rows of a sheet, by its format: a damaged number of a row is as many rows without a cell.
 _EXPECTED = "a workbook (XLSX), or its sheet saved as CSV"
 
 
@@ -29,10 +30,10 @@ def is_workbook(path: str | Path) -> bool:
 
 
 def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
-    """The sheet with cells, as lines of cells between tabs; ``chosen``: its number from 1, if there are several.
+    """The sheet with cells, a line for each row, cells between tabs; ``chosen``: its number from 1, if several have.
 
-    InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes, or several sheets without
-    a choice. AnalysisError: openpyxl is not installed.
+    InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text,
+    or several sheets without a choice. AnalysisError: openpyxl is not installed.
     """
     try:
         from openpyxl import load_workbook  # noqa: PLC0415 - for this format alone
@@ -47,12 +48,12 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
             warnings.simplefilter("ignore")  # of styles and checks of cells, which are not read
             book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
         wanted = [(k, sheet) for k, sheet in enumerate(book.worksheets, 1) if not chosen or k in chosen]
-        tables = {k: list(_list_rows(sheet)) for k, sheet in wanted}
+        tables = {k: list(_list_rows(sheet, most)) for k, sheet in wanted}
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes the readers of ZIP, XML and cells raise
         raise InputError(f"no workbook that can be read ({error})", expected=_EXPECTED) from None
-    tables = {number: rows for number, rows in tables.items() if rows}
+    tables = {number: rows for number, rows in tables.items() if any(rows)}
     if len(tables) != 1:
         sizes = ", ".join(f"{number} ({len(rows)} x {max(map(len, rows))})" for number, rows in tables.items())
         what = f"{len(tables)} sheets with cells{': ' if sizes else ''}{sizes}"
@@ -60,18 +61,27 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
     (rows,) = tables.values()
     width = max(map(len, rows))
     first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
-    padded = (row if k < first else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
+    padded = (row if k < first or not row else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
     return "".join("\t".join(row) + "\n" for row in padded).encode()
 
 
-def _list_rows(sheet: "ReadOnlyWorksheet") -> Iterator[list[str]]:
-    """The texts of every row that has one, up to its last. InputError: more than ``MOST_COLUMNS``."""
+def _list_rows(sheet: "ReadOnlyWorksheet", most: int) -> Iterator[list[str]]:
+    """The texts of every row up to its last; none of an empty row.
+
+    InputError: more than ``MOST_ROWS`` or ``MOST_COLUMNS``, or cells that are together more than ``most`` characters:
+    many cells may hold one long text, and a table has as many cells in every row as in its widest.
+    """
+    width = size = 0
     sheet.reset_dimensions()  # as stated, all rows of a sheet with a stray cell would be as wide as that
-    for row in sheet.iter_rows(values_only=True):
+    for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
+        size += sum(len(value) for value in row if isinstance(value, str))
+        width = max(width, len(row))
+        if number > MOST_ROWS or size + number * min(width, MOST_COLUMNS) > most:
+            what = f"a sheet of more than {MOST_ROWS} rows, or of more than {most} characters"
+            raise InputError(what, expected="a smaller sheet, or a larger --max-size")
         texts = ["" if value is None else " ".join(str(value).split()) for value in row]
         while texts and not texts[-1]:
             texts.pop()
         if len(texts) > MOST_COLUMNS:
             raise InputError(f"a cell in column {len(texts)}", expected=f"at most {MOST_COLUMNS} columns")
-        if texts:
-            yield texts
+        yield texts

@@ -22,8 +22,7 @@ _DEEPEST = 6  # deepest level of nested groups that is read: a bound for endless
 _MOST_PARTS = 1000  # most arrays that one name may stand for
 _FILTERS = {"gzip", "lzf", None}
 _MAT_CLASSES = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
-_RATES = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))["rate"].values()
-_SAMPLING = {name for names in _RATES for name in names}
+_SAMPLING = set().union(*tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))["rate"].values())
 _STEP = re.compile(r"\.(\w+)|([({])\s*([\d:]+)\s*(?:,\s*([\d:]+)\s*)?[)}]")
 Read = Iterator[tuple[str, Any]]
 
@@ -50,7 +49,7 @@ class Contents:
         first, last = self.rows or (0, count)
         return slice(min(first, count), min(last, count))
 
-    def refuse_beyond(self, shape: Any, item: int = 16) -> None:
+    def refuse_beyond(self, shape: Any, item: int) -> None:
         """Refuse an array of that shape, with ``item`` bytes per value, if it is larger than the file warrants."""
         if item * math.prod(max(int(n), 1) for n in shape) > self.bytes_left:
             raise RefusedError(f"an array of {' x '.join(str(n) for n in shape)} is larger than the file warrants")
@@ -101,8 +100,7 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
     """
     from scipy.io import loadmat, whosmat  # noqa: PLC0415 - half a second, for this format alone
 
-    wanted = {re.split(r"[.({]", name)[0] for name in names}
-    tops = []
+    wanted, tops = {re.split(r"[.({]", name)[0] for name in names}, list[str]()
     for name, shape, mat_class in whosmat(path)[:_MOST_NAMES]:
         contents.known[name] = [int(n) for n in shape]
         if mat_class in ("struct", "cell") or name in wanted:
@@ -124,12 +122,10 @@ def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int)
     if depth > _DEEPEST or len(known) >= _MOST_NAMES or not isinstance(value, np.ndarray):
         return
     known.setdefault(name, [int(n) for n in value.shape])
-    if not value.size:
-        return
-    if value.dtype.names:
+    if value.size and value.dtype.names:
         for field in value.dtype.names:
             _list_nested(value[field].flat[0], f"{name}.{field}", known, depth + 1)
-    elif value.dtype == object:
+    elif value.size and value.dtype == object:
         for column in range(min(value.shape[-1], 8)):
             _list_nested(value[0, column], f"{name}{{:,{column + 1}}}", known, depth + 1)
 
@@ -263,7 +259,10 @@ def _list(h5py: Any, member: Any, path: str, known: dict[str, list[int]], depth:
     """List arrays from a path on with their shapes, following only hard links, and attributes that state sampling."""
     if isinstance(member, h5py.Dataset):
         known[path] = [int(n) for n in member.shape or ()]
-    known |= {f"{path}/{name}".strip("/"): [] for name in member.attrs if name.lower() in _SAMPLING}
+    for name in (name for name in member.attrs if name.lower() in _SAMPLING):
+        own = member.attrs.get_id(name)
+        if own.dtype.kind in "fiu" and own.get_space().get_simple_extent_npoints() == 1:  # one number
+            known[f"{path}/{name}".strip("/")] = []
     for name in member if isinstance(member, h5py.Group) and depth <= _DEEPEST else ():
         if len(known) >= _MOST_NAMES:
             return

@@ -23,9 +23,10 @@ POWERS = (0.0, 3.0)
 ERROR_OF_RISE = 0.25
 #: Ratio of forces from which resonances show that power.
 TELLING = 1.1
-#: Iterations for A_r, each of which leaves about half of the error, and for the power, by which the amplitudes change.
+#: Iterations for A_r, each of which leaves about half of the error.
 _TURNS = 12
-TURNS = 4
+#: Iterations for the power, which resonances of all sweeps show and by which they change.
+POWER_TURNS = 4
 
 
 def find_between(

@@ -202,7 +202,7 @@ def require_columns(
     if not missing:
         return
     hint = describe_separator(names) or describe_meant(missing[0], names, likeness=0.6)
-    hint = hint or f" among {describe_shortened(', '.join(names), 80)}" * bool(names)
+    hint = hint or (f" among {describe_shortened(', '.join(names), 80)}" if names else "")
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
-from damping.records.between import TURNS, estimate_power, find_between
+from damping.records.between import POWER_TURNS, estimate_power, find_between
 from damping.records.record import Record
 from damping.records.runs import order_rows
 
@@ -74,7 +74,7 @@ def tabulate_resonances(record: Record) -> pd.DataFrame:
     """Phase resonance of each sweep, one row each in order of appearance, with the columns of ``Resonance``."""
     sweeps = [(str(sweep), table) for sweep, table in record.frame.groupby("sweep", sort=False)]
     rows = [find_resonance(*sweep) for sweep in sweeps]
-    for _ in range(TURNS if any(row.method == "between" for row in rows) else 0):
+    for _ in range(POWER_TURNS if any(row.method == "between" for row in rows) else 0):
         power = estimate_power(*(np.array([getattr(row, name) for row in rows]) for name in ("force", "amplitude")))
         rows = [find_resonance(*sweep, power) for sweep in sweeps]
     return pd.DataFrame([asdict(row) for row in rows], columns=list(Resonance.__dataclass_fields__))

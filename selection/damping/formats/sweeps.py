@@ -1,0 +1,78 @@
+"""Sweeps of a table: by the labels of its rows, or by where the frequency restarts, turns or is in no order."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from damping.arrays import FloatArray, IntArray
+from damping.formats.series import Samples, Series, Summary
+from damping.records.resonance import number_levels
+
+#: A new sweep begins where the frequency goes back by more than this share of the range that its sweep has covered.
+_RESTART = 0.5
+#: Fewest rows of a sweep before a new one may begin.
+_FEWEST_ROWS = 4
+#: Rows are in no order if the frequency turns at this share of them (two thirds in a random order), and if there
+#: are more than so many.
+_DISORDER = 0.5
+_FEWEST_IN_DISORDER = 12
+
+
+def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -> list[Series]:
+    """The sweeps of a table by the label of each row, else split by `_cuts`."""
+    if labels is None and not whole.is_time:
+        cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
+        if cuts and (levels := _find_levels_in_disorder(whole)) is not None:
+            summary.note(f"rows in no order of frequency are sorted into {int(levels.max()) + 1} sweeps by their force")
+            labels = [f"{whole.label} {level + 1}" for level in levels]
+        elif cuts:
+            summary.note(f"{len(cuts) + 1} sweeps one below the other are separated by frequency and force")
+            labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
+    if labels is None:
+        return [whole]
+    by_label: dict[str, list[int]] = {}
+    for row, label in enumerate(labels):
+        by_label.setdefault(label, []).append(row)
+    return [_take_rows(whole, label or whole.label, rows) for label, rows in by_label.items()]
+
+
+def _find_levels_in_disorder(whole: Series) -> IntArray | None:
+    """Force level of each row (n,) where the frequency turns from row to row more than it goes on; else None."""
+    way, size = np.sign(np.diff(whole.abscissa)), np.abs(np.zeros(1) if whole.force is None else whole.force)
+    if len(way) < _FEWEST_IN_DISORDER or np.mean(way[1:] * way[:-1] < 0.0) < _DISORDER or not np.isfinite(size).all():
+        return None
+    levels = number_levels(size * np.ones(len(whole.abscissa)))
+    return levels if (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
+
+
+def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
+    force = None if whole.force is None else whole.force[rows]
+    extra = {key: column[rows] for key, column in whole.extra.items()}
+    x, response = whole.abscissa[rows], whole.response[rows]
+    return replace(whole, label=label, abscissa=x, response=response, force=force, extra=extra)
+
+
+def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
+    """Rows at which a new sweep begins: the frequency goes back by half its range, or turns where the force changes.
+
+    Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
+    """
+    starts: set[int] = set()
+    rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
+    first = 0  # index in ``rows`` of the current sweep's first row
+    for k in range(1, len(rows)):
+        passed = frequency[rows[first:k]]
+        step = frequency[rows[k]] - passed[-1]
+        back = step * (passed[-1] - passed[0]) < 0.0
+        if back and len(passed) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(passed):
+            starts.add(int(rows[k]))
+            first = k
+    if force is not None:
+        size = np.abs(force)
+        changes = np.flatnonzero(size[1:] != size[:-1]) + 1
+        way = np.sign(np.diff(frequency))
+        onward = {k + 1 for k in range(1, len(way)) if way[k] == way[k - 1] != 0.0}
+        if len(changes) < len(size) / _FEWEST_ROWS:  # a constant force, not one measured in every row
+            starts |= set(changes.tolist()) - onward
+    return sorted(starts)
