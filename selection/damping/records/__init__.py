@@ -28,7 +28,7 @@ NAMES = (
     "sensor-saturation",
 )  # fmt: skip
 #: Findings whose refusal does not stop a diagnosis: laws cannot be ranked on such a record, but it can name the effect.
-DIAGNOSED = ("level-offset", "phase-offset")
+DIAGNOSED = ("level-offset",)
 #: Findings that noise or exchanged columns explain: all but copies.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
 _OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
