@@ -277,8 +277,10 @@ def test_points_between_thousands_are_no_decimals(tmp_path, imported):
     with pytest.raises(InputError, match=r"7\.553 beside whole numbers: a decimal point, or a mark between thousands"):
         imported(path)
     assert imported(path, decimal="point").record.column("amplitude")[0] < 1e-3
-    path.write_text(path.read_text().replace("24;", "24.5;"))  # a number with other decimals tells
-    assert len(imported(path).record) == 5
+    table = path.read_text()
+    for frequency in ("24.5;", "1024;"):  # a number with other decimals, or thousands without a mark, tells
+        path.write_text(table.replace("24;", frequency))
+        assert len(imported(path).record) == 5
 
 
 @pytest.mark.parametrize("course", ["sine", "noise", "blow", "release"])

@@ -16,6 +16,8 @@ NUMBER = {
 #: Digits in groups of three, and such an integer.
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,' \u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?")
 _WHOLE = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})*|0")
+#: Other numbers that show that a point is no such mark: one with decimals, thousands without a mark.
+_UNMARKED = re.compile(r".*\.|[+-]?\d{4}")
 
 
 def read_number(cell: str, decimal: str, line: int, column: str) -> float:
@@ -38,7 +40,7 @@ def read_number(cell: str, decimal: str, line: int, column: str) -> float:
 
 
 class Thousands:
-    """Whether points may stand between thousands: numbers such as ``978`` and ``12.345``, and none with other decimals.
+    """Whether points may stand between thousands: numbers as ``978`` and ``12.345``, no ``0.5`` and no ``1234``.
 
     Taken for a decimal point, such a mark makes numbers a thousand times too small. ``is_possible``: whether the layout
     allows it, and whether every number seen does.
@@ -53,7 +55,7 @@ class Thousands:
         """Take note of a cell."""
         text = cell.strip()
         if not _WHOLE.fullmatch(text):
-            self.is_possible = self.is_possible and "." not in text
+            self.is_possible = self.is_possible and not _UNMARKED.match(text)
         elif "." in text:
             self._pointed = self._pointed or (text, column)
         else:
