@@ -164,7 +164,7 @@ USE_PYARROW = ("fleet", "export")
 def main(arguments: list[str] | None = None) -> None:
     """Entry point: every error becomes one line on standard error and its exit code, never a traceback."""
     if arguments is None:  # a process of its own
-        command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")  # after "--quiet", too
+        command = _find_command(sys.argv[1:])
         if command == "fleet":
             # what has come is written and the cluster ended in order; other commands end at once, with their processes
             signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -188,7 +188,8 @@ def main(arguments: list[str] | None = None) -> None:
         package = (error.name or "").partition(".")[0]
         missing = f"the installation is not complete: {error}"
         if package in EXTRAS:
-            extra = f"'damping-selection[{EXTRAS[package]}]'"
+            name = "fleet" if _find_command(words) == "fleet" else EXTRAS[package]  # which brings all that it needs
+            extra = f"'damping-selection[{name}]'"
             missing = f"this needs {package}, which is not installed; pip install {extra} brings it"
         code = _fail(missing, 1)
     except (typer.Abort, KeyboardInterrupt):
@@ -208,6 +209,11 @@ def main(arguments: list[str] | None = None) -> None:
             line = f"{type(error).__name__}: {error}".splitlines()[0]
             code = _fail(f"internal error, please report it ({line}); DAMPING_TRACEBACK=1 shows where", 1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _find_command(words: list[str]) -> str:
+    """The command among the words, which may follow ``--quiet``."""
+    return next((word for word in words if not word.startswith("-")), "")
 
 
 #: What the system says of a standard output that is closed or full; errors of files are told where files are written.
