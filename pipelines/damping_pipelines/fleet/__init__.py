@@ -53,8 +53,7 @@ def fleet(
     if with_workers := scheduler is not None or workers != 0:
         from damping_pipelines.fleet import runners  # noqa: PLC0415 - Dask: 19 MB that records one by one do not need
     require_checks(despite)
-    address = None if dashboard == "off" else dashboard
-    _check_address(address)
+    _check_address(address := None if dashboard == "off" else dashboard)
     settings = dataset.FleetSettings(
         seed, fast, level, tuple(sorted(force)), versions(), max_size, tuple(despite), digest_code(), time_limit
     )

@@ -24,6 +24,7 @@ _GIVING_WAY = 0.01
 #: Largest relative change of frequency of one structure; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
+_USUAL_DAMPING, _USUAL_MASS = 0.2, 0.05  #: |ln| of actual over stated ones of a state, as well as they are known.
 _MOST_MASS = 1.5  #: Largest |ln| of actual over stated mass of a state: a factor of 4.5 is beyond all sense.
 #: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -245,7 +246,11 @@ READING_DRIFT: Effect = Effect(
 
 def state_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |ln| of actual over stated damping, frequency or mass of one of several states."""
-    sizes = {"damping": (0.2, _MOST_WARMING), "frequency": (scales.bandwidth, _MOST_DRIFT), "mass": (0.05, _MOST_MASS)}
+    sizes = {
+        "damping": (_USUAL_DAMPING, _MOST_WARMING),
+        "frequency": (scales.bandwidth, _MOST_DRIFT),
+        "mass": (_USUAL_MASS, _MOST_MASS),
+    }
     return tuple(
         chain.from_iterable(
             OTHER_STATE.either_sign(

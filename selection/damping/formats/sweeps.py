@@ -13,9 +13,9 @@ from damping.records.resonance import number_levels
 _RESTART = 0.5
 #: Fewest rows of a sweep before a new one may begin.
 _FEWEST_ROWS = 4
-#: Rows are in no order if the frequency turns at this share of them (two thirds in a random order), and if there
-#: are more than so many.
+#: Share of rows at which the frequency turns, from which they are in no order: two thirds turn in a random one.
 _DISORDER = 0.5
+#: Fewest steps from row to row on which that is judged: in fewer, chance alone turns as many.
 _FEWEST_IN_DISORDER = 12
 
 

@@ -25,7 +25,7 @@ def is_workbook(path: str | Path) -> bool:
     try:
         with zipfile.ZipFile(path) as packed:
             return any(name.startswith("xl/") for name in packed.namelist())
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):
+    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):  # it is none, or its directory is damaged
         return False
 
 

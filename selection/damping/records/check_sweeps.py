@@ -109,7 +109,7 @@ RISEN = 1.05
 
 
 def check_coarse(view: View) -> Finding | None:
-    """Sweeps without phases whose rows are so far apart that the resonance lies well above the largest reading."""
+    """Sweeps without phases whose largest reading lies well below the resonance, because rows are far apart."""
     if view.record.has_phase or "energy" in view.record.frame.columns:
         return None
     table = tabulate_resonances(view.right).query("method == 'between'")
