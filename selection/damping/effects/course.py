@@ -24,7 +24,8 @@ _GIVING_WAY = 0.01
 #: Largest relative change of frequency of one structure; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
-_USUAL_DAMPING, _USUAL_MASS = 0.2, 0.05  #: |ln| of actual over stated ones of a state, as well as they are known.
+_USUAL_DAMPING = 0.2  #: Natural |ln| of actual over stated damping of a state: it is known to a fifth.
+_USUAL_MASS = 0.05  #: That of its mass, which is known to a twentieth.
 _MOST_MASS = 1.5  #: Largest |ln| of actual over stated mass of a state: a factor of 4.5 is beyond all sense.
 #: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
