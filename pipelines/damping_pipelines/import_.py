@@ -210,7 +210,7 @@ def _agree(texts: Sequence[str], system: Sequence[str]) -> bool:
 
 def _print(record: Record, summary: Summary, out: Path, to: Console) -> None:
     title = f"{escape_control(Path(record.source).name)}: what was understood"
-    table = PlainTable(title, (), ("what", "understood", "whence"))
+    table = PlainTable(title, (), ("what", "understood", "source"))
     for row in summary.rows:
         table.add_row(*(escape_control(cell) for cell in row))
     to.print(table)

@@ -73,8 +73,8 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         if role in UNIT_OF:
             refuse_decibels(role, header.text)
         if role in numbers or role == "sweep":
-            whence = "stated" if role in stated.columns else "by its name"
-            summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", whence)
+            source = "stated" if role in stated.columns else "by its name"
+            summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", source)
     if stated.rate is not None:
         if set(ABSCISSAS) & set(numbers):
             raise InputError("--rate beside a column of times or frequencies", expected="one of them")

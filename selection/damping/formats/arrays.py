@@ -175,8 +175,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
         shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
         many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
-        whence = "stated" if role in stated.columns else "by its name"
-        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", whence)
+        source = "stated" if role in stated.columns else "by its name"
+        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", source)
     texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
     angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     facts = FileFacts(units=list_units(texts, stated), angles=angles)

@@ -76,8 +76,8 @@ def conversion(known: Statements) -> Conversion:
     units = {} if stated.consistent else {what: _read_unit(what, text) for what, text in texts.items()}
     name = _find_response_type(known, units)
     order, per_force = RESPONSES[name]
-    whence = _STATED if stated.response else _FOUND if facts.response else f"{_FOLLOWS} from its unit"
-    summary.add("response", name, whence)
+    source = _STATED if stated.response else _FOUND if facts.response else f"{_FOLLOWS} from its unit"
+    summary.add("response", name, source)
     if facts.response and facts.response != name:
         summary.note(f"the file says {facts.response}, {name} is stated")
     if stated.consistent:

@@ -78,15 +78,15 @@ class Stated:
 
 @dataclass
 class Summary:
-    """Rows (what, understood, whence) in the order of reading, and notes; filled while a file is read."""
+    """Rows (what, understood, source) in the order of reading, and notes; filled while a file is read."""
 
     rows: list[tuple[str, str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def add(self, what: str, understood: str, whence: str) -> None:
-        """Add a fact once; ``whence``: ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
-        if (what, understood, whence) not in self.rows:
-            self.rows.append((what, understood, whence))
+    def add(self, what: str, understood: str, source: str) -> None:
+        """Add a fact once; ``source``: ``stated``, ``found in the file``, ``of the format`` or ``follows``."""
+        if (what, understood, source) not in self.rows:
+            self.rows.append((what, understood, source))
 
     def note(self, text: str) -> None:
         """Add a remark once."""
@@ -96,7 +96,7 @@ class Summary:
     @property
     def table(self) -> pd.DataFrame:
         """The rows as a table."""
-        return pd.DataFrame(self.rows, columns=["what", "understood", "whence"])
+        return pd.DataFrame(self.rows, columns=["what", "understood", "source"])
 
 
 def require_finite(name: str, values: Samples) -> None:
@@ -155,14 +155,14 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
         if of_phase == "degrees" and not role.endswith("_deg"):
             turned[role] = values * (pi / 180.0)
         if role == "angle":
-            whence = "found in the file" if role in facts.angles else "follows from its size"
-            summary.add("unit of angle", of_phase, whence)
+            source = "found in the file" if role in facts.angles else "follows from its size"
+            summary.add("unit of angle", of_phase, source)
     if "phase_sd" in turned:
         degrees = (facts.angles.get("phase_sd") or of_phase) == "degrees"
         if degrees:
             turned["phase_sd"] = turned["phase_sd"] * (pi / 180.0)
-        whence = "found in the file" if "phase_sd" in facts.angles else "that of the phase"
-        summary.add("unit of phase_sd", "degrees" if degrees else "rad", whence)
+        source = "found in the file" if "phase_sd" in facts.angles else "that of the phase"
+        summary.add("unit of phase_sd", "degrees" if degrees else "rad", source)
     return turned
 
 

@@ -68,7 +68,7 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
         summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {count(len(tables), 'sweep')}", "follows")
     if "phase" not in table:
-        summary.note("no phases: only the row of largest amplitude of each sweep gives the damping")
+        summary.note("no phases: each sweep gives the damping only at its resonance")
         return table
     wrong = int(np.count_nonzero(np.sin(table["phase"]) < 0.0))
     if wrong > len(table) / 2:

@@ -211,16 +211,16 @@ _FREQUENCIES = ABSCISSAS["frequency"] | {"": 1.0, "hertz": 1.0, "rad/sec": ABSCI
 def _abscissa(x: FloatArray, entry: DataSet, summary: Summary) -> FloatArray:
     """Abscissa in Hz or s."""
     label = entry.abscissa.unit
-    whence = "found in the file" if label else "of the format"
+    source = "found in the file" if label else "of the format"
     if entry.is_time:
         time = unit(label or "s", what="unit of time")
         if time.powers != (0, 0, 1):
             raise InputError(f"time in {label!r}", expected="a unit of time")
-        summary.add("time", time.text, whence)
+        summary.add("time", time.text, source)
         return x * time.factor
     if label.lower() not in _FREQUENCIES:
         raise InputError(f"frequency in {label!r}", expected=f"one of {', '.join(filter(None, _FREQUENCIES))}")
-    summary.add("frequency", label or "Hz", whence)
+    summary.add("frequency", label or "Hz", source)
     return x * _FREQUENCIES[label.lower()]
 
 
