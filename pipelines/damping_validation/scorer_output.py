@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_png, to_svg
+from damping.records.record import record_to_csv
 from damping.report.page import Block, FigureBlock, Footer, Table, render_page, write_sections
 from damping_pipelines import shipped_folder
 from damping_validation.scorer import DETECTABLE, Figure, Goal, Verdict
@@ -37,13 +38,14 @@ SCORES = (
 def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> dict[str, bytes]:
     """Contents of ``SCORES`` by name: tables, both drawings as SVG and PNG, the report."""
     matrix, table, kinds = tabulate_confusion(cases), tabulate_figures(figures), tabulate_kinds(cases)
+    counts = matrix.reset_index(names="truth")
     sentence = describe_verdict(figures, cases)
     kinds_text = write_markdown(kinds.rename(columns=lambda name: name.replace("_", " ")))
     files = {
-        "table.csv": table.to_csv(index=False, lineterminator="\n").encode(),
+        "table.csv": record_to_csv(table).encode(),
         "table.md": f"{sentence}\n\n{to_markdown(figures)}\n{kinds_text}".encode(),
-        "kinds.csv": kinds.to_csv(index=False, lineterminator="\n").encode(),
-        "confusion.csv": matrix.to_csv(lineterminator="\n").encode(),
+        "kinds.csv": record_to_csv(kinds).encode(),
+        "confusion.csv": record_to_csv(counts).encode(),
     }
     drawn = {
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
@@ -52,7 +54,7 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
     parts: dict[str, Block] = {
         "rows": Table(tabulate_blind_rows(table), ""),
         "kinds": Table(kinds, "", key="kinds"),
-        "counts": Table(matrix.reset_index(names="truth"), ""),
+        "counts": Table(counts, ""),
     }
     for name, (drawing, title) in drawn.items():
         svg = to_svg(drawing, f"blind-{name}", title, title)
