@@ -20,8 +20,9 @@ from damping_pipelines.store import refuse_inputs, refuse_unwritable, write_text
 #: Studies on a page: more columns of weights are not read.
 MOST_STUDIES = 8
 _EXPECTED = "a file that a study wrote"
-#: Columns of ``NAME-posteriors.csv`` that are compared.
-_TEXTS, _NUMBERS = ("law", "parameter", "unit"), ("low", "median", "high")
+#: Columns of ``NAME-posteriors.csv`` that are compared, texts and numbers.
+_TEXTS = ("law", "parameter", "unit")
+_NUMBERS = ("low", "median", "high")
 
 
 def compare(folders: Sequence[Path], out: Path) -> None:
