@@ -1,7 +1,4 @@
-"""Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page.
-
-The figures of the last blind run of the gap diagnosis are shipped, as the expected quality of its answers.
-"""
+"""Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -211,9 +208,6 @@ def _describe_measured(value: float, low: float, high: float, share: bool) -> st
 
 
 def load_blind_table() -> pd.DataFrame:
-    """The table that ``damping blind`` wrote: figure, goal, measured value with its 95 % interval, cases, met or not.
-
-    ``share``: whether the values are shares of 1.
-    """
+    """The table of the last blind run, shipped as the expected quality of the diagnosis (:func:`tabulate_figures`)."""
     table = pd.read_csv(shipped_folder(Path(__file__).parent, "blind") / "table.csv", keep_default_na=True)
     return table.loc[:, list(COLUMNS)].assign(goal=table["goal"].fillna(""), met=table["met"].fillna(""))
