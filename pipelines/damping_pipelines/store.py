@@ -86,7 +86,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
     """InputError, before any work, if an output is an input, another output, of no known format, or unwritable."""
     for option, target in targets.items():
-        refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
+        refuse_inputs(option.split()[0], target, *inputs)  # a file of a folder is listed as ``--plots NAME``
     seen: dict[str, str] = {}
     for option, target in targets.items():
         if str(target) == "-" and option != "--json":

@@ -56,7 +56,7 @@ def regress(
     check_outputs({"--json": json_out}, *data)
     if plots is not None:
         refuse_unwritable(plots, folder=True)
-    # what is not allowed is told before any table is read
+    # what is not allowed is refused before any table is read
     Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
     results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
