@@ -250,7 +250,7 @@ def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
 
 
 def _open_panels(names: Collection[str], height: float, sharey: bool) -> tuple[Figure, dict[str, Axes]]:
-    """A figure of three columns of small panels, one a name, ``height`` inches a row."""
+    """A figure of three columns of small panels, one for each name; ``height``: of a row, inches."""
     rows = -(-len(names) // 3)
     figure, panels = build_panels(height * rows, rows, 3, TEXT_WIDTH, sharex=True, sharey=sharey, squeeze=False)
     for ax in panels.flat[len(names) :]:
