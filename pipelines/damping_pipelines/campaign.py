@@ -40,6 +40,7 @@ from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import (
     PlainTable,
     console,
+    name_quantity,
     number,
     number_whole,
     parse_number,
@@ -219,7 +220,7 @@ def _show(answer: Campaign, out: Path) -> None:
         to.print(f"  {what}: {text}")
     for note in answer.summary.notes:
         to.print(f"- {note}")
-    level = f"{answer.level_name} [{answer.unit}]" if answer.unit else answer.level_name
+    level = name_quantity(answer.level_name, answer.unit)
     damping = PlainTable("damping of each mode", (level, "Hz", "damping %", "±", "low", "high"), ("mode",))
     peaks = PlainTable("peak of the sensor that moves most", (level, "peak", "low", "high"), ("mode", "sensor"))
     for mode in answer.modes:

@@ -175,7 +175,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         words = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
         code = app(args=words, prog_name="damping", standalone_mode=False)
-        sys.stdout.flush()  # here, where a full disk can still be told
+        sys.stdout.flush()  # here, where a full disk can still be reported
         if code == 130:  # typer turns an interrupt into this code, without a word
             raise typer.Abort
     except (Refused, AnalysisError) as error:
@@ -216,7 +216,7 @@ def _find_command(words: list[str]) -> str:
     return next((word for word in words if not word.startswith("-")), "")
 
 
-#: What the system says of a standard output that is closed or full; errors of files are told where files are written.
+#: What the system says of a closed or full standard output; errors of files are reported where files are written.
 OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
 
 

@@ -1,28 +1,28 @@
 """``damping compare``: studies side by side on one page, read by their manifests so that no study mixes two runs."""
 
-import csv
 import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from pydantic import ValidationError
 
 from damping.errors import InputError
 from damping.infer.observations import MOST_ROWS, Observations
 from damping.ranking.sharing import read_rows
-from damping.records.text import describe_shortened
+from damping.records.text import describe_shortened, unguarded
 from damping_pipelines.compare_page import RecordSummary, StudySummary, describe_comparison_page
-from damping_pipelines.forms import PosteriorRow, StudyForm, describe_invalid, read_form
+from damping_pipelines.forms import StudyForm, read_form
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
 from damping_pipelines.store import refuse_inputs, refuse_unwritable, write_text
 
 #: Studies on a page: more columns of weights are not read.
 MOST_STUDIES = 8
 _EXPECTED = "a file that a study wrote"
+#: Columns of ``NAME-posteriors.csv`` that are compared, texts and numbers.
+_TEXTS = ("law", "parameter", "unit")
+_NUMBERS = ("low", "median", "high")
 
 
 def compare(folders: Sequence[Path], out: Path) -> None:
@@ -81,19 +81,15 @@ def _open_study(folder: Folder, name: str) -> StudySummary:
 
 def _tabulate_posteriors(folder: Folder, name: str) -> pd.DataFrame:
     """A table of posteriors; empty where the study has no such file."""
-    rows: list[dict[str, Any]] = []
-    if name in folder.manifest.outputs:
-        path = folder.path / name
-        try:
-            read = csv.DictReader(io.StringIO(folder.read(name).decode()), strict=True)
-            rows = [PosteriorRow.model_validate(row).model_dump() for row in read]
-        except ValidationError as error:
-            raise describe_invalid(error, path, _EXPECTED) from None
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"not CSV: {error}", file=path, expected=_EXPECTED) from None
-    table = pd.DataFrame(rows, columns=list(PosteriorRow.model_fields))
-    texts, numbers = ("law", "parameter", "unit"), ("low", "median", "high")
-    return table.astype(dict.fromkeys(texts, "str") | dict.fromkeys(numbers, "float64"))
+    types = dict.fromkeys(_TEXTS, "str") | dict.fromkeys(_NUMBERS, "float64")
+    if name not in folder.manifest.outputs:
+        return pd.DataFrame(columns=list(types)).astype(types)
+    content = io.BytesIO(folder.read(name))
+    try:
+        table = pd.read_csv(content, dtype=types, na_values=dict.fromkeys(_NUMBERS, ""), keep_default_na=False)
+        return table.assign(**{text: table[text].map(unguarded) for text in _TEXTS})[list(types)]
+    except (ValueError, KeyError) as error:
+        raise InputError(f"not written by a study: {error}", file=folder.path / name, expected=_EXPECTED) from None
 
 
 def _read_observations(folder: Folder, name: str) -> Observations | None:

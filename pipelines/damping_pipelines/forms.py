@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, RootModel, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from damping.errors import InputError
-from damping.records.text import unguarded
 
 #: Largest form that is read, bytes (a ranking of a hundred candidates takes 50 000).
 MAX_FORM_SIZE = 10_000_000
@@ -28,14 +27,9 @@ def read_form(form: type[AnyForm], content: bytes, file: Path, expected: str) ->
     try:
         return form.model_validate_json(content)
     except ValidationError as error:
-        raise describe_invalid(error, file, expected) from None
-
-
-def describe_invalid(error: ValidationError, file: Path, expected: str) -> InputError:
-    """The first fault that pydantic reports, by its place in the form."""
-    first = error.errors()[0]
+        first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"] if "/" not in str(part))  # the name of a form is no place
-    return InputError(f"{place}: {first['msg']}".lstrip(": "), file=file, expected=expected)
+    raise InputError(f"{place}: {first['msg']}".lstrip(": "), file=file, expected=expected)
 
 
 class IntervalForm(FormPart):
@@ -282,18 +276,3 @@ class StudyForm(FormPart):
     seed: int
     level: float
     records: list[StudyRecordForm]
-
-
-_Number = Annotated[float | None, BeforeValidator(lambda text: None if text == "" else text)]
-_Text = Annotated[str, BeforeValidator(lambda text: unguarded(str(text)))]
-
-
-class PosteriorRow(FormPart):
-    """A row of ``NAME-posteriors.csv``."""
-
-    law: _Text
-    parameter: _Text
-    unit: _Text = ""
-    low: _Number
-    median: _Number
-    high: _Number

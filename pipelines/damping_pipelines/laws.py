@@ -1,8 +1,4 @@
-"""Ranking, loads and curve of a record, on the terminal and as JSON forms.
-
-``damping rank``: candidate laws, best first (``rank/1``). ``damping extrapolate``: resonances beyond the test
-(``loads/1``). ``damping curve``: damping ratio, Q and frequency against amplitude (``curve/1``).
-"""
+"""Ranking, loads and curve of a record, on the terminal and as JSON forms (``rank/1``, ``loads/1``, ``curve/1``)."""
 
 import math
 import shlex
@@ -30,6 +26,7 @@ from damping_pipelines.terminal import (
     Notes,
     PlainTable,
     console,
+    name_quantity,
     number,
     number_with_error,
     progress,
@@ -168,11 +165,11 @@ def print_loads(result: LoadsResult) -> None:
     asked, answer = ("force", "amplitude") if by_force else ("amplitude", "force")
     factor, length = choose_length(units.length, next(filter(math.isfinite, largest), math.nan))
     factors = {"force": 1.0, "amplitude": factor}
-    named = {"force": _name_drive(units), "amplitude": f"amplitude {_bracket(length)}".strip()}
-    of_answer = f"amplitude at resonance {_bracket(length)}" if by_force else f"{named['force']} at resonance"
+    named = {"force": name_quantity(units.drive, units.force), "amplitude": name_quantity("amplitude", length)}
+    of_answer = name_quantity("amplitude at resonance", length) if by_force else f"{named['force']} at resonance"
     first = named[asked]
     band = ("times tested force", "median", "low", "high", "linear", "linear over by %", "notes")
-    table = PlainTable(f"{mode.name}: {of_answer}".rstrip(), (first, *band))
+    table = PlainTable(f"{mode.name}: {of_answer}", (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
     ratios = PlainTable("Damping there; size a load with its low end", (first, *damped))
     shares = PlainTable(f"Standard deviations, % of {answer}", (first, *PART_NAMES.values()))
@@ -215,20 +212,12 @@ def _name_laws(laws: Iterable[Band | Member]) -> str:
     return "Laws by weight: " + ", ".join(f"{law.name} {law.weight:.3f}" for law in ordered[:MOST_NAMED]) + more + "."
 
 
-def _bracket(unit: str) -> str:
-    return f"[{unit}]" if unit else ""
-
-
-def _name_drive(units: Units) -> str:
-    return f"{units.drive} {_bracket(units.force)}".strip()
-
-
 def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
     """Print bands with other priors, times ``factor`` in the unit ``length``, and what to test next."""
     out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
     varied = result.extrapolation.vary_priors().dropna(subset="median")
-    headings = (_name_drive(units), "prior times", "median", "low", "high")
-    table = PlainTable(f"With other priors {_bracket(length)}".rstrip(), headings, ("prior",))
+    headings = (name_quantity(units.drive, units.force), "prior times", "median", "low", "high")
+    table = PlainTable(name_quantity("With other priors", length), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
         table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
@@ -260,7 +249,7 @@ def print_curve(result: CurveResult) -> None:
     _print_headlines(result.headlines)
     factor, length = choose_length(units.length, result.table["amplitude"].max())
     numbers = (
-        *(f"amplitude {_bracket(length)}".strip(), _name_drive(units), "frequency Hz"),
+        *(name_quantity("amplitude", length), name_quantity(units.drive, units.force), "frequency Hz"),
         *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
     )
     table = PlainTable(f"{result.mode.name}: damping of the resonance", numbers)

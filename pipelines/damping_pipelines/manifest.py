@@ -2,8 +2,6 @@
 
 Each file is moved atomically. Between the first move and the last the manifest in the folder, if any, no longer
 matches, so a reader that checks it never mixes files of two runs: it names the file of the other run.
-
-Results depend on their inputs, on the versions of packages and on the source of this project.
 """
 
 import hashlib

@@ -1,9 +1,4 @@
-"""The only writer of files (tables, figures, pages): every output is written completely or not at all.
-
-A file is written beside its target under a temporary name, flushed to the disk and then renamed over it, so a reader
-sees the complete old or new file, and a failed run leaves earlier results unchanged. Pipes and devices are written to
-directly, and links are followed.
-"""
+"""The only writer of files (tables, figures, pages): every output is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -63,7 +58,7 @@ def _is_stream(path: Path) -> bool:
 
 
 def _replace(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write a file beside ``path``, flush it to the disk and rename it over ``path``."""
+    """Write a file beside ``path``, flush it and rename it over ``path``: a reader sees the old file or the new."""
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
@@ -91,7 +86,7 @@ def refuse_inputs(option: str, target: Path | str | None, *inputs: Path) -> None
 def check_outputs(targets: Mapping[str, Path | str | None], *inputs: Path) -> None:
     """InputError, before any work, if an output is an input, another output, of no known format, or unwritable."""
     for option, target in targets.items():
-        refuse_inputs(option.split()[0], target, *inputs)  # of a folder each file is told: ``--plots NAME``
+        refuse_inputs(option.split()[0], target, *inputs)  # a file of a folder is listed as ``--plots NAME``
     seen: dict[str, str] = {}
     for option, target in targets.items():
         if str(target) == "-" and option != "--json":

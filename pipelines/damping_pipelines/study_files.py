@@ -1,6 +1,5 @@
 """Input and output files of a study: settings, checked before anything runs; report, summary, tables, figures."""
 
-import re
 import tempfile
 from collections.abc import Iterable
 from dataclasses import asdict
@@ -18,7 +17,7 @@ from damping.extrapolation.backbone import Backbone
 from damping.forces import force_class
 from damping.infer.chains import Posterior
 from damping.infer.observations import Observations
-from damping.plots import to_png
+from damping.plots import identifier, to_png
 from damping.records.keys import read_schema, read_toml
 from damping.records.record import record_to_csv
 from damping.report.figures import record_figures
@@ -128,7 +127,7 @@ def render_files(study: StudyResult) -> dict[str, bytes]:
     rendered = render(study)
     files: dict[str, bytes] = {}
     for record in study.records:
-        files |= {f"posterior/{record.name}--{slug(law.law.name)}.nc": law.file for law in record.posteriors}
+        files |= {f"posterior/{record.name}--{identifier(law.law.name)}.nc": law.file for law in record.posteriors}
     for exhibit in study.exhibits:
         files |= {f"posterior/{name}.nc": content for name, content in exhibit.posteriors.items()}
     files |= {f"{name}.csv": record_to_csv(table).encode() for name, table in rendered.tables.items()}
@@ -152,11 +151,6 @@ def add_damping_ratio(data: Any, posterior: Posterior, tested: Observations, bac
     values = np.broadcast_to(ratio, (len(draws), len(A))).astype(np.float32).reshape(shape)
     data.posterior["damping_ratio"] = (("chain", "draw", "sweep"), values, about)
     return data
-
-
-def slug(name: str) -> str:
-    """A law's name as part of a file name."""
-    return re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")
 
 
 def to_netcdf(data: Any) -> bytes:

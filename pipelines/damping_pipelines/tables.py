@@ -1,8 +1,4 @@
-"""Commands on single tables and records.
-
-``damping regress`` (form ``regress/1``), ``damping condition`` (report, chapter III), ``damping check`` (audit of a
-record, ``audit/1``) and ``damping sweep`` (a record of a model).
-"""
+"""Commands on single tables and records: ``damping regress``, ``condition``, ``check`` and ``sweep``."""
 
 import math
 import re
@@ -33,7 +29,7 @@ from damping.signals.chain import ConditioningStep
 from damping.signals.description import Description
 from damping.signals.reading import check_repeats, condition_steps, list_doubts, read_description, read_raw
 from damping_pipelines.store import check_outputs, refuse_unwritable, write_json, write_plain, write_text
-from damping_pipelines.terminal import PlainTable, console, number, number_whole, progress
+from damping_pipelines.terminal import PlainTable, console, name_quantity, number, number_whole, progress
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
@@ -60,7 +56,7 @@ def regress(
     check_outputs({"--json": json_out}, *data)
     if plots is not None:
         refuse_unwritable(plots, folder=True)
-    # what is not allowed is told before any table is read
+    # what is not allowed is refused before any table is read
     Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
     results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
@@ -233,8 +229,7 @@ def _print_audit(findings: Audit, mode: Mode | None, units: Units | None = None)
     out.print(str(findings))
     units = mode.units if mode else units or Units()
     units = units.of_base_drive if mode and mode.drive == "base" else units
-    named = ((units.drive, units.force), ("amplitude", units.length))
-    measured = (f"{what} [{unit}]" if unit else what for what, unit in named)
+    measured = name_quantity(units.drive, units.force), name_quantity("amplitude", units.length)
     headings = ("frequency [Hz]", *measured, "mass", "damping ratio", "phase offset [rad]")
     table = PlainTable("Values implied by each sweep at its resonance", headings, ("sweep",))
     for row in findings.implied.to_dict(orient="records"):

@@ -178,6 +178,11 @@ def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
     return widths
 
 
+def name_quantity(what: str, unit: str) -> str:
+    """A quantity with its unit in brackets, if it has one: ``force [N]``."""
+    return f"{what} [{unit}]" if unit else what
+
+
 def number(value: float, digits: int = 4) -> str:
     """A number with the given digits; a dash for a missing one."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"

@@ -91,7 +91,7 @@ def load_text(name: str) -> pd.DataFrame:
 
 
 def load_force_laws() -> pd.DataFrame:
-    """Damping forces summarised in section 6.1, one row a term, coefficients as printed (lb, in, s)."""
+    """Damping forces summarised in section 6.1, one row per term, with coefficients as printed (lb, in, s)."""
     return _tabulate_numeric(load_text("tables/section_6_1"), text=("equation",))
 
 

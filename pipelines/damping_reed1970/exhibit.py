@@ -12,10 +12,11 @@ import pandas as pd
 
 from damping.extrapolation.prediction import Loads
 from damping.infer.chains import load_arviz
+from damping.plots import identifier
 from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
-from damping_pipelines.study_files import slug, to_netcdf
+from damping_pipelines.study_files import to_netcdf
 from damping_pipelines.terminal import progress
 from damping_reed1970 import CLOSE, LABELS, ReportPart, chapter_of, data_folder, load_text
 from damping_reed1970.chapter_2.page import write_chapter_2
@@ -66,7 +67,7 @@ def _sample_chapter_3(seed: int) -> tuple[Chapter3, dict[str, bytes]]:
     """Chapter III, and its sampled planar posteriors as netCDF by file."""
     results = chapter_3_results(seed)
     posteriors = {
-        f"chapter-3--{slug(f'{data}-{variant}')}": describe_draws(data, variant, posterior)
+        f"chapter-3--{identifier(f'{data}-{variant}')}": describe_draws(data, variant, posterior)
         for (data, variant), posterior in results.posteriors.items()
         if posterior.chains
     }

@@ -78,7 +78,7 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
     values = {
         "numbers": len(rows),
         "close": int(close.sum()),
-        "told": int(explained.sum()),
+        "explained": int(explained.sum()),
         "reasons": int((~close & ~explained).sum()),
         "silent": int((~(close | explained) & (rows["reason"] == "")).sum()),
         "drawn": len(drawn),

@@ -7,7 +7,6 @@ If requested, the test proposed by an answer is made on the truth of its case, a
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -19,7 +18,7 @@ import numpy as np
 
 from damping.errors import InputError
 from damping_pipelines import count_jobs, start_pool
-from damping_pipelines.manifest import publish, sole_writer, versions
+from damping_pipelines.manifest import digest, publish, sole_writer, versions
 from damping_pipelines.store import to_json, write_json, write_text
 from damping_pipelines.terminal import progress
 from damping_validation import generator
@@ -52,8 +51,8 @@ def blind(out: Path, cases: int, seed: int | None, jobs: int | None, follow: boo
                 "holds cases of another run", file=folder, expected="an empty --out, or the same run again"
             )
         source = sorted(Path(generator.__file__).parent.glob("*.*"))
-        digest = hashlib.sha256(b"".join(file.read_bytes() for file in source)).hexdigest()
-        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": digest}
+        code = digest(b"".join(file.read_bytes() for file in source))
+        run = {"format": "sealed/1", "cases": cases, "seed": seed, "generator": code}
         sealed = _describe_sealed_before(out, run)
         if sealed is None:
             sealed = make_cases(folder, labels, cases, seed, jobs=jobs)
@@ -107,7 +106,7 @@ def _describe_sealed_before(out: Path, run: dict[str, Any]) -> str | None:
     """The SHA-256 of the labels in ``out``, if they are those of this very run; None otherwise."""
     try:
         noted = json.loads((out / "sealed.json").read_text(encoding="utf-8"))
-        sealed = hashlib.sha256((out / "labels.sealed.json").read_bytes()).hexdigest()
+        sealed = digest((out / "labels.sealed.json").read_bytes())
     except (FileNotFoundError, ValueError):
         return None
     return sealed if noted == {**run, "sha256": sealed} else None
@@ -119,7 +118,7 @@ def read_sealed(labels: Path, answers: Path, sealed: str) -> list[Verdict]:
     InputError: labels that were changed since, or an answer of another form.
     """
     content = labels.read_bytes()
-    if hashlib.sha256(content).hexdigest() != sealed:
+    if digest(content) != sealed:
         raise InputError("the labels are not those that were sealed", file=labels, expected=f"SHA-256 {sealed}")
     return read_verdicts(json.loads(content), answers)
 
@@ -178,7 +177,7 @@ def make_cases(
     header = {"format": "labels/1", "seed": seed, "rig": sorted(generator.RIG_NAMES)}
     text = to_json({**header, "cases": dict(sorted(sealed.items()))})
     write_text(labels, text)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return digest(text.encode())
 
 
 def _list_tasks(n: int, seed: int, kinds: tuple[str, ...] | None = None) -> list[_Task]:

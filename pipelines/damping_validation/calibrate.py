@@ -1,8 +1,8 @@
 """``damping calibrate``: coverage of bands and posteriors in trials on known structures, with tables and figures."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import as_completed
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ def calibrate(out: Path, quick: bool, seed: int, jobs: int | None) -> None:
     calls, wanted = _list_calls(FULL), _list_calls(QUICK if quick else FULL)
     # the seed of a trial depends on its key alone: fewer trials are a part of more
     seeds = dict(zip(calls, np.random.SeedSequence(seed).generate_state(len(calls)), strict=True))
-    trials = {key: partial(call, seed=int(seeds[key])) for key, call in calls.items() if key in wanted}
+    trials = {key: partial(draw, seed=int(seeds[key])) for key, draw in calls.items() if key in wanted}
     with sole_writer(out, ("README.md", "coverage.csv")):
         results = run(trials, jobs)
         publish(out, render(results, seed, quick), seed=seed, versions=versions(), inputs={})
@@ -87,19 +87,12 @@ def _list_calls(sizes: Mapping[str, int]) -> dict[Key, Callable[..., Any]]:
 
 def run(trials: Mapping[Key, Callable[[], Any]], jobs: int | None) -> dict[Key, Any]:
     """Results of all trials by key, in the order of ``trials``."""
-    every = list(trials.items())
-    batches = [every[i : i + BATCH] for i in range(0, len(every), BATCH)]
     results: dict[Key, Any] = {}
     with progress("calibrating", len(trials)) as done, start_pool(jobs) as pool:
-        for future in as_completed([pool.submit(_run_batch, batch) for batch in batches]):
-            results |= future.result()
-            data, law, *_ = next(iter(future.result()))
-            done(f"{data} {law}", len(future.result()))
-    return {key: results[key] for key in trials}
-
-
-def _run_batch(trials: Sequence[tuple[Key, Callable[[], Any]]]) -> dict[Key, Any]:
-    return {key: call() for key, call in trials}
+        for key, result in zip(trials, pool.map(call, trials.values(), chunksize=BATCH), strict=True):
+            results[key] = result
+            done(f"{key[0]} {key[1]}")
+    return results
 
 
 def tabulate_predictions(covered: Mapping[tuple[Any, ...], trial.Coverage]) -> pd.DataFrame:
@@ -257,7 +250,7 @@ def draw_rank_histograms(ranks: Mapping[str, pd.DataFrame]) -> Figure:
 
 
 def _open_panels(names: Collection[str], height: float, sharey: bool) -> tuple[Figure, dict[str, Axes]]:
-    """A figure of three columns of small panels, one a name, ``height`` inches a row."""
+    """A figure of three columns of small panels, one for each name; ``height``: of a row, inches."""
     rows = -(-len(names) // 3)
     figure, panels = build_panels(height * rows, rows, 3, TEXT_WIDTH, sharex=True, sharey=sharey, squeeze=False)
     for ax in panels.flat[len(names) :]:

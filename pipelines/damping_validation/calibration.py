@@ -38,8 +38,8 @@ ABOVE = 0.08
 #: The same of any one structure at the largest ratio: least share held, largest share above.
 WORST = 0.75
 WORST_ABOVE = 0.20
-#: Predictions of a structure from which on these shares are told: of fewer they err by more than a sixth.
-FEWEST_TOLD = 10
+#: Predictions of a structure from which on these shares are given: of fewer they err by more than a sixth.
+FEWEST_GIVEN = 10
 #: Largest ln width over that of a fitter who knows the form, at the largest ratio.
 OVER_ORACLE = 2.2
 #: Content of the band of ranks and of the binomial bounds that goals are held against.

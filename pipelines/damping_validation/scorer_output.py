@@ -1,7 +1,4 @@
-"""Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page.
-
-The figures of the last blind run of the gap diagnosis are shipped, as the expected quality of its answers.
-"""
+"""Output of the scorer: goals beside measured values, results by kind, confusion matrix, figures, the page."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,6 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_png, to_svg
+from damping.records.record import record_to_csv
 from damping.report.page import Block, FigureBlock, Footer, Table, render_page, write_sections
 from damping_pipelines import shipped_folder
 from damping_validation.scorer import DETECTABLE, Figure, Goal, Verdict
@@ -37,13 +35,14 @@ SCORES = (
 def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int) -> dict[str, bytes]:
     """Contents of ``SCORES`` by name: tables, both drawings as SVG and PNG, the report."""
     matrix, table, kinds = tabulate_confusion(cases), tabulate_figures(figures), tabulate_kinds(cases)
+    counts = matrix.reset_index(names="truth")
     sentence = describe_verdict(figures, cases)
     kinds_text = write_markdown(kinds.rename(columns=lambda name: name.replace("_", " ")))
     files = {
-        "table.csv": table.to_csv(index=False, lineterminator="\n").encode(),
+        "table.csv": record_to_csv(table).encode(),
         "table.md": f"{sentence}\n\n{to_markdown(figures)}\n{kinds_text}".encode(),
-        "kinds.csv": kinds.to_csv(index=False, lineterminator="\n").encode(),
-        "confusion.csv": matrix.to_csv(lineterminator="\n").encode(),
+        "kinds.csv": record_to_csv(kinds).encode(),
+        "confusion.csv": record_to_csv(counts).encode(),
     }
     drawn = {
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
@@ -52,7 +51,7 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
     parts: dict[str, Block] = {
         "rows": Table(tabulate_blind_rows(table), ""),
         "kinds": Table(kinds, "", key="kinds"),
-        "counts": Table(matrix.reset_index(names="truth"), ""),
+        "counts": Table(counts, ""),
     }
     for name, (drawing, title) in drawn.items():
         svg = to_svg(drawing, f"blind-{name}", title, title)
@@ -209,9 +208,6 @@ def _describe_measured(value: float, low: float, high: float, share: bool) -> st
 
 
 def load_blind_table() -> pd.DataFrame:
-    """The table that ``damping blind`` wrote: figure, goal, measured value with its 95 % interval, cases, met or not.
-
-    ``share``: whether the values are shares of 1.
-    """
+    """The table of the last blind run, shipped as the expected quality of the diagnosis (:func:`tabulate_figures`)."""
     table = pd.read_csv(shipped_folder(Path(__file__).parent, "blind") / "table.csv", keep_default_na=True)
     return table.loc[:, list(COLUMNS)].assign(goal=table["goal"].fillna(""), met=table["met"].fillna(""))

@@ -14,7 +14,7 @@ from damping_reed1970.chapter_4.amplitude_frequency import draw_response_curves
 from damping_reed1970.chapter_4.levels import draw_level_variation
 from damping_reed1970.chapter_4.page import collect_figures
 from damping_reed1970.chapter_5 import page as chapter_5
-from damping_reed1970.chapter_5.circularity import ROUTES, draw_circularity
+from damping_reed1970.chapter_5.circularity import draw_circularity
 from damping_reed1970.chapter_6 import draw_force_laws
 from damping_reed1970.studies import Studies
 
@@ -104,7 +104,7 @@ def test_case_with_an_infinite_alpha_is_labelled(found: Studies) -> None:
 
 
 def test_bars_of_circularity_fill_the_axis(found: Studies) -> None:
-    figure = draw_circularity(found.circular.laws, ROUTES)
+    figure = draw_circularity(found.circular.laws)
     for axes in figure.axes:
         widths = pd.Series([patch.get_width() for patch in axes.patches])  # type: ignore[attr-defined]  # bars
         rows = pd.Series([round(patch.get_y() + patch.get_height() / 2.0) for patch in axes.patches])  # type: ignore[attr-defined]  # bars

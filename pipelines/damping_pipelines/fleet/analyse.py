@@ -242,7 +242,7 @@ def record_page(record: FleetRecord) -> str:
     cautions = [*(ranking.cautions if ranking else ()), *(loads.cautions if loads else ())]
     values = {
         "record": record,
-        "told": describe_diagnosis(diagnosis) if diagnosis else None,
+        "sentences": describe_diagnosis(diagnosis) if diagnosis else None,
         "best": ranking.ranking.weighted()[0] if ranking else None,
         "load": describe_load(loads.loads, loads.curve, units) if loads else {},
         "cautions": dict.fromkeys(cautions),

@@ -1,7 +1,4 @@
-"""Parts of a fleet: records in a folder, tasks with everything a result depends on, and the data set.
-
-The data set is a folder of Parquet files, one per batch, each written completely and then renamed.
-"""
+"""Parts of a fleet: records in a folder, tasks with everything a result depends on, and the data set."""
 
 import csv
 import hashlib
@@ -224,7 +221,7 @@ def row_of(task: FleetTask) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class FleetDataSet:
-    """Rows stored under ``folder``, each identified by its ``key``."""
+    """Rows in Parquet files under ``folder``, one file per batch, each row identified by its ``key``."""
 
     folder: Path
 

@@ -9,12 +9,10 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.infer import SEED
-from damping.records.keys import read_toml
-from damping.records.reading import read_table
 from damping.report.page import fill_text, join_lines
 from damping.signals import input_energy, plane_motion, viscous_energy
 from damping.signals.chain import ConditioningStep, condition
-from damping.signals.description import Description
+from damping.signals.reading import read_description, read_raw
 from damping_reed1970 import chapter_3, columns, data_folder, load_table
 from damping_reed1970.chapter_3 import MOST, PLANES, REPORT, VARIANTS, PlanarOscillator, planar_posterior, yaw_response
 from damping_reed1970.chapter_3.figures import tabulate_fitted_curves
@@ -87,11 +85,8 @@ MARKED = {"omega_rad_s": "omega", "energy_input_in_lb": "energy", "A2p_in": "pit
 def saturn_steps() -> tuple[ConditioningStep, ...]:
     """The chain on the raw table of Configuration I, as ``damping condition`` runs it."""
     place = data_folder() / "saturn-v"
-    description = Description.model_validate(read_toml(place / "condition.toml").values)
-    raw = read_table(
-        place / "raw" / "config-1-mode-2.csv", required=description.columns, text_columns=description.raw.keep
-    )
-    return condition(raw, description)
+    description = read_description(place / "condition.toml")
+    return condition(read_raw(place / "raw" / "config-1-mode-2.csv", description), description)
 
 
 def tabulate_conditioned(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:

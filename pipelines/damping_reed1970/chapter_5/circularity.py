@@ -26,6 +26,7 @@ from damping.predict.steady import steady_state
 from damping.signals import damping_roots, plane_motion
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_3 import LARGEST_XI, PLANES, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_5 import E_4
 from damping_reed1970.chapter_5.false_terms import fits_in_blocks
 
 #: Force of each energy term that selection may choose (Table 5.I).
@@ -98,7 +99,7 @@ def true_motions() -> dict[str, np.ndarray]:
     return {
         "linear, planes as assumed": pitch_response(ASSUMED, PLANES.phi * F, omega),
         "linear, planes as fitted": pitch_response(FITTED, PLANES.phi * F, omega),
-        "velocity squared, planes as assumed": velocity_squared_motion(0.265),
+        "velocity squared, planes as assumed": velocity_squared_motion(E_4.forces["A3w2"]),
     }
 
 
@@ -231,7 +232,7 @@ _CLASSES = {
 
 
 @styled
-def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
+def draw_circularity(laws: pd.DataFrame) -> Figure:
     """Draw which kind of law comes out of known structures: one panel for each route, one bar for each truth and noise.
 
     ``laws`` are those of :class:`Circularity`.
@@ -239,10 +240,10 @@ def draw_circularity(laws: pd.DataFrame, routes: Sequence[str]) -> Figure:
     kinds = laws.assign(kind=[_describe_kind(law) for law in laws["law"]])
     known = kinds[(kinds["truth"] != "measured") & (kinds["noise_percent"] > 0)]
     cases = list(known[["truth", "noise_percent"]].drop_duplicates().itertuples(index=False, name=None))
-    height = 0.9 + (0.6 + 0.2 * len(cases)) * len(routes)
-    figure, panels = build_panels(height, len(routes), sharex=True, squeeze=False)
+    height = 0.9 + (0.6 + 0.2 * len(cases)) * len(ROUTES)
+    figure, panels = build_panels(height, len(ROUTES), sharex=True, squeeze=False)
     labels = [f"{truth}, {noise:g} %" for truth, noise in cases]
-    for axes, route in zip(panels.flat, routes, strict=True):
+    for axes, route in zip(panels.flat, ROUTES, strict=True):
         draw_plain_rows(axes, ["measured", *labels])
         _draw_bars(axes, 0, kinds[(kinds["truth"] == "measured") & (kinds["route"] == route)])
         for place, (truth, noise) in enumerate(cases, start=1):

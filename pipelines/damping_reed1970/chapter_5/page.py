@@ -33,7 +33,7 @@ def collect_figures(studies: Studies) -> dict[str, Callable[[], Figure]]:
         "configuration-1-energy": lambda: draw_energy_surfaces(studies.surface),
         "nine-terms": lambda: draw_terms_against_error(studies.nine),
         "false-terms": lambda: draw_false_terms(studies.false.selection),
-        "circularity": lambda: draw_circularity(studies.circular.laws, ROUTES),
+        "circularity": lambda: draw_circularity(studies.circular.laws),
     }
 
 

@@ -1,12 +1,10 @@
 """Campaigns: files of several levels, modes and sensors to one record per mode and the response of every sensor.
 
-This module goes from the files to the result: each sensor's peak, at every mode and every tested and design level.
-
 Results at a tested level are measured; at a design level they come from the laws of the mode's record. A band of modal
 amplitude A at a modal force F gives one of damping ratio, z = F/(2 m w^2 A).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from math import exp, hypot, isfinite, pi
@@ -32,7 +30,7 @@ from damping.campaign.modal_fit import Level
 from damping.campaign.notches import find_notches
 from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
 from damping.campaign.responses import Forecast, add_responses, find_input
-from damping.campaign.runs import Corrections, DesignLevel
+from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, SensorPrediction
@@ -82,14 +80,29 @@ def analyse(
         if limits or before:
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
-        return _summed_up(answer_decays(runs, inputs, frequencies, seed, summary), summary)
+        return _with_summary(answer_decays(runs, inputs, frequencies, seed, summary), summary)
     of, earlier = runs[0].drive_unit, next((row.level_unit for row in before), "")
     if earlier and not unit(earlier).agrees_with(unit(of)):
         raise InputError(f"levels in {earlier} of --previous, in {of} of these files", expected="levels in one unit")
-    tested = [float(run.level or 0.0) for run in runs]
-    inputs = inputs or [DesignLevel.flat(2.0 * max(tested))]
-    highest = tuple(float(level.level.max()) for level in inputs)
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
+    campaign = _with_summary(_answer_sweeps(runs, inputs, frequencies, seed, summary, trusted, limits or {}), summary)
+    outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
+    return replace(campaign, outcomes=outcomes, changes=changes)
+
+
+def _answer_sweeps(
+    runs: Sequence[CampaignRun],
+    design: Sequence[DesignLevel],
+    frequencies: Sequence[float],
+    seed: int,
+    summary: Summary,
+    trusted: Collection[str],
+    limits: Mapping[str, float],
+) -> Campaign:
+    """The modes of driven runs, with notes on sensors and delay in ``summary``; ``trusted`` sensors are not doubted."""
+    tested = [float(run.level or 0.0) for run in runs]
+    inputs = design or [DesignLevel.flat(2.0 * max(tested))]
+    highest = tuple(float(level.level.max()) for level in inputs)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread})
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied)])
@@ -98,15 +111,12 @@ def analyse(
     if delay:
         summary.note(describe_delay(*delay))
     forecasts = [_forecast(levels, mode, inputs, seed, bool(limits)) for mode in tied]
-    modes = tuple(_answer_driven(levels, mode, forecasts, inputs, limits or {}) for mode in forecasts)
+    modes = tuple(_answer_driven(levels, mode, forecasts, inputs, limits) for mode in forecasts)
     drive = "base acceleration" if runs[0].is_base_driven else "force"
-    known = Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive, delay=delay)
-    campaign = _summed_up(known, summary)
-    outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
-    return replace(campaign, outcomes=outcomes, changes=changes)
+    return Campaign(modes, tuple(tested), highest, runs[0].drive_unit, level_name=drive, delay=delay)
 
 
-def _summed_up(campaign: Campaign, summary: Summary) -> Campaign:
+def _with_summary(campaign: Campaign, summary: Summary) -> Campaign:
     """The campaign with the summary of its files and cautions on levels that lie apart."""
     for mode in campaign.modes:
         if mode.level_caution:

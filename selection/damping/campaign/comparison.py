@@ -10,7 +10,7 @@ from damping.campaign.values import At, Outcome, SensorPrediction
 
 SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
 SAME_LEVEL = 0.01  #: levels of two campaigns are the same if they differ by less than this share
-SHIFTED = 0.01  #: shift of a frequency, relative, that is told at a level tested before: remounting shifts by less
+SHIFTED = 0.01  #: shift of a frequency, relative, that is reported at a level tested before: remounting shifts by less
 
 
 def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
@@ -67,21 +67,21 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
     word = "then" if tested else "predicted"
     frequency, *ratio = known
     shift = at.frequency / frequency - 1.0
-    told = [f"{at.frequency:.5g} Hz ({frequency:.5g} {word}, {100 * shift:+z.1f} %)"]
+    parts = [f"{at.frequency:.5g} Hz ({frequency:.5g} {word}, {100 * shift:+z.1f} %)"]
     changed = abs(shift) > SHIFTED
     if at.ratio is not None:
         apart = _are_apart(at.ratio, ratio)
         changed |= apart
         median, low, high = (f"{100 * part:.3g}" for part in ratio)
         place = ", OUTSIDE" if apart else ""
-        told.append(f"damping {100 * at.ratio[0]:.3g} % ({median}, {low} to {high} {word}{place})")
+        parts.append(f"damping {100 * at.ratio[0]:.3g} % ({median}, {low} to {high} {word}{place})")
     for response in at.response if tested else ():
         peak = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
         if peak is not None and _are_apart(response.band, peak):
             changed = True
-            told.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+z.1f} dB")
+            parts.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+z.1f} dB")
     if changed or not tested:
-        yield f"{', tested before, has changed' if tested else ''}: {'; '.join(told)}"
+        yield f"{', tested before, has changed' if tested else ''}: {'; '.join(parts)}"
 
 
 def _select_mode(before: Sequence[SensorPrediction], frequency: float) -> list[SensorPrediction]:

@@ -50,5 +50,5 @@ def remove_delay(levels: list[Level], fit: Callable[[Sequence[CampaignRun]], lis
 def describe_delay(delay: float, error: float) -> str:
     """A removed ``delay`` (s) with its standard error in one sentence."""
     lag, digits = "lags" if delay > 0.0 else "leads", max(1 - floor(log10(1e3 * error)), 0)
-    told = f"{1e3 * abs(delay):.{digits}f} ± {1e3 * error:.{digits}f} ms"
-    return f"every sensor {lag} the drive by {told}, by phases in proportion to frequency: removed from all phases"
+    time = f"{1e3 * abs(delay):.{digits}f} ± {1e3 * error:.{digits}f} ms"
+    return f"every sensor {lag} the drive by {time}, by phases in proportion to frequency: removed from all phases"

@@ -59,7 +59,7 @@ def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict
 def describe_shares(levels: Sequence[Level], trusted: Collection[str] = ()) -> list[str]:
     """A caution on the kept sensors that read another share of the base than 1 or 0; empty if there are none."""
     bad = find_bad_sensors(levels)
-    odd = {name: told for name, told in _find_odd_shares(levels, trusted).items() if name not in bad}
+    odd = {name: share for name, share in _find_odd_shares(levels, trusted).items() if name not in bad}
     right = "below resonance a sensor reads 1 times the base, or 0 across or relative to it"
     other = "another unit, scaling or gain (--correct: unit or scale), a tilted axis, or a sweep from above a mode"
     return [f"caution: {right}; {_join_shares(odd)}: {other}"] if odd else []

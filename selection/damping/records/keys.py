@@ -1,7 +1,4 @@
-"""Schema of a record (column names and ranges), and TOML tables checked key by key.
-
-Each key of a TOML table is checked for name, type and range, and an error names its line.
-"""
+"""Schema of a record (column names and ranges), and TOML tables checked key by key, with the line of an error."""
 
 from __future__ import annotations
 

@@ -14,15 +14,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
-from damping.records.keys import (
-    A_NUMBER,
-    BLANK_COLUMNS,
-    IN_BLANK,
-    NO_NUMBERS,
-    OPTIONAL_COLUMNS,
-    REQUIRED_COLUMNS,
-    TEXT_COLUMNS,
-)
+from damping.records import keys
 from damping.records.record import CellProblem, Record, find_problems, require_columns
 from damping.records.text import (
     DEFAULT_MAX_SIZE,
@@ -75,8 +67,10 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     :func:`damping.records.record.find_problems` finds, and for an unlabelled sweep. A cell of ``mass`` may be empty:
     the mode file's mass then holds.
     """
-    numbers = [name for name in REQUIRED_COLUMNS + OPTIONAL_COLUMNS if name not in TEXT_COLUMNS]
-    columns = _Columns(required=REQUIRED_COLUMNS, numbers=numbers, text=TEXT_COLUMNS, blank=BLANK_COLUMNS)
+    numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
+    columns = _Columns(
+        required=keys.REQUIRED_COLUMNS, numbers=numbers, text=keys.TEXT_COLUMNS, blank=keys.BLANK_COLUMNS
+    )
     with naming(path):
         scan = _scan(read_bytes(path, max_size), columns)
         for problem in find_problems(scan.frame):
@@ -197,7 +191,7 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
         bad = next((int(k) for k in wrong if name not in columns.blank or cells[k].strip()), None)
         if bad is not None:
             row = sum(map(len, numbers)) + bad
-            expected = IN_BLANK.get(name, A_NUMBER) if not cells[bad].strip() else A_NUMBER
+            expected = keys.IN_BLANK.get(name, keys.A_NUMBER) if not cells[bad].strip() else keys.A_NUMBER
             scan.add(CellProblem(row, name, _describe_wrong(cells[bad]), expected))
         numbers.append(values)
     return pd.Series(np.concatenate(numbers), copy=False)
@@ -256,8 +250,8 @@ def require_numbers(
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
         kind = pd.api.types.infer_dtype(table[name])
-        if kind in NO_NUMBERS and kind != "boolean":  # one of 0 and 1 says whether
-            raise InputError(f"holds {kind} values", file=source, column=name, expected=NO_NUMBERS[kind])
+        if kind in keys.NO_NUMBERS and kind != "boolean":  # one of 0 and 1 says whether
+            raise InputError(f"holds {kind} values", file=source, column=name, expected=keys.NO_NUMBERS[kind])
         finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
         if not finite.all():
             row = int(np.argmin(finite))

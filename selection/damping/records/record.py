@@ -14,16 +14,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.records.keys import (
-    A_NUMBER,
-    BLANK_COLUMNS,
-    IN_BLANK,
-    NO_NUMBERS,
-    OPTIONAL_COLUMNS,
-    REQUIRED_COLUMNS,
-    TEXT_COLUMNS,
-    find_refused,
-)
+from damping.records import keys
 from damping.records.text import (
     MOST_SHOWN,
     count,
@@ -180,7 +171,7 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     Problems are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
     uncertainty (zero means none is stated), magnitudes beyond 1e-50..1e50, and rows identical in every column.
     """
-    problems = [CellProblem(*cell) for cell in find_refused(table)]
+    problems = [CellProblem(*cell) for cell in keys.find_refused(table)]
     try:
         repeats = table.duplicated().to_numpy()
     except TypeError:  # lists in a further column have no hash: compared as text
@@ -217,33 +208,35 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """A checked copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
     if not isinstance(table, pd.DataFrame):
-        raise InputError("no table", file=file, expected=f"a DataFrame with columns {', '.join(REQUIRED_COLUMNS)}")
+        raise InputError("no table", file=file, expected=f"a DataFrame with columns {', '.join(keys.REQUIRED_COLUMNS)}")
     if table.empty:
         raise InputError("no data rows", file=file, expected="at least one row")
-    require_columns(REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
+    require_columns(keys.REQUIRED_COLUMNS, [str(name) for name in table.columns], file)
     typed = table.reset_index(drop=True)
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
         raise InputError("two columns of this name", file=file, column=str(repeated[0]), expected="each name once")
-    for name in (*REQUIRED_COLUMNS, *OPTIONAL_COLUMNS):
+    for name in (*keys.REQUIRED_COLUMNS, *keys.OPTIONAL_COLUMNS):
         if name not in typed.columns:
             continue
         cells = typed[name]
-        if name in TEXT_COLUMNS:
+        if name in keys.TEXT_COLUMNS:
             typed[name], expected = cells.astype(str).astype(object), "text"
             good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
         else:
             kind = pd.api.types.infer_dtype(cells)
-            if kind in NO_NUMBERS:
-                raise InputError(f"holds {kind} values", file=file, column=name, expected=NO_NUMBERS[kind])
+            if kind in keys.NO_NUMBERS:
+                raise InputError(f"holds {kind} values", file=file, column=name, expected=keys.NO_NUMBERS[kind])
             try:
-                typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), A_NUMBER
+                typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), keys.A_NUMBER
             except OverflowError:
-                raise InputError("a number too large", file=file, column=name, expected=A_NUMBER) from None
-            good = np.isfinite(typed[name].to_numpy()) | (cells.isna().to_numpy(dtype=bool) & (name in BLANK_COLUMNS))
+                raise InputError("a number too large", file=file, column=name, expected=keys.A_NUMBER) from None
+            good = np.isfinite(typed[name].to_numpy()) | (
+                cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
+            )
         if not good.all():
             row = int(np.argmin(good))
-            expected = IN_BLANK.get(name, expected) if pd.isna(cells.iloc[row]) else expected
+            expected = keys.IN_BLANK.get(name, expected) if pd.isna(cells.iloc[row]) else expected
             message = f"{describe_shortened(str(cells.iloc[row]))!r} in {_name_row(table.index, row)}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed

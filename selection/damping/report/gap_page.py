@@ -57,7 +57,7 @@ def render_gap_page(
         **vars(diagnosis),
         "first": first,
         "cautions": cautions,
-        "told": describe_diagnosis(diagnosis),
+        "sentences": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",
         "rows": rows,
         "sd_amplitude": np.median(rows.sd_amplitude),
