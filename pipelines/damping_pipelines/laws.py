@@ -214,8 +214,8 @@ def _name_laws(laws: Iterable[Band | Member]) -> str:
 
 def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
     """Print bands with other priors, times ``factor`` in the unit ``length``, and what to test next."""
-    out, further, units = console(), result.extrapolation.choose_next_level(), result.mode.units
-    varied = result.extrapolation.vary_priors().dropna(subset="median")
+    out, further, units = console(), result.extrapolation.next_level, result.mode.units
+    varied = result.extrapolation.with_other_priors.dropna(subset="median")
     headings = (name_quantity(units.drive, units.force), "prior times", "median", "low", "high")
     table = PlainTable(name_quantity("With other priors", length), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):

@@ -231,7 +231,7 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
             "bands": predicted.predict_at(grid),
             "design": replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
             "design_curve": design_curve,
-            "next_level": predicted.choose_next_level(),
+            "next_level": predicted.next_level,
         }
     give_back_memory()
     return result

@@ -161,8 +161,8 @@ class LoadsResult(PredictedResult):
         """The form ``loads/1``; if ``whole``, at given forces also the sensitivity to priors and the next level."""
         form = forms.loads_form(self.loads, self.extrapolation.plan, self.curve)
         if whole and self.loads.amplitude is None:
-            further = self.extrapolation.choose_next_level()
-            form["sensitivity"] = self.extrapolation.vary_priors().to_dict("records")
+            further = self.extrapolation.next_level
+            form["sensitivity"] = self.extrapolation.with_other_priors.to_dict("records")
             form["next_level"] = further and {**vars(further), "others": further.others.to_dict("records")}
         return complete_form({**form, **self.measured_in}, self.prepared.findings, self.cautions)
 

@@ -9,6 +9,7 @@ As a check within the record, its higher levels can be left out and predicted fr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -100,7 +101,8 @@ class Extrapolation:
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
         return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
-    def vary_priors(self) -> pd.DataFrame:
+    @cached_property
+    def with_other_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
         spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
         table = vary_priors(self.members, spreads, self.loads.force, self.loads.level)
@@ -108,7 +110,8 @@ class Extrapolation:
         table.loc[table["force"].isin(refused), ["median", "low", "high"]] = np.nan
         return table
 
-    def choose_next_level(self) -> NextLevel | None:
+    @cached_property
+    def next_level(self) -> NextLevel | None:
         """The further level that would most shrink the band at the largest requested force.
 
         None if that force is within the test, if its prediction is refused, or if the gain is below ``LEAST_GAIN``.

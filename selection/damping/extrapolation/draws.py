@@ -277,20 +277,16 @@ def choose_next_level(
     sd = np.maximum(np.sqrt(shares @ pooled.noise[order] ** 2 / shares.sum()), 1e-6)
     tail = 0.5 * (1.0 - level)
 
-    def width(odds: FloatArray) -> float:
-        cumulative = np.cumsum(shares * odds)
+    def width(weights: FloatArray) -> float:
+        cumulative = np.cumsum(weights)
         low, high = np.interp(cumulative[-1] * np.array([tail, 1.0 - tail]), cumulative, at_design)
         return float(high - low)
 
-    expected = [
-        np.mean(
-            [
-                width(np.nan_to_num(np.exp(-0.5 * ((at - reading) / noise) ** 2)))  # no resonance there: weight 0
-                for reading in find_quantiles(at[:, None], shares, READINGS)
-            ]
-        )
-        for at, noise in zip(drawn.T, sd[: len(tried)], strict=False)
-    ]
+    expected = []
+    for at, noise in zip(drawn.T, sd[: len(tried)], strict=False):
+        readings = find_quantiles(at[:, None], shares, READINGS)
+        away = np.where(np.isnan(at), np.inf, at) / noise  # no resonance there: weight 0
+        expected.append(np.mean([width(shares * np.exp(-0.5 * (away - reading / noise) ** 2)) for reading in readings]))
     table = pd.DataFrame({"force": tried, "expected": np.exp(expected)}).sort_values("expected", kind="stable")
-    now = float(np.exp(width(np.ones(len(order)))))
+    now = float(np.exp(width(shares)))
     return NextLevel(design, float(table["force"].iloc[0]), now, float(table["expected"].iloc[0]), table)
