@@ -98,6 +98,8 @@ def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported):
     scipy.io.savemat(path, {"frequency": truth.f, "response": H, "force": np.full(len(truth.f), 2.0)})
     notes = imported(path, scaling="peak", **SI).summary.notes
     assert any("of several sensors keep one (MAT: --column 'response=NAME(:,1)')" in note for note in notes)
+    with pytest.raises(InputError, match="or --column force=NAME"):  # named columns alone are read
+        imported(path, scaling="peak", columns={"response": "response(:,1)"}, **SI)
     kept = imported(path, scaling="peak", columns={"response": "response(:,1)", "force": "force"}, **SI)
     np.testing.assert_allclose(kept.record.column("amplitude"), 2.0 * np.abs(truth.H), rtol=CLOSE)
 
