@@ -66,6 +66,9 @@ def _list_names(folders: Sequence[Path]) -> list[str]:
 
 
 def _open_study(folder: Folder, name: str) -> StudySummary:
+    if "campaign.json" in folder.manifest.outputs:
+        expected = f"the folder that damping study {folder.path / 'study.toml'} writes"
+        raise InputError("results of a campaign, not of a study", file=folder.path, expected=expected)
     content = folder.read("summary.json")
     form = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
     records = {

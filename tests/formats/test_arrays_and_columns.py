@@ -91,13 +91,28 @@ def test_units_in_attributes_of_hdf5(truth, tmp_path, imported):
     assert ("response", "receptance", "follows from its unit") in found.summary.rows
 
 
+def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported):
+    """Two sensors became sweeps of one, whose amplitudes differ under the same force, without a word."""
+    path = tmp_path / "a.mat"
+    H = np.column_stack([truth.H, 0.8 * truth.H])
+    scipy.io.savemat(path, {"frequency": truth.f, "response": H, "force": np.full(len(truth.f), 2.0)})
+    notes = imported(path, scaling="peak", **SI).summary.notes
+    assert any("of several sensors keep one (MAT: --column 'response=NAME(:,1)')" in note for note in notes)
+    with pytest.raises(InputError, match="or --column force=NAME"):  # named columns alone are read
+        imported(path, scaling="peak", columns={"response": "response(:,1)"}, **SI)
+    kept = imported(path, scaling="peak", columns={"response": "response(:,1)", "force": "force"}, **SI)
+    np.testing.assert_allclose(kept.record.column("amplitude"), 2.0 * np.abs(truth.H), rtol=CLOSE)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_column_a_sweep(truth, tmp_path, imported, turned):
     path = tmp_path / "a.mat"
     H = np.column_stack([truth.H, 2 * truth.H, 3 * truth.H])
     scipy.io.savemat(path, {"frequency": truth.f, "response": H.T if turned else H, "force": [1.0, 2.0, 4.0]})
-    found = imported(path, labels=("a", "b", "c"), scaling="peak", **SI).record
+    read = imported(path, labels=("a", "b", "c"), scaling="peak", **SI)
+    found = read.record
     assert found.sweeps == ("a", "b", "c")
+    assert not any("of several sensors" in note for note in read.summary.notes)
     for k, label in enumerate(found.sweeps):
         one = found.of(label)
         np.testing.assert_allclose(one.column("amplitude"), np.abs(truth.H) * (k + 1) * 2.0**k, rtol=CLOSE)

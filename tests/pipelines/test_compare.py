@@ -220,6 +220,14 @@ def test_summaries_that_are_none(tmp_path, damping, form, message):
     assert not (tmp_path / "page.html").exists()
 
 
+def test_results_of_a_campaign_name_the_study_to_run(tmp_path, damping):
+    """They hold no ranking that could be compared; its study.toml leads to one."""
+    publish(tmp_path / "sine", {"campaign.json": b"{}"}, seed=1, versions={}, inputs={"a.h5": "0" * 64})
+    run = damping("compare", tmp_path / "sine", study(tmp_path / "b", summary()), "--out", tmp_path / "page.html")
+    assert run.code == 2
+    assert f"not of a study; expected the folder that damping study {tmp_path}/sine/study.toml writes" in run.err
+
+
 def test_posteriors_that_are_none(tmp_path, damping):
     one = study(tmp_path / "a", summary())
     for content in (b"law,parameter,low,median,high\na,b,x,1,2\n", b"\xff", b'law\n"a\n', b"law\n" + b"a,b,c\n"):

@@ -29,7 +29,7 @@ from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import Level
 from damping.campaign.notches import find_notches
 from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
-from damping.campaign.responses import Forecast, add_responses, find_input
+from damping.campaign.responses import Forecast, add_responses, describe_turned, find_input
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import describe_shares
 from damping.campaign.sources import read_runs
@@ -119,8 +119,8 @@ def _answer_sweeps(
 def _with_summary(campaign: Campaign, summary: Summary) -> Campaign:
     """The campaign with the summary of its files and cautions on levels that lie apart."""
     for mode in campaign.modes:
-        if mode.level_caution:
-            summary.note(f"{mode.name}: {mode.level_caution}")
+        for text in filter(None, (mode.level_caution, mode.shape_caution)):
+            summary.note(f"{mode.name}: {text}")
     return replace(campaign, summary=summary)
 
 
@@ -163,7 +163,8 @@ def _forecast(
         places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
     forces = tuple(float(of_force * level) for level in wanted)
     fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
-    return Forecast(mode, ModeAnswer(rank_first(prepared, seed), tuple(places), *fields), tuple(shown))
+    answer = ModeAnswer(rank_first(prepared, seed), tuple(places), *fields)
+    return Forecast(mode, answer, tuple(shown), is_steady=not prepared.measured.notes)
 
 
 def _answer_driven(
@@ -180,8 +181,11 @@ def _answer_driven(
     swept = float(levels[-1].f.min()), float(levels[-1].f.max())
     wanted = places[len(levels) :][: len(design)]
     notches = [find_notches(*known, at.level, limits, swept, run.drive_unit) for at in wanted]
+    turned = describe_turned(places[: len(levels)], run.drive_unit)
+    if turned:
+        wanted = [replace(at, cautions=(*at.cautions, turned)) for at in wanted]
     answers = (*places[: len(levels)], *wanted)
-    return replace(own.answer, places=answers, notches=tuple(chain.from_iterable(notches)))
+    return replace(own.answer, places=answers, notches=tuple(chain.from_iterable(notches)), shape_caution=turned)
 
 
 def _find_steady(

@@ -30,7 +30,8 @@ class ModeAnswer:
     """A mode with its record and its levels.
 
     ``law``: first in the ranking on every row. ``laws``: those that predictions average, with their weights on the
-    resonances. ``level_caution``: caution on levels that lie apart from the others.
+    resonances. ``level_caution``: caution on levels that lie apart from the others; ``shape_caution``: on sensors
+    whose share of the motion changes with the level.
     """
 
     law: str
@@ -42,6 +43,7 @@ class ModeAnswer:
     notches: tuple[Notch, ...] = ()
     level_caution: str = ""
     laws: tuple[tuple[str, float], ...] = ()
+    shape_caution: str = ""
 
     @property
     def name(self) -> str:

@@ -4,14 +4,13 @@ The motion of a mode is the sensors' motion projected on its shape by the pseudo
 leave of the other modes is rejected by the window of ``signals.ringdown``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, pi
 from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
-from scipy.signal import find_peaks, oaconvolve, welch
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import (
@@ -26,6 +25,7 @@ from damping.campaign.answer import (
     rank_first,
     read_curve,
 )
+from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
 from damping.campaign.values import At, Response
@@ -36,17 +36,10 @@ from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
-from damping.signals.ringdown import PERIODS, list_weights, ring_down
+from damping.signals.ringdown import PERIODS, ring_down
 
-PARTS = 8  #: parts of a record whose spectra are averaged
-PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
-ABOVE = 30.0  #: least power of a peak, over the median of the spectrum
 LEVELS = 8  #: levels that a decay is split into
 _ELSEWHERE = 0.08  # largest relative difference between the frequencies of a peak and of its decay
-_SAMPLES = 8.0  # a period must have more samples than this
-_HARMONIC = 0.02  # relative deviation from a multiple, by the resolution of the spectrum
-_SAME_SHAPE = 0.98  # modal assurance criterion
-_NO_PEAK = "no mode: no sensor has a peak in its spectrum above the noise"
 REACH = 30.0  #: amplitudes are predicted up to this factor above and below those of the test
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
@@ -90,31 +83,22 @@ def decay_modes(
     for run in runs:
         x = np.array([np.asarray(channel.samples, dtype=float) * _find_factor(channel) for channel in run.channels])
         motions.append((run.x, x - np.mean(x, axis=1, keepdims=True)))
-    size = [float(np.max(np.abs(x))) for _, x in motions]
-    loudest = motions[int(np.argmax(size))]
-    at = list(frequencies) or _peaks(*motions[int(np.argmin(size))])[0]
-    fast = [] if frequencies else _peaks(*loudest)[1]
-    unused = dict.fromkeys(fast, f"a period must have more than {_SAMPLES:g} samples")
-    if not at:
-        raise AnalysisError("; ".join([_NO_PEAK, *_list_unused(unused)]))
-    shapes = [_shape(*loudest, frequency, [other for other in at if other != frequency]) for frequency in at]
-    if not frequencies:
-        modal = [k for k in range(len(at)) if not _is_harmonic(k, at, [shape for shape, _, _ in shapes])]
-        at, shapes = [at[k] for k in modal], [shapes[k] for k in modal]
+    at, shapes, unused = find_shapes(motions, frequencies)
     inverse = np.linalg.pinv(np.array([shape for shape, _, _ in shapes]).T)
     parts = [[(run.label, t, row @ x) for run, (t, x) in zip(runs, motions, strict=True)] for row in inverse]
     fitted, unusable = _fit_modes(parts, at, order, known=bool(frequencies))
     modes = []
     for k, (tops, cautions, record, mode) in fitted.items():
         shape, sd, follows = shapes[k]
-        left_out = {**runs[0].left_out, **find_unfit_sensors(names, loudest[1], follows)}
+        left_out = {**runs[0].left_out, **find_unfit_sensors(names, find_loudest(motions)[1], follows)}
         kept = np.array([name not in left_out for name in names])
+        cautions += describe_unshaped(follows, at[k])
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
         modes.append(DecayMode(reference, np.where(kept, shape, np.nan), sd, tops, left_out, cautions, record, mode))
     if not modes:
         raise AnalysisError("; ".join(unusable.values()))
     if summary is not None:
-        for note in _list_unused(unused | unusable):
+        for note in list_unused(unused | unusable):
             summary.note(note)
     if unusable:  # without their shapes; the notes on them are already in the summary
         return decay_modes(runs, [frequency for frequency in at if frequency not in unusable])
@@ -145,60 +129,9 @@ def _fit_modes(
     return decays, unusable
 
 
-def _list_unused(peaks: Mapping[float, str]) -> list[str]:
-    return [f"the peak at {frequency:.4g} Hz is not used: {why}" for frequency, why in peaks.items()]
-
-
-def _is_harmonic(k: int, at: Sequence[float], shapes: Sequence[FloatArray]) -> bool:
-    """Whether a peak is an odd harmonic of a lower one with the same shape, as nonlinear damping generates."""
-    for j in range(k):
-        times = at[k] / at[j]
-        odd = 2 * round((times - 1.0) / 2.0) + 1
-        mac = float((shapes[k] @ shapes[j]) ** 2 / ((shapes[k] @ shapes[k]) * (shapes[j] @ shapes[j])))
-        if odd >= 3 and abs(times / odd - 1.0) < _HARMONIC and mac > _SAME_SHAPE:
-            return True
-    return False
-
-
 def _find_factor(sensor: Channel) -> float:
     """The unit of a sensor in SI; 1 if it has none."""
     return unit(sensor.unit or "1").factor
-
-
-def _peaks(t: FloatArray, x: FloatArray) -> tuple[list[float], list[float]]:
-    """Frequencies of the peaks of the sum of all spectra, with at least four periods in a part.
-
-    First those below an eighth of the sampling rate, whose decay can be analysed, then those above.
-    """
-    rate = (len(t) - 1) / (t[-1] - t[0])
-    f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // PARTS * 2, axis=1)
-    power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)
-    places, _ = find_peaks(power, prominence=PROMINENCE)
-    floor = np.median(power) + np.log(ABOVE)
-    peaks = [float(f[k]) for k in places if power[k] > floor and 4.0 * f[1] < f[k]]
-    return [at for at in peaks if at < rate / _SAMPLES], [at for at in peaks if at >= rate / _SAMPLES]
-
-
-def _shape(
-    t: FloatArray, x: FloatArray, frequency: float, others: Sequence[float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape (sensors,), 1 where largest, its standard error, and the share of each sensor's motion that it explains.
-
-    ``others``: frequencies of the other modes, which are filtered out.
-    """
-    dt = float((t[-1] - t[0]) / (len(t) - 1))
-    thin = max(int(1.0 / (20.0 * frequency * dt)), 1)
-    x = x[:, : x.shape[1] // thin * thin].reshape(len(x), -1, thin).mean(axis=2)
-    weights = list_weights(frequency, others, dt * thin, x.shape[1] // PARTS)
-    z = oaconvolve(x, weights[np.newaxis, ::-1], mode="valid", axes=1)
-    u, s, vh = np.linalg.svd(z, full_matrices=False)
-    turned = u[:, 0] * np.exp(-1j * np.angle(u[np.argmax(np.abs(u[:, 0])), 0]))
-    shape = turned.real
-    explained = s[0] * np.outer(u[:, 0], vh[0])
-    follows = np.sum(np.abs(explained) ** 2, axis=1) / np.sum(np.abs(z) ** 2, axis=1)
-    largest = float(shape[np.argmax(np.abs(shape))])
-    rest = np.sqrt(np.sum(np.abs(z - explained) ** 2, axis=1)) / s[0]
-    return shape / largest, rest / abs(largest), follows
 
 
 def _mode(

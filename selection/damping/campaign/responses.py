@@ -7,8 +7,8 @@ from math import exp, hypot, log, pi
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import NORMAL_90, ModeAnswer
-from damping.campaign.modal_fit import Level, ModalFit
+from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, ModeAnswer
+from damping.campaign.modal_fit import Level, ModalFit, evaluate_sd
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode
 from damping.campaign.runs import LABEL_AGREES, ORDERS
@@ -19,15 +19,23 @@ _SEARCHED = 1.5  #: half of the range around a resonance that is searched for it
 #: Change of amplitude, in ln, from which the damping within a level follows from that at two levels.
 _APART = 0.05
 _SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
+_TOP = 0.85  #: rows with at least this share of the largest reading are on the top of a peak
+#: Change of a sensor's peak relative to the largest, in ln, that is told: five times the noise of measured peaks.
+_TURNED = 5.0 * LEAST_SPREAD
+_FEWEST_ON_TOP = 5  #: fewest rows by which the top of a peak is known: two more than its parabola has parameters
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """A mode, its ``answer`` without responses, and for each place in it the level whose fit ``shown`` there."""
+    """A mode, its ``answer`` without responses, and for each place in it the level whose fit is ``shown`` there.
+
+    ``is_steady``: whether rows are steady states, so that peaks of tested levels can be read from them.
+    """
 
     mode: DrivenMode
     answer: ModeAnswer
     shown: tuple[Level, ...]
+    is_steady: bool
 
 
 def find_input(level: Level, frequency: float) -> float:
@@ -40,8 +48,9 @@ def find_input(level: Level, frequency: float) -> float:
 def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Forecast], place: int) -> At:
     """The place of a mode with its responses, by the fit of the level ``shown``.
 
-    Unless that is the run's own, the residues are those of all levels. At levels that were not tested, all modes move
-    as their ``forecasts`` say.
+    At a tested level they are by its rows where the fit is another level's or misses them: one frequency and shape
+    do not follow a mode that its neighbour turns. Unless the fit is the run's own, the residues are those of all
+    levels. At levels that were not tested, all modes move as their ``forecasts`` say.
     """
     at, level, mode = own.answer.places[place], own.shown[place], own.mode
     if at.ratio is None:
@@ -50,7 +59,61 @@ def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Fo
     residues = mode.residues_at(level) if tested else (mode.residues, mode.residues_sd)
     others = [(one.mode.number, one.answer.places[place]) for one in forecasts]
     fits = (level.fit,) if at.tested else tuple(_move_modes(level, others, part) for part in range(3))
-    return replace(at, response=tuple(_list_responses(level, fits, mode.number, residues, at)))
+    response = tuple(_list_responses(level, fits, mode.number, residues, at))
+    if at.tested and own.is_steady:
+        peaks = _read_peaks(levels[place], at)
+        pairs = [(one, peaks.get(one.sensor, one.band)) for one in response]
+        response = tuple(
+            one if tested and one.band[1] <= read[0] <= one.band[2] else replace(one, band=read) for one, read in pairs
+        )
+    return replace(at, response=response)
+
+
+def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
+    """Band of the peak about the resonance of each sensor of which enough rows show the top, in its unit.
+
+    The peak is that of 1/|H|^2 as a parabola in frequency, which it is for constant damping. The band holds the noise,
+    that of every measured peak, and the distance from the largest row.
+    """
+    assert at.ratio is not None
+    near = np.flatnonzero(np.abs(level.f / at.frequency - 1.0) <= 2.0 * _SEARCHED * at.ratio[0])
+    bands = {}
+    sd = evaluate_sd(level.H[:, near], level.fit.noise)
+    for sensor, row, error in zip(level.run.channels, np.abs(level.H[:, near]), sd, strict=True):
+        top = np.flatnonzero(row >= _TOP * row.max(initial=0.0))
+        whole = len(top) >= _FEWEST_ON_TOP and top[0] > 0 and top[-1] < len(row) - 1
+        if not whole:
+            continue
+        f = (level.f[near[top]] / at.frequency - 1.0) / at.ratio[0]
+        a, b, c = np.polyfit(f, (row.max() / row[top]) ** 2, 2)
+        least = c - b**2 / (4.0 * a) if a > 0.0 else 0.0
+        if not least > 0.0:
+            continue
+        noise = hypot(LEAST_SPREAD, float(np.median(error[top] / row[top])) / len(top) ** 0.5)
+        spread = hypot(NORMAL_90 * noise, 0.5 * log(least))
+        order = (2.0 * pi * at.frequency) ** (2 - ORDERS[sensor.quantity])
+        size = float(row.max() / least**0.5) * at.input * unit(level.run.drive_unit).factor / order
+        size /= unit(sensor.unit).factor
+        bands[sensor.name] = (size, size * exp(-spread), size * exp(spread))
+    return bands
+
+
+def describe_turned(tested: Sequence[At], drive_unit: str) -> str:
+    """A caution if from the lowest to the highest level a peak grows more, or less, than that of the largest sensor."""
+    first, last = tested[0], tested[-1]
+    grown = {a.sensor: b.band[0] / a.band[0] for a, b in zip(first.response, last.response, strict=False)}
+    if len(grown) < 2:
+        return ""
+    largest = max(first.response, key=lambda one: one.band[0]).sensor
+    apart = {sensor: log(times / grown[largest]) for sensor, times in grown.items()}
+    most = max(apart, key=lambda sensor: abs(apart[sensor]))
+    if abs(apart[most]) <= _TURNED:
+        return ""
+    by = f"{100.0 * abs(exp(apart[most]) - 1.0):.2g} % {'more' if apart[most] > 0.0 else 'less'}"
+    return (
+        f"from {first.input:.3g} to {last.input:.3g} {drive_unit} the peak of {most!r} grows by {by} than that of "
+        f"{largest!r}: the shape turns with the level, and bands beyond the test assume that it stays"
+    )
 
 
 def _move_modes(level: Level, others: Sequence[tuple[int, At]], part: int) -> ModalFit:

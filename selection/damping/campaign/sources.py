@@ -23,7 +23,7 @@ from damping.campaign.runs import (
     summarise_runs,
 )
 from damping.campaign.sensors import EXPLAINED, SCALINGS
-from damping.campaign.tracked import Source, read_table
+from damping.campaign.tracked import OTHERWISE, Source, read_table
 from damping.errors import InputError, naming
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.headers import ROLE_NAMES
@@ -91,6 +91,9 @@ def _read(source: Source) -> list[CampaignRun]:
     kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
     if kind:
         contents = read_arrays(source.file, kind, [], None, rows=(0, 1))
+        if kind == "tdms" and not contents.steps:
+            expected = f"channels with a time step (wf_increment); {OTHERWISE} against frequency"
+            raise InputError("channels without a time step", expected=expected)
         return _list_channel_runs(source, kind, contents) if contents.steps else _list_group_runs(source, contents)
     if start.lstrip()[:2] != b"-1":
         return [read_table(source, start)]

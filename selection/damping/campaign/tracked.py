@@ -35,6 +35,8 @@ from damping.signals.windows import UNEVEN, describe_uneven
 #: Words for amplitudes that are not peak amplitudes of the sine.
 SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 
+OTHERWISE = "damping import reads one response"  #: what to do with files that no campaign reads
+
 
 @dataclass(frozen=True)
 class Source:
@@ -162,7 +164,7 @@ BLOCK = 8_000_000  #: characters of a table that are read together
 def read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked if a column is the drive, else a free decay."""
     if is_binary(start):
-        expected = "a universal file, HDF5, TDMS or a table of times (damping import reads one response of MAT, LVM)"
+        expected = f"a universal file, HDF5, TDMS or a table of times ({OTHERWISE} of MAT, LVM, WAV, XLSX)"
         raise InputError("no file of a known kind", expected=expected)
     known, encoding = recode(start)
     lines = known.decode("utf-8-sig", errors="replace").splitlines()
@@ -176,6 +178,8 @@ def read_table(source: Source, start: bytes) -> CampaignRun:
     sensors = [header for header in headers if header is not time and header.text]
     if time is None or not sensors:
         expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
+        if any(header.name.lower() in ROLE_NAMES["frequency"] for header in headers):
+            expected += f" ({OTHERWISE} against frequency)"
         raise InputError(f"columns {describe_shortened(lines[0], 80)}", expected=expected)
     roles = [f"sensor {k}" for k in range(len(sensors))]
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))

@@ -172,7 +172,7 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     """Force amplitude of each row (complex if the file has its phase)."""
     if level is None and row.force is None:
         message = "no force in the file: the damping depends on how hard the structure was driven"
-        raise InputError(message, expected="--force AMPLITUDE of each sweep")
+        raise InputError(message, expected="--force AMPLITUDE of each sweep, or --column force=NAME")
     if to.force is None:
         raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
     if level is not None:

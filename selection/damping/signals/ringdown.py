@@ -165,7 +165,8 @@ def _growth(since: float) -> AnalysisError:
     """The error on a decay that grows from the time ``since`` on."""
     return AnalysisError(
         f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; choose a part without "
-        "(--start, --end), or a sensor or a blow that moves one mode alone"
+        "(--start, --end), or a sensor or a blow that moves one mode alone; of several sensors damping campaign "
+        "--modes F1,F2 parts the modes"
     )
 
 
