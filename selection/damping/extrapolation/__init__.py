@@ -263,7 +263,7 @@ def leave_higher_levels_out(
     levels = data.levels
     tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
-        lower, rows = data.keep_sweeps(levels < below), all_rows and all_rows.keep_sweeps(levels < below)
+        lower, rows = data.take_sweeps(levels < below), all_rows and all_rows.take_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
         predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode, all_rows=rows)

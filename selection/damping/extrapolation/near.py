@@ -48,9 +48,8 @@ def near_resonance(record: Record) -> Observations:
     data = observe(without_offset(record))
     cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
     near = cotangent <= NEAR
-    for sweep in range(len(data.sweeps)):
-        in_sweep = np.flatnonzero(data.sweep == sweep)
-        near[in_sweep[np.argmin(cotangent[in_sweep])]] = True
+    for run in data.runs:
+        near[run[np.argmin(cotangent[run])]] = True
     data = data.take_rows(near)
     one_telling = data.levels.max() == 0 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)

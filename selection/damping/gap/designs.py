@@ -59,7 +59,7 @@ class ProposedTest:
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
             middle = float(again.omega[np.argmax(again.u)]) / scales.omega_n
         band = middle * (1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8))
-        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
+        planned = again.take_rows(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
         u = planned.u + np.log(self.factor)
         F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
         shaken = float(np.median(again.shaken))

@@ -113,7 +113,7 @@ def setting(
     Raises:
         AnalysisError: states that simulate different damping forces.
     """
-    rows = [stated_noise(read_rows(measured, state), measured) for measured, state in ((record, mode), *states)]
+    rows = [stated_noise(read_rows(measured, state)) for measured, state in ((record, mode), *states)]
     if shaken:
         rows = [on_base(of_state, masses[of_state.row]) for of_state, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))

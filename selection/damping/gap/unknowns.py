@@ -54,11 +54,10 @@ _MOST_ROUNDS = 3
 _FARTHEST = 2.0
 
 
-def stated_noise(rows: Rows, record: Record) -> Rows:
-    """The rows with the record's standard uncertainties, ``FIRST_GUESS`` where it states none."""
-    amplitude, force = (record.relative_sd(name)[rows.row] for name in ("amplitude", "force"))
-    sd_phase = np.where(rows.sd_phase < UNSEEN, _fill(record.column("phase_sd", 0.0)[rows.row]), UNSEEN)
-    rows = replace(rows, sd_amplitude=np.hypot(_fill(amplitude), force), sd_phase=sd_phase)
+def stated_noise(rows: Rows) -> Rows:
+    """The rows with noise from the record's standard uncertainties, ``FIRST_GUESS`` where it states none."""
+    sd_phase = _fill(rows.sd_phase) if rows.has_phase else np.full(len(rows), UNSEEN)
+    rows = replace(rows, sd_amplitude=np.hypot(_fill(rows.sd_amplitude), rows.sd_force), sd_phase=sd_phase)
     return further_noise(rows) if rows.channels else rows
 
 

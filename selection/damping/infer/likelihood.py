@@ -233,7 +233,7 @@ def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Obse
     """
     if len(data.sweeps) > 1:
         each = np.eye(len(data.sweeps), dtype=bool)
-        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in each], axis=-1)
+        return np.stack([log_likelihood(x, coordinates, data.take_sweeps(keep)) for keep in each], axis=-1)
     n, h, known = residuals(coordinates.force(x), data)
     row, level = coordinates.scatter(x)
     variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2
