@@ -114,6 +114,14 @@ class Rows(SweepRows):
         """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
         return np.tile(self.sweep, 1 + self.has_phase + 2 * len(self.channels))
 
+    @cached_property
+    def follows(self) -> BoolArray:
+        """Whether each residual and the one before it are of one quantity at neighbours of one sweep, both measured."""
+        sweep, seen = self.sweep_of_values, self.seen
+        follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & seen[1:] & seen[:-1]])
+        follows[:: len(self)] = False
+        return follows
+
     def places(self, channel: str) -> slice:
         """Slice of a further phasor among the residuals, real parts first."""
         first = len(self) * (1 + self.has_phase + 2 * self.channels.index(channel))

@@ -68,8 +68,7 @@ def _residuals(
         h /= size
         if not data.states_uncertainty:
             return n, h, None
-        stated = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-        return n, h, h**2 * data.sd_amplitude**2 + stated / size**2
+        return n, h, h**2 * data.sd_amplitude**2 + data.variance / size**2
 
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:

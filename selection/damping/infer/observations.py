@@ -95,6 +95,11 @@ class Observations(SweepRows):
         ]
         return means[0], means[1], means[2]
 
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Variance of D by the stated uncertainties of phase and force, (rows,)."""
+        return np.asarray(self.R**2 * self.sd_phase**2 + self.D**2 * self.sd_force**2)
+
     @property
     def content(self) -> tuple[object, ...]:
         """All fields as a cache key, equal for observations that are equal bit by bit."""

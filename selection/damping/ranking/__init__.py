@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -151,10 +152,8 @@ def weigh_laws(
     if not ranked:
         reasons = "; ".join(c for row in rows or failed for c in row.cautions)
         raise AnalysisError(f"no damping law could be fitted: {reasons}")
-    scores = np.array([row.score for row in ranked])
-    weights = np.exp(-0.5 * (scores - scores[0]))
-    weights /= weights.sum()
-    ranked = [replace(row, rank=i + 1, weight=float(weights[i])) for i, row in enumerate(ranked)]
+    weights = softmax([-0.5 * row.score for row in ranked])
+    ranked = [replace(row, rank=k, weight=float(w)) for k, (row, w) in enumerate(zip(ranked, weights, strict=True), 1)]
     best = [row.fit for row in ranked if row.fit is not None]
     unranked = [row for row in rows if not np.isfinite(row.score)]
     return Ranking(CRITERION, (*ranked, *unranked, *failed), data, judge_fit(best[0], best[1:], data, seed))
