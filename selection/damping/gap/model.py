@@ -16,16 +16,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray
+from damping.arrays import ComplexArray, FloatArray, wrap_lag
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales, Terms
 from damping.effects.rig import recorded_third
 from damping.effects.terms import Prediction, cross_motion, predict
-from damping.gap.rows import Rows, wrapped
+from damping.gap.rows import Rows
 from damping.gap.simulation import Simulation
 
 #: Regularisation of |d|: noise of force and frequency hides a sharper fold.
@@ -222,7 +223,7 @@ def residuals(
     parts = [(misfit + (rows.u - u0) * d) * per_sd]
     phase = -prediction.P.imag + follow * misfit
     if rows.has_phase:
-        parts.append(wrapped(rows.phase - phase) / sd_phase)
+        parts.append(wrap_lag(rows.phase - phase, -pi) / sd_phase)
     if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
     return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion, stride)

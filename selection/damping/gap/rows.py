@@ -223,8 +223,3 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
         has_phase=any(rows.has_phase for rows in parts),
         channels=tuple(name for name in ("third", "cross") if any(name in rows.channels for rows in parts)),
     )
-
-
-def wrapped(angle: FloatArray) -> FloatArray:
-    """An angle between -pi and pi."""
-    return np.asarray(angle - 2.0 * pi * np.rint(angle / (2.0 * pi)))

@@ -16,7 +16,7 @@ from scipy.special import expit, logit, logsumexp, softmax
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
-from damping.gap.corrected import list_ends
+from damping.gap.corrected import effect_values, list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit
 from damping.gap.hypotheses import Hypothesis
@@ -222,8 +222,7 @@ def hides_state(fit: ModelFit) -> bool:
     if not 1 < len(set(states)) < len(states):
         return False
     alone = [rows.label[run[0]] for run, state in zip(rows.runs, states, strict=True) if states.count(state) == 1]
-    tables = (part.form.report(*part.values(x)) for part, x in fit.model.own_variables(fit.y[np.newaxis]))
-    return any(np.any(np.isin(table.get("sweep", 0.0), alone)) for table in tables)
+    return any(table.get("sweep", 0.0) in alone for table in effect_values(fit).values())
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:

@@ -16,10 +16,10 @@ from itertools import chain
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
 from damping.gap.fit import ModelFit
 from damping.gap.model import steady
-from damping.gap.rows import Rows, wrapped
+from damping.gap.rows import Rows
 from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 
@@ -92,7 +92,7 @@ def footprint(leading: ModelFit) -> dict[str, FloatArray]:
     without = steady(fitted_terms(leading, effects=False), rows, with_effects.u)
     changes = {"amplitude": (with_effects.u - without.u) / rows.sd_amplitude}
     if rows.has_phase:
-        changes["phase"] = wrapped(with_effects.phase - without.phase) / rows.sd_phase
+        changes["phase"] = wrap_lag(with_effects.phase - without.phase, -np.pi) / rows.sd_phase
     return changes
 
 
