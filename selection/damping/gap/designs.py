@@ -9,9 +9,9 @@ import numpy as np
 
 from damping.effects.contract import Terms
 from damping.gap.model import Problem
-from damping.gap.rows import UNSEEN, Rows
+from damping.gap.rows import UNSEEN, PhasorRows
 
-#: Rows of a proposed sweep.
+#: PhasorRows of a proposed sweep.
 _POINTS = 40
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
@@ -46,14 +46,14 @@ class ProposedTest:
         one_run = runs[0] == runs[1] and (not self.channel or not other.channel)
         return not one_run and "sweep_rate" not in {*self.columns, *other.columns}
 
-    def plan(self, problem: Problem) -> Rows:
+    def plan(self, problem: Problem) -> PhasorRows:
         """The rows of the test, taken after the record, with amplitudes of the repeated sweep at equal detuning.
 
         A further channel has its noise in the record; else that of the smallest amplitudes, or `FLOOR`.
         """
         rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales
-        level = rows.level.min() if self.lowest else rows.level.max()
-        again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        level = rows.levels.min() if self.lowest else rows.levels.max()
+        again = rows.where(rows.sweep == np.flatnonzero(rows.levels == level)[0])
         reach, middle = self.width * max(scales.reach, 4.0 * scales.bandwidth), 1.0
         if not self.width:  # about the resonance of that level, which a nonlinear spring moves
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)

@@ -32,11 +32,11 @@ SAME_STIFFNESS = 1e-3
 
 
 @dataclass(frozen=True)
-class Rows(SweepRows):
+class PhasorRows(SweepRows):
     """The phasor of every row, by sweep and within a sweep by frequency; arrays of shape (rows,) unless stated.
 
     Attributes:
-        row: row of the record. level: number of the force level of each sweep, (sweeps,), lowest first; repeats of one
+        row: row of the record. levels: number of the force level of each sweep, (sweeps,), lowest first; repeats of one
             level share it. u: ln of the amplitude. phase: lag, rad (pi/2 where none was measured).
         F, mass, resonant, time, label, up, rate, added, state, ratio, own, shaken: see `Drive` (``label`` is its
             ``sweep``: the number in the whole record, from 1). A row is ``resonant`` if it is its whole sweep and the
@@ -49,7 +49,7 @@ class Rows(SweepRows):
     """
 
     row: IntArray
-    level: IntArray
+    levels: IntArray
     F: FloatArray
     u: FloatArray
     phase: FloatArray
@@ -70,7 +70,7 @@ class Rows(SweepRows):
     sd_cross: FloatArray
     has_phase: bool
     channels: tuple[str, ...] = ()
-    PER_SWEEP = ("level",)
+    PER_SWEEP = ("levels",)
 
     @property
     def A(self) -> FloatArray:
@@ -128,12 +128,12 @@ class Rows(SweepRows):
         return slice(first, first + 2 * len(self))
 
     @property
-    def levels(self) -> int:
+    def level_count(self) -> int:
         """Number of different force levels."""
-        return len(np.unique(self.level))
+        return len(np.unique(self.levels))
 
 
-def read_rows(record: Record, mode: Mode) -> Rows:
+def read_rows(record: Record, mode: Mode) -> PhasorRows:
     """The rows of a record, with the standard uncertainties that it states."""
     measured, n = read_sweep_rows(record), len(record)
 
@@ -143,10 +143,10 @@ def read_rows(record: Record, mode: Mode) -> Rows:
         return np.asarray(np.where(A > 0.0, A, np.nan) * np.exp(-1j * record.column(f"phase_{channel}", np.nan)))
 
     third, cross = map(phasor, FURTHER_CHANNELS)
-    rows = Rows(
+    rows = PhasorRows(
         **vars(measured),
         row=np.arange(n),
-        level=number_levels(record.column(record.input)[tabulate_resonances(record)["row"]]),
+        levels=number_levels(record.column(record.input)[tabulate_resonances(record)["row"]]),
         F=record.column("force"),
         u=np.log(record.column("amplitude")),
         phase=record.column("phase", 0.5 * pi),
@@ -176,15 +176,15 @@ def is_same_structure(mode: Mode, first: Mode) -> bool:
     return abs(mode.mass * mode.omega_n**2 / (first.mass * first.omega_n**2) - 1.0) < SAME_STIFFNESS
 
 
-def on_base(rows: Rows, shaken: FloatArray) -> Rows:
+def on_base(rows: PhasorRows, shaken: FloatArray) -> PhasorRows:
     """The rows with a base acceleration acting on masses ``shaken`` (n,) and added masses; levels by acceleration."""
     rows = replace(rows, shaken=shaken)
     if not np.any(shaken * rows.added):
         return rows
-    return replace(rows, level=number_levels(np.array([float(np.median(rows.bare_force[run])) for run in rows.runs])))
+    return replace(rows, levels=number_levels(np.array([float(np.median(rows.bare_force[run])) for run in rows.runs])))
 
 
-def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
+def join_states(states: Sequence[tuple[PhasorRows, Mode]]) -> PhasorRows:
     """The rows of several states of one structure as one record; ``states`` are rows and the mode that simulates them.
 
     States of one stiffness differ by a known mass, from which their frequencies follow.
@@ -219,7 +219,7 @@ def join_states(states: Sequence[tuple[Rows, Mode]]) -> Rows:
     return replace(
         join_rows(numbered),
         sweeps=tuple(f"{k}: {name}" for k, rows in enumerate(parts, 1) for name in rows.sweeps),
-        level=number_levels(np.array([float(np.median(rows.bare_force[run])) for rows in parts for run in rows.runs])),
+        levels=number_levels(np.array([float(np.median(rows.bare_force[run])) for rows in parts for run in rows.runs])),
         has_phase=any(rows.has_phase for rows in parts),
         channels=tuple(name for name in ("third", "cross") if any(name in rows.channels for rows in parts)),
     )

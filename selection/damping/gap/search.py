@@ -128,7 +128,7 @@ class Search(Fits):
     def _most_effects(self) -> int:
         """Most effects that the rows support; with phase resonances only, one fewer than there are levels."""
         rows = self.problem.rows
-        return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
+        return min(MOST_EFFECTS, rows.level_count - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
         """Add one effect to hypotheses of ``size`` effects, those of the largest expected log posterior first.

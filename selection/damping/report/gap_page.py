@@ -21,7 +21,7 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated, steady
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
 from damping.records.mode import Units
@@ -186,7 +186,7 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _locate(rows: Rows) -> dict[str, Any]:
+def _locate(rows: PhasorRows) -> dict[str, Any]:
     return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
 
 
@@ -215,7 +215,7 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _dense(rows: Rows) -> Rows:
+def _dense(rows: PhasorRows) -> PhasorRows:
     """Rows on a fine grid of frequencies in every sweep, force and amplitude interpolated."""
     parts = []
     for own in rows.runs:
@@ -227,12 +227,12 @@ def _dense(rows: Rows) -> Rows:
     return rows.take_rows(np.concatenate([nearest for nearest, _ in parts]), **joined)
 
 
-def _map(rows: Rows, values: dict[str, FloatArray]) -> pd.DataFrame:
+def _map(rows: PhasorRows, values: dict[str, FloatArray]) -> pd.DataFrame:
     tables = [pd.DataFrame({**_locate(rows), "quantity": name, "value": value}) for name, value in values.items()]
     return pd.concat(tables, ignore_index=True)
 
 
-def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
+def _tabulate_local_curves(leading: ModelFit, rows: PhasorRows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
