@@ -210,7 +210,7 @@ def draw_truth(name: str, rng: np.random.Generator) -> Truth:
     log_omega, mass = _draw_resonance(force.real / _A[:, 0] * np.exp(-at_one), rng.spawn(1)[0])
     C = sum(part.imag * np.exp(power * (log_omega - np.log(OMEGA))) for power, part in parts.items())
     log_C = np.log(np.maximum(C, 1e-300)) - at_one
-    return Truth(name, log_C, log_omega, mass, Law(tuple(name.split(" + "))) if name in IN_LIBRARY else None)
+    return Truth(name, log_C, log_omega, mass, Law.named(name) if name in IN_LIBRARY else None)
 
 
 def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:

@@ -87,9 +87,9 @@ def take_rows(whole: _Rows, rows: slice) -> _Rows:
     return cast(_Rows, part)
 
 
-def wrap_lag(phase: FloatArray) -> FloatArray:
-    """The same angle in [-pi/2, 3 pi/2), where the noisy lag of a mode lies; unchanged if already there."""
-    return phase - 2.0 * pi * np.floor((phase + 0.5 * pi) / (2.0 * pi))
+def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
+    """The same angle from ``least`` on, by default in [-pi/2, 3 pi/2), where the noisy lag of a mode lies."""
+    return phase - 2.0 * pi * np.floor((phase - least) / (2.0 * pi))
 
 
 def plain(value: Any) -> Any:

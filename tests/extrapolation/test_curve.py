@@ -294,7 +294,7 @@ def test_force_for_an_amplitude_is_the_inverse(peaks, few_laws):
     beside = predict_forces(there, float(A.median[0]) * np.array([1.0, 50.0, 0.02]))
     np.testing.assert_allclose(beside.average.median[0], back.average.median[0], rtol=0.005)
     beyond = predict_forces(
-        extrapolate_loads(data.keep_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=brief_evidence), [50.0]
+        extrapolate_loads(data.take_sweeps(np.arange(4) > 1), [4.0], laws=LAWS, estimate=brief_evidence), [50.0]
     )
     assert np.isnan(beyond.average.median[0])  # two levels go no farther than 1.5 times the force
     assert "no prediction" in beyond.cautions[0][0]

@@ -318,7 +318,7 @@ def test_leaving_higher_levels_out_sees_nothing_of_them(few_laws):
     table = leave_higher_levels_out(data, 0.9)
     assert table["levels"].tolist() == [2, 2, 3]
     assert table["sweep"].tolist() == ["level 3", "level 4", "level 4"]
-    lower = data.keep_sweeps(np.arange(4) < 2)
+    lower = data.take_sweeps(np.arange(4) < 2)
     loads = extrapolate_loads(lower, data.tested_force[2:], fresh=False).loads
     np.testing.assert_allclose(table["median"][:2], loads.average.median, rtol=1e-12)
     np.testing.assert_allclose(table["ratio"][:2], data.tested_force[2:] / data.tested_force[1], rtol=1e-12)

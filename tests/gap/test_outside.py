@@ -184,7 +184,7 @@ def test_noise_of_a_third_harmonic_may_go_with_the_amplitude_or_with_a_range(lab
     top = {"amplitude": A, "sweep": np.repeat([A[rows.sweep == k].max() for k in range(3)], 40), "record": A.max()}
     phasor = 0.0015 * top[of] * (rng.normal(size=len(A)) + 1j * rng.normal(size=len(A)))
     own = Record(record.table.assign(amplitude_3=np.abs(phasor), phase_3=-np.angle(phasor)))
-    read = stated_noise(read_rows(own, lab.mode()), own)
+    read = stated_noise(read_rows(own, lab.mode()))
     wanted = 0.0015 * np.broadcast_to(top[of], A.shape)[read.row]
     # two parts of 120 rows, of which the largest are left out and four are in a combination: 8 %, at three of it
     np.testing.assert_allclose(np.sqrt(np.mean((read.sd_third / wanted) ** 2)), 1.0, rtol=0.25)

@@ -134,7 +134,7 @@ def test_the_noise_of_a_third_harmonic_goes_with_the_unit_of_length(lab):
         table = record.table.assign(**third)
         table[["amplitude", "amplitude_sd", "amplitude_3"]] *= unit
         own = Record(table, "with a third harmonic")
-        noise.append(stated_noise(read_rows(own, lab.mode()), own).sd_third / unit)
+        noise.append(stated_noise(read_rows(own, lab.mode())).sd_third / unit)
     np.testing.assert_allclose(noise, [noise[1]] * 3, rtol=1e-9, atol=0.0)  # products of rounded numbers
 
 
@@ -148,7 +148,7 @@ def test_the_noise_of_a_third_harmonic_is_that_of_the_sweeps_that_measure_it(lab
     for measured in (last, np.ones(len(record), dtype=bool)):
         columns = {"amplitude_3": np.abs(phasor), "phase_3": -np.angle(phasor) % (2.0 * np.pi)}
         table = record.table.assign(**{name: np.where(measured, column, np.nan) for name, column in columns.items()})
-        rows = stated_noise(read_rows(Record(table, "third"), lab.mode()), Record(table, "third"))
+        rows = stated_noise(read_rows(Record(table, "third"), lab.mode()))
         sd.append(rows.sd_third[rows.sd_third < UNSEEN])
         # 5 % of the phasor are beyond the model; two parts of sixty rows, four of them in a combination: 20 %
         np.testing.assert_allclose(sd[-1], 1e-3 * top, rtol=0.2)
@@ -162,7 +162,7 @@ def test_an_uncertainty_of_zero_is_one_that_is_not_stated(lab):
     columns = {f"{name}_sd": part * record.column(name) for name, part in share.items()}
     columns["amplitude_sd"][1] = columns["force_sd"][0] = 0.0
     own = Record(record.table.assign(**columns), "some uncertainties")
-    rows = stated_noise(read_rows(own, lab.mode()), own)
+    rows = stated_noise(read_rows(own, lab.mode()))
     wanted = np.hypot(0.02, np.where(rows.row == 0, 0.0, 0.01))  # of an amplitude the median of the others
     np.testing.assert_allclose(rows.sd_amplitude, wanted, rtol=1e-12, atol=0.0)  # products of rounded numbers
 

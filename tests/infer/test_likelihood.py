@@ -121,7 +121,7 @@ def test_known_uncertainties_are_propagated(peaks):
 def test_rows_of_a_single_sweep_have_the_marginals_of_its_covariance(peaks):
     data = swept(peaks)
     c = undoubted(Law(("viscous", "displacement")), data)
-    alone = data.keep_sweeps(np.array([False, True, False]))
+    alone = data.take_sweeps(np.array([False, True, False]))
     x = np.random.default_rng(7).standard_normal((4, c.dimension))
     n, h, known = residuals(c.force(x), alone)
     row, level = c.scatter(x)

@@ -95,7 +95,7 @@ def test_one_level_has_no_held_out_error(saturn):
 def test_percent_errors_of_the_linear_law_of_sweep_c(saturn):
     """A constant c of sweep C gives A = A_C (F/F_C)(omega_C/omega), Eq. 4.1.7; Table 4.IV holds xi constant instead."""
     data = saturn("config-2-mode-1")
-    top = data.keep_sweeps(np.array([False, False, True]))
+    top = data.take_sweeps(np.array([False, False, True]))
     x = np.array([0.0, 0.0])  # total = 1: carries the force of sweep C exactly
     expected = 1.567 * data.tested_force / 28.98 * data.tested_omega[2] / data.tested_omega
     errors = percent_errors(Coordinates.of(Law(("viscous",)), top).force(x), data)
@@ -143,7 +143,7 @@ def test_best_fit_is_the_weighted_non_negative_least_squares(peaks):
 
 def test_held_out_error_is_refitting_without_the_level(saturn):
     data, law = saturn("config-2-mode-1"), Law(("velocity-squared",))
-    coefficient = float(fit_law(law, data.keep_sweeps(np.array([True, True, False]))).coefficients[0])
+    coefficient = float(fit_law(law, data.take_sweeps(np.array([True, True, False]))).coefficients[0])
     # C = (8/3 pi) c (omega A)^2 = F solved for A
     predicted = np.sqrt(data.tested_force[2] * 3.0 * np.pi / (8.0 * coefficient)) / data.tested_omega[2]
     np.testing.assert_allclose(
@@ -158,8 +158,8 @@ def test_many_sweeps_are_left_out_in_groups():
     grouped = held_out_errors([law], data)[0]
     assert np.isfinite(grouped).all()
     keep = np.arange(len(grouped)) % MOST_FOLDS != 7
-    force = fit_law(law, data.keep_sweeps(keep)).force
-    np.testing.assert_allclose(grouped[~keep], percent_errors(force, data.keep_sweeps(~keep)), rtol=1e-9)
+    force = fit_law(law, data.take_sweeps(keep)).force
+    np.testing.assert_allclose(grouped[~keep], percent_errors(force, data.take_sweeps(~keep)), rtol=1e-9)
 
 
 def test_forces_of_one_power_are_one_law_at_one_frequency(peaks):

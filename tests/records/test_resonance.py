@@ -435,7 +435,7 @@ def test_ranking_and_diagnosis_number_levels_alike():
     rows = [(name, F, f, 1.0 / (1.0 + abs(f - 2.0))) for name, F in levels.items() for f in (1.9, 2.0, 2.1)]
     record = Record(pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude"]), "made")
     assert number_levels(observe(record).tested_force).tolist() == [0, 0, 1]
-    assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).level.tolist() == [0, 0, 1]
+    assert read_rows(record, Mode(name="m", frequency=2.0, mass=1.0)).levels.tolist() == [0, 0, 1]
 
 
 @pytest.mark.parametrize("example", ["tank", "bolted-joint"])

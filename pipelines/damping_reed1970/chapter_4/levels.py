@@ -167,7 +167,7 @@ def _tabulate_predictions(case: LevelCase, data: Observations, scale: FloatArray
 def _predict_from_others(case: LevelCase, data: Observations, scale: FloatArray, sweep: int) -> float:
     """Amplitude of one sweep from the geometric mean of the others' values (and their alpha)."""
     keep = np.arange(len(data.sweeps)) != sweep
-    rest = data.keep_sweeps(keep)
+    rest = data.take_sweeps(keep)
     if case.free:
         case = fit_alpha(case, rest, scale[keep])
     held = np.exp(np.mean(np.log(held_values(case, rest, scale[keep]))))

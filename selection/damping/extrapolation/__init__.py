@@ -31,12 +31,7 @@ from damping.extrapolation.draws import (
     vary_priors,
 )
 from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import (
-    ROUNDING,
-    Plan,
-    Planned,
-    plan_loads,
-)
+from damping.extrapolation.near import ROUNDING, Plan, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.infer.balanced import Balanced
@@ -63,15 +58,15 @@ LEAST_GAIN = 0.01
 AT_ONCE = 10
 
 
-def draw_fresh(law: Planned, data: Observations, seed: int) -> FloatArray:
+def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
     """Fresh posterior draws (n, dimension) from the last proposal of the evidence; the evidence's draws if few count.
 
     The evidence stops once it has enough effective draws, so it usually misses the draws of large weight at which
     exponents stray far: with its draws the upper end of the Saturn V's band at 90 lb was 2.6 % too low.
     """
-    posterior, first = Balanced(law.coordinates.scaled(data.reference), data.scaled()), law.evidence.draws
+    posterior, first = Balanced(law.coordinates.scaled(data.reference), data.scaled()), law.weighed.draws
     fitted = posterior.find_variables(first[:: max(1, len(first) // MOST_FITTED)])
-    proposal, number = Proposal.through(fitted, law.evidence.effective_draws), 1 + round(100.0 * law.weight)
+    proposal, number = Proposal.through(fitted, law.weighed.effective_draws), 1 + round(100.0 * law.weight)
     fresh = draw_again(posterior.log_density, proposal, FRESH_DRAWS * number, seed)
     return posterior.find_points(fresh.draws) if fresh.effective_draws > LEAST_DRAWS else first
 
@@ -163,7 +158,7 @@ def extrapolate_loads(
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:
             again = fresh and law.weight > LEAST_WEIGHT
-            draws = draw_fresh(law, plan.data, seed) if again else law.evidence.draws
+            draws = draw_fresh(law, plan.data, seed) if again else law.weighed.draws
             members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
@@ -237,10 +232,9 @@ def _repeatability(mode: Mode | None) -> float:
     return (mode.repeatability.amplitude if mode else None) or 0.0
 
 
-def sample_candidate(law: Candidate | Planned, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
+def sample_candidate(law: Candidate, data: Observations, forces: np.ndarray, seed: int) -> Posterior:
     """Posterior of one law, sampled until its parameters and its amplitudes at ``forces`` have converged."""
-    assert law.evidence is not None  # a law with a weight was fitted
-    name, coordinates, begun = law.name, law.coordinates, law.evidence
+    name, coordinates, begun = law.name, law.coordinates, law.weighed
     if begun.effective_draws < LEAST_DRAWS:  # the evidence stopped early: the law's weight is negligible
         begun = evidence(coordinates, data, seed)
 
@@ -266,7 +260,7 @@ def leave_higher_levels_out(
     levels = data.levels
     tables = []
     for below in range(FEWEST_BELOW, int(levels.max()) + 1):
-        lower, rows = data.keep_sweeps(levels < below), all_rows and all_rows.keep_sweeps(levels < below)
+        lower, rows = data.take_sweeps(levels < below), all_rows and all_rows.take_sweeps(levels < below)
         higher = np.flatnonzero(levels >= below)
         higher = higher[np.argsort(data.tested_force[higher], kind="stable")]
         predicted = extrapolate_loads(lower, data.tested_force[higher], level, seed, mode=mode, all_rows=rows)

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from damping.extrapolation.near import Plan, Planned
+from damping.extrapolation.near import Plan
 from damping.infer.best_fit import BestFit, fit_law, fit_laws
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
+from damping.ranking import Candidate
 from damping.ranking.candidates import resonant_laws
 from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 
@@ -28,9 +29,9 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
     laws = [member.law for member in plan.laws] + resonant_laws()
     fits = {fit.law: fit for fit in fit_laws(laws, all_rows) if isinstance(fit, BestFit)}
     best = min(fits.values(), key=lambda fit: fit.squares)
-    missing, kept = list[Planned](), list[Planned]()
+    missing, kept = list[Candidate](), list[Candidate]()
     for member in plan.laws:
-        equal = [fits[law] for law in (member.law, *member.equals) if law in fits]
+        equal = [fits[law] for law in (member.law, *map(Law.named, member.equivalents)) if law in fits]
         allowed = [fit for fit in equal if not is_excluded(fit, best, all_rows)]
         if equal and not allowed:
             missing.append(member)
@@ -56,15 +57,15 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
 
 
 def _yield_to(
-    allowed: Sequence[BestFit], member: Planned, data: Observations, seed: int, estimate: Estimate
-) -> Planned:
+    allowed: Sequence[BestFit], member: Candidate, data: Observations, seed: int, estimate: Estimate
+) -> Candidate:
     """``member``, or, if it is not ``allowed``, the shortest of its equals that is, fitted to the same resonances."""
     if not allowed or any(fit.law == member.law for fit in allowed):
         return member
     law = min(allowed, key=lambda fit: (len(fit.law.parts), fit.squares)).law
     fit = fit_law(law, data)
     drawn = estimate(fit.coordinates, data, seed, fit)
-    return replace(member, law=law, coordinates=fit.coordinates, evidence=drawn)
+    return replace(member, law=law, fit=fit, evidence=drawn)
 
 
 def _judge_laws(laws: Sequence[Law], data: Observations, seed: int) -> FitVerdict:

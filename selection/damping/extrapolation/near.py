@@ -17,10 +17,9 @@ from damping.arrays import BoolArray, FloatArray, Floats, IntArray
 from damping.extrapolation.states import describe_state, read_resonances
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
-from damping.infer.importance import Evidence
-from damping.infer.law import Coordinates, Law
+from damping.infer.law import Law
 from damping.infer.observations import Observations, at_resonance, observe
-from damping.ranking import weigh_laws
+from damping.ranking import Candidate, weigh_laws
 from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode, Units
@@ -48,9 +47,8 @@ def near_resonance(record: Record) -> Observations:
     data = observe(without_offset(record))
     cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
     near = cotangent <= NEAR
-    for sweep in range(len(data.sweeps)):
-        in_sweep = np.flatnonzero(data.sweep == sweep)
-        near[in_sweep[np.argmin(cotangent[in_sweep])]] = True
+    for run in data.runs:
+        near[run[np.argmin(cotangent[run])]] = True
     data = data.take_rows(near)
     one_telling = data.levels.max() == 0 and data.A.max() > TELLING * data.A.min()
     return data if one_telling else at_resonance(data)
@@ -203,35 +201,19 @@ ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
-class Planned:
-    """A law in the average: its weight and evidence on the rows near resonance, and the laws equal to it there."""
-
-    law: Law
-    weight: float
-    coordinates: Coordinates
-    evidence: Evidence
-    equals: tuple[Law, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """The law's name."""
-        return self.law.name
-
-
-@dataclass(frozen=True)
 class Plan:
     """Laws, weights and limits of a prediction.
 
     Attributes:
-        data: rows near resonance. laws: by weight, largest first. trend: local exponents. limit: force beyond which
-            predictions are refused; infinite if there is none. fit: whether the leading law fits the levels.
-            bistable: caution, empty if there is none or the mass is unknown. joint: evidence of the levels' frequencies
-            for a slipping joint. excluded: note on laws that the rows beside resonance exclude. state: the mass for
-            which predictions hold, if the levels had several.
+        data: rows near resonance. laws: by weight on these rows, largest first. trend: local exponents. limit: force
+            beyond which predictions are refused; infinite if there is none. fit: whether the leading law fits the
+            levels. bistable: caution, empty if there is none or the mass is unknown. joint: evidence of the levels'
+            frequencies for a slipping joint. excluded: note on laws that the rows beside resonance exclude. state: the
+            mass for which predictions hold, if the levels had several.
     """
 
     data: Observations
-    laws: tuple[Planned, ...]
+    laws: tuple[Candidate, ...]
     trend: Trend
     limit: float
     fit: FitVerdict
@@ -272,13 +254,8 @@ def plan_loads(
     """
     resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
     ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
-    known = {law.name: law for law in laws}
-    planned = [
-        Planned(row.law, row.weight, row.coordinates, row.evidence, tuple(known[name] for name in row.equivalents))
-        for row in ranked.candidates
-        if row.evidence
-    ]
-    scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].evidence.draws))
+    planned = tuple(row for row in ranked.candidates if row.evidence)
+    scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].weighed.draws))
     repeats = (mode and mode.repeatability.amplitude) or 0.0
     stated = float(np.sqrt(repeats**2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
@@ -288,7 +265,7 @@ def plan_loads(
         joint = joint._replace(failing=exponents.failing)
     return Plan(
         data=data,
-        laws=tuple(planned),
+        laws=planned,
         trend=exponents,
         limit=float(NEAREST * data.tested_force.max()) if few else np.inf,
         fit=ranked.fit,

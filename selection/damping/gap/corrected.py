@@ -19,7 +19,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.simulation import NO_SCATTER, within_tolerance
 from damping.infer.chains import Chains, Target, run
 from damping.infer.importance import importance
-from damping.infer.likelihood import by_blocks
+from damping.infer.likelihood import by_blocks, log_prior
 from damping.records.mode import Mode
 
 #: Number of draws behind each interval; content of every interval of a diagnosis.
@@ -250,6 +250,5 @@ def _log_density(leading: ModelFit, x: FloatArray) -> FloatArray:
     gf, gt, ft = (W * gain * frequency) @ one_hot, (W * gain * t) @ one_hot, (W * frequency * t) @ one_hot
     det = gg * ff - gf**2
     fitted = (ff * gt**2 - 2.0 * gf * gt * ft + gg * ft**2) / det
-    prior = np.sum(x**2 + np.log(2.0 * np.pi), axis=1)
-    value = -0.5 * (t**2 @ W) + 0.5 * np.sum(fitted - np.log(det), axis=1) - 0.5 * prior
+    value = -0.5 * (t**2 @ W) + 0.5 * np.sum(fitted - np.log(det), axis=1) + log_prior(x)
     return np.where(np.isfinite(value), value, -np.inf)

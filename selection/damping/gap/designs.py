@@ -9,9 +9,9 @@ import numpy as np
 
 from damping.effects.contract import Terms
 from damping.gap.model import Problem
-from damping.gap.rows import UNSEEN, Rows
+from damping.gap.rows import UNSEEN, PhasorRows
 
-#: Rows of a proposed sweep.
+#: PhasorRows of a proposed sweep.
 _POINTS = 40
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
@@ -46,20 +46,20 @@ class ProposedTest:
         one_run = runs[0] == runs[1] and (not self.channel or not other.channel)
         return not one_run and "sweep_rate" not in {*self.columns, *other.columns}
 
-    def plan(self, problem: Problem) -> Rows:
+    def plan(self, problem: Problem) -> PhasorRows:
         """The rows of the test, taken after the record, with amplitudes of the repeated sweep at equal detuning.
 
         A further channel has its noise in the record; else that of the smallest amplitudes, or `FLOOR`.
         """
         rows, scales = problem.rows.where(problem.rows.state == 0.0), problem.scales
-        level = rows.level.min() if self.lowest else rows.level.max()
-        again = rows.where(rows.sweep == np.flatnonzero(rows.level == level)[0])
+        level = rows.levels.min() if self.lowest else rows.levels.max()
+        again = rows.where(rows.sweep == np.flatnonzero(rows.levels == level)[0])
         reach, middle = self.width * max(scales.reach, 4.0 * scales.bandwidth), 1.0
         if not self.width:  # about the resonance of that level, which a nonlinear spring moves
             reach = 2.0 * min(scales.bandwidth, scales.reach or scales.bandwidth)
             middle = float(again.omega[np.argmax(again.u)]) / scales.omega_n
         band = middle * (1.0 + np.maximum(np.linspace(-1.0, 1.0, _POINTS) * reach, -0.8))
-        planned = again.taken(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
+        planned = again.take_rows(np.argmin(np.abs(again.omega[:, np.newaxis] - scales.omega_n * band), axis=0))
         u = planned.u + np.log(self.factor)
         F, added = float(np.median(again.bare_force)) * self.factor, self.heavier * scales.M
         shaken = float(np.median(again.shaken))

@@ -188,10 +188,8 @@ def _windows(fit: ModelFit) -> Test:
 
 def _neighbours(fit: ModelFit) -> Test:
     """Whether residuals of neighbours along a sweep, where both are measured, are positively correlated."""
-    rows = fit.model.problem.rows
-    r, seen = np.clip(fit.r, -CLIP, CLIP).reshape(-1, len(rows)), rows.seen.reshape(-1, len(rows))
-    pairs = (rows.sweep[1:] == rows.sweep[:-1]) & seen[:, 1:] & seen[:, :-1]
-    product = (r[:, 1:] * r[:, :-1])[pairs]
+    r = np.clip(fit.r, -CLIP, CLIP)
+    product = (r[1:] * r[:-1])[fit.model.problem.rows.follows[1:]]
     z = float(product.sum() / np.sqrt(max(product.size, 1)))
     return Test("neighbours alike", max(z, 0.0) ** 2, 1, float(ndtr(-z)))
 

@@ -254,11 +254,7 @@ def decorrelate(columns: FloatArray, model: Model, rho: float) -> tuple[FloatArr
     """
     if rho == 0.0:
         return columns, 0.0
-    rows = model.problem.rows
-    sweep, seen = rows.sweep_of_values, rows.seen
-    follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & seen[1:] & seen[:-1]])
-    follows[:: len(rows)] = False
-    size = np.sqrt(1.0 - rho**2)
+    follows, size = model.problem.rows.follows, np.sqrt(1.0 - rho**2)
     white = columns.copy()
     white[follows] = (columns[follows] - rho * columns[np.flatnonzero(follows) - 1]) / size
     return white, -float(follows.sum()) * float(np.log(size))

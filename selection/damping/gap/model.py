@@ -16,16 +16,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray
+from damping.arrays import ComplexArray, FloatArray, wrap_lag
 from damping.effects import with_effects
 from damping.effects.contract import Form, Scales, Terms
 from damping.effects.rig import recorded_third
 from damping.effects.terms import Prediction, cross_motion, predict
-from damping.gap.rows import Rows, wrapped
+from damping.gap.rows import PhasorRows
 from damping.gap.simulation import Simulation
 
 #: Regularisation of |d|: noise of force and frequency hides a sharper fold.
@@ -69,7 +70,7 @@ class Scatter:
 class Problem:
     """A record, the simulation it is compared with, and the scales of both."""
 
-    rows: Rows
+    rows: PhasorRows
     simulation: Simulation
     scales: Scales
 
@@ -201,7 +202,7 @@ class Model:
 
 
 def residuals(
-    terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None, stride: int = 1
+    terms: Terms, rows: PhasorRows, z: FloatArray, scatter: Scatter, at: FloatArray | None = None, stride: int = 1
 ) -> Residuals:
     """Residuals of terms (batch, 1) with deviations z (batch, 2 sweeps) of gain and frequency.
 
@@ -222,13 +223,13 @@ def residuals(
     parts = [(misfit + (rows.u - u0) * d) * per_sd]
     phase = -prediction.P.imag + follow * misfit
     if rows.has_phase:
-        parts.append(wrapped(rows.phase - phase) / sd_phase)
+        parts.append(wrap_lag(rows.phase - phase, -pi) / sd_phase)
     if rows.channels:
         parts += _further(terms, rows, motion, phase, scatter)
     return Residuals(np.concatenate(parts, axis=1), sensitivity, prediction, motion, stride)
 
 
-def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
+def _further(terms: Terms, rows: PhasorRows, u: FloatArray, phase: FloatArray, scatter: Scatter) -> list[FloatArray]:
     """Residuals of the further channels, (batch, n) each: real parts, then imaginary ones."""
     u = np.clip(u, rows.u - NEAR, rows.u + NEAR)
     parts: list[FloatArray] = []
@@ -242,7 +243,7 @@ def _further(terms: Terms, rows: Rows, u: FloatArray, phase: FloatArray, scatter
     return parts
 
 
-def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> ComplexArray:
+def _cross(terms: Terms, rows: PhasorRows, A: FloatArray, phase: FloatArray) -> ComplexArray:
     """Measured less predicted cross-axis motion.
 
     The sense of the planes' rotation and the misalignment of the channel are unknown: both are fitted.
@@ -257,7 +258,7 @@ def _cross(terms: Terms, rows: Rows, A: FloatArray, phase: FloatArray) -> Comple
     return np.asarray((misfit - skew * along) * rows.sd_cross)
 
 
-def deviated(terms: Terms, rows: Rows, z: FloatArray, scatter: Scatter) -> Terms:
+def deviated(terms: Terms, rows: PhasorRows, z: FloatArray, scatter: Scatter) -> Terms:
     """The terms with each sweep's deviation of gain and frequency, values (batch, n)."""
     sweeps = len(rows.sweeps)
     gain = terms.gain + (scatter.amplitude * z[:, :sweeps]).take(rows.sweep, axis=1)
@@ -272,7 +273,7 @@ class Motion(NamedTuple):
     phase: FloatArray
 
 
-def steady(terms: Terms, rows: Rows, u: FloatArray) -> Motion:
+def steady(terms: Terms, rows: PhasorRows, u: FloatArray) -> Motion:
     """The steady states nearest to ln amplitudes u, (n,): Newton's method on u = Re P(u), steps bounded.
 
     ``terms`` holds values (1, 1) or (1, n). Without convergence: the amplitude of least misfit among the iterates.

@@ -27,7 +27,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import STEP, residuals, steady
 from damping.gap.problem import State
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 from damping.gap.simulation import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
 from damping.gap.weighing import COVER, EXCLUDED, INDISTINCT, Explanation, count_beyond, distance, foresee_probability
@@ -101,7 +101,7 @@ class _Run:
     """A test with its rows as the leading explanation predicts them, and each rival's misfit to them."""
 
     design: ProposedTest
-    seen: Rows
+    seen: PhasorRows
     missed: tuple["_Missed", ...]
 
 
@@ -190,7 +190,7 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
     return runs
 
 
-def _resonates(terms: Terms, rows: Rows) -> bool:
+def _resonates(terms: Terms, rows: PhasorRows) -> bool:
     """Whether every force is at least ``LEAST_FORCE`` times 4/pi of friction: a mode that sticks has no resonance."""
     still = np.full(len(rows), STILL * float(np.exp(rows.u.min())))
     friction = complex_stiffness(terms.tuned(rows.drive), still, rows.drive)[0].imag * still
@@ -232,7 +232,7 @@ def _describe_test(
     return NextTest(what, why, odds, probability, tuple(columns), rows, command)
 
 
-def _describe_run(rows: Rows, unit: float) -> dict[str, float]:
+def _describe_run(rows: PhasorRows, unit: float) -> dict[str, float]:
     """What to run, in numbers, as a record holds it; ``unit``: see `rank_tests`."""
     shaken = float(rows.shaken[0] + rows.added[0]) if rows.shaken[0] else 0.0
     return {
@@ -244,7 +244,7 @@ def _describe_run(rows: Rows, unit: float) -> dict[str, float]:
     }
 
 
-def _miss(seen: Rows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
+def _miss(seen: PhasorRows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
     """Misfit of a rival to the rows ``seen``."""
     k, sweeps = rival.model.size, len(seen.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
@@ -267,7 +267,7 @@ def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
     return 0.5 * float(r @ np.linalg.solve(V, r))
 
 
-def _simulate(terms: Terms, rows: Rows) -> Rows:
+def _simulate(terms: Terms, rows: PhasorRows) -> PhasorRows:
     """The rows as predicted by terms of values (1, 1)."""
     motion = steady(terms, rows, rows.u)
     seen = replace(rows, u=motion.u, phase=motion.phase)

@@ -16,6 +16,7 @@ from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
 from damping.errors import InputError
+from damping.gap.corrected import effect_values
 from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
@@ -64,10 +65,8 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[dict[str, float]
 
 def _describe(hypothesis: Hypothesis, name: str) -> str:
     """The sentence of an effect outside the library, with its sizes where it is a parameter of the simulation."""
-    model, y = hypothesis.best.model, hypothesis.best.y[np.newaxis]
-    part, x = next((part, x) for part, x in model.own_variables(y) if part.form.effect == name)
-    sizes = {key: float(np.squeeze(value)) for key, value in part.form.report(*part.values(x)).items()}
-    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes.items()]
+    sizes = effect_values(hypothesis.best)[name].items()
+    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes]
     of_simulation = FOREIGN[name].kind == "parameter"
     return FOREIGN[name].sentence + (f" ({', '.join(texts)})" if of_simulation else "")
 
@@ -107,9 +106,7 @@ def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
     if not first.effects:
         yield "a test that dwelt, against the stated sweep rate,", first
         return
-    model = first.best.model
-    (part, x), *_ = model.own_variables(first.best.y[np.newaxis])
-    rate = float(np.squeeze(part.form.report(*part.values(x))["rate"])) * problem.rows.up[0]
+    rate = effect_values(first.best)[SWEEP_RATE.name]["rate"] * problem.rows.up[0]
     yield f"a sweep rate of {rate:.3g} Hz/s in sweep {problem.rows.sweeps[0]}, in place of the stated one,", first
 
 

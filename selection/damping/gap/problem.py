@@ -17,7 +17,7 @@ from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
-from damping.gap.rows import UNSEEN, Rows, join_states, on_base, read_rows
+from damping.gap.rows import UNSEEN, PhasorRows, join_states, on_base, read_rows
 from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator, list_of_states
 from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
@@ -113,7 +113,7 @@ def setting(
     Raises:
         AnalysisError: states that simulate different damping forces.
     """
-    rows = [stated_noise(read_rows(measured, state), measured) for measured, state in ((record, mode), *states)]
+    rows = [stated_noise(read_rows(measured, state)) for measured, state in ((record, mode), *states)]
     if shaken:
         rows = [on_base(of_state, masses[of_state.row]) for of_state, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
@@ -129,7 +129,7 @@ def setting(
     return Setting(problem, scatter, *(all(part) for part in zip(*stated, strict=True)))
 
 
-def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> dict[str, Effect]:
+def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: PhasorRows) -> dict[str, Effect]:
     """The library without effects that the rig is known not to have, or whose parameter the record itself gave."""
     on_one_base = bool(rows.shaken.all()) and not np.ptp(rows.state) and not rows.added.any()
     known = {
@@ -143,7 +143,7 @@ def exclude_effects(effects: Mapping[str, Effect], mode: Mode, rows: Rows) -> di
     return {name: effect for name, effect in effects.items() if not known.get(name, False)}
 
 
-def scales(rows: Rows, mode: Mode) -> Scales:
+def scales(rows: PhasorRows, mode: Mode) -> Scales:
     """The scales of a problem."""
     A_high = float(rows.A.max())
     stiffness = mode.mass * mode.omega_n**2
@@ -176,7 +176,7 @@ def refuse_rows(states: Sequence[State]) -> None:
         _refuse_other_mode(read_rows(record, mode), mode)
 
 
-def _refuse_other_mode(rows: Rows, mode: Mode) -> None:
+def _refuse_other_mode(rows: PhasorRows, mode: Mode) -> None:
     """AnalysisError for a record that is plainly of another mode.
 
     Its frequencies, or the largest amplitudes per force of all its sweeps, lie far from the mode's frequency, and no
@@ -200,7 +200,7 @@ def _refuse_other_mode(rows: Rows, mode: Mode) -> None:
     )
 
 
-def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
+def record_cautions(rows: PhasorRows, record: Record, mode: Mode) -> list[str]:
     """Cautions about what this record cannot say."""
     cautions = []
     if rows.at_resonance:
@@ -212,7 +212,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
         cautions.append(
             "no phase: only the shape of the amplitudes separates phase lag, conservative and dissipative forces"
         )
-    if rows.levels < 2:
+    if rows.level_count < 2:
         cautions.append(
             "one force level: dependence on amplitude is visible only along the sweep, and no level can be held out"
         )
@@ -233,7 +233,7 @@ def record_cautions(rows: Rows, record: Record, mode: Mode) -> list[str]:
     return cautions
 
 
-def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
+def _list_noise_cautions(rows: PhasorRows, record: Record) -> list[str]:
     """Cautions about noise that the record does not state, or states as 0, which no measurement has."""
     cautions, zero = [], {name: record.column(name, 1.0) == 0.0 for name in ("amplitude_sd", "phase_sd")}
     if not is_stated(record)[0]:
@@ -253,7 +253,7 @@ def _list_noise_cautions(rows: Rows, record: Record) -> list[str]:
     return cautions
 
 
-def _list_resonance_cautions(rows: Rows) -> list[str]:
+def _list_resonance_cautions(rows: PhasorRows) -> list[str]:
     """Cautions about sweeps of constant amplitude, and those that do not reach resonance."""
     constant, off_resonance = [], []
     for sweep, run in zip(rows.sweeps, rows.runs, strict=True):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from itertools import chain, combinations, product
+from itertools import chain, combinations, islice, product
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from damping.gap.hypotheses import (
     NEAR,
     SURE,
     Hypothesis,
+    Start,
     Way,
     find_gain,
     leaves_noise,
@@ -112,17 +113,22 @@ class Search(Fits):
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
             null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1])
-        tried = {name: list_starts(null.plain, forms, {}) for name, forms in self.forms.items()}
+        tried = self._order_starts(null, self.forms)  # best first: fits far behind are not polished
         self.units |= {starts[0].part.form: starts[0].part.unit for starts in chain.from_iterable(tried.values())}
-        gains = {name: find_gain(starts) for name, starts in tried.items()}
-        for name in sorted(gains, key=lambda name: -gains[name]):  # best first: fits far behind are not polished
-            if gains[name] > _HOPELESS * (max(gains.values()) - SURE) and frozenset({name}) not in self.hypotheses:
-                self.extend(null, name, tried[name])
+        least = _HOPELESS * (max(map(find_gain, tried.values()), default=0.0) - SURE)
+        for name, starts in tried.items():
+            if find_gain(starts) > least and frozenset({name}) not in self.hypotheses:
+                self.extend(null, name, starts)
+
+    def _order_starts(self, base: Hypothesis, names: Iterable[str]) -> dict[str, list[list[Start]]]:
+        """Starts of further effects beside those of a hypothesis, those of the largest linear gain first."""
+        starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in names}
+        return dict(sorted(starts.items(), key=lambda of_name: -find_gain(of_name[1])))
 
     def _most_effects(self) -> int:
         """Most effects that the rows support; with phase resonances only, one fewer than there are levels."""
         rows = self.problem.rows
-        return min(MOST_EFFECTS, rows.levels - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
+        return min(MOST_EFFECTS, rows.level_count - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
     def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
         """Add one effect to hypotheses of ``size`` effects, those of the largest expected log posterior first.
@@ -163,13 +169,13 @@ class Search(Fits):
             if base is None:
                 continue
             others = [name for name in self.forms.keys() - leading.key if not self.effects[name].denies & base.key]
-            starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in (replaced, *others)}
-            gains = {name: find_gain(of_name) for name, of_name in starts.items()}
-            for name in sorted(others, key=lambda name: (-gains[name], name))[:_MOST_EXCHANGED]:
+            tried = self._order_starts(base, sorted((replaced, *others)))
+            least = _AS_MUCH * find_gain(tried.pop(replaced))
+            for name, starts in islice(tried.items(), _MOST_EXCHANGED):
                 key = base.key | {name}
-                if gains[name] > _AS_MUCH * gains[replaced]:
+                if find_gain(starts) > least:
                     if key not in self.hypotheses:
-                        self.extend(base, name, starts[name])
+                        self.extend(base, name, starts)
                     if key in self.hypotheses and self.hypotheses[key].log_posterior < leading.log_posterior - NEAR:
                         self._fit_from_each_side(key)
 
@@ -217,10 +223,9 @@ class Search(Fits):
 
     def extend_by_gain(self, base: Hypothesis, names: Collection[str], most: int) -> None:
         """Fit a hypothesis with each of the ``most`` effects of ``names`` of the largest linear gain."""
-        tried = {name: list_starts(base.plain, self.forms[name], self.units) for name in self.forms if name in names}
-        gains = {name: find_gain(starts) for name, starts in tried.items()}
-        for name in sorted(gains, key=lambda name: -gains[name])[:most]:
-            self.extend(base, name, tried[name])
+        tried = self._order_starts(base, (name for name in self.forms if name in names))
+        for name, starts in islice(tried.items(), most):
+            self.extend(base, name, starts)
 
 
 def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:

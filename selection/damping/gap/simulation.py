@@ -19,7 +19,7 @@ from damping.effects.masses import share_of_structure
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.forces import Force, force_class, list_parameter_names
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 from damping.records.base_drive import UNKNOWN_SPREAD
 from damping.records.mode import Mode
 
@@ -47,7 +47,7 @@ class OfState(NamedTuple):
     apart: float
 
 
-def list_of_states(rows: Rows) -> tuple[OfState, ...]:
+def list_of_states(rows: PhasorRows) -> tuple[OfState, ...]:
     """Quantities of each further state that are uncertain by themselves, besides those that all states share.
 
     Frequency and mass, where the stiffness differs too, and damping. Mass and damping by no more than the files differ:

@@ -243,8 +243,8 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
     ``leading``: the fit to the whole record, whose wild points are left out of the comparison.
     """
     rows = setting.problem.rows
-    levels = np.unique(rows.level)[::-1][:MOST_FOLDS]
-    if rows.levels < 2:
+    levels = np.unique(rows.levels)[::-1][:MOST_FOLDS]
+    if rows.level_count < 2:
         return None
     regular = regular_values(leading)
     folds = tuple(_fold(setting, search, int(level), regular) for level in levels)
@@ -253,7 +253,7 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
         float(np.sqrt(sum(getattr(fold, name) for fold in folds) / values)) for name in ("nominal", "before", "after")
     )
     scheme = f"each of the {len(folds)} highest force levels predicted from all others, the highest first"
-    if len(folds) == rows.levels:
+    if len(folds) == rows.level_count:
         scheme = "each force level predicted from all others, the highest first"
     return HeldOut(nominal, before, after, *_interval(before, after, values), scheme, folds)
 
@@ -273,7 +273,7 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
 def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> HeldOutFold:
     """Choose and fit a hypothesis without a level, and predict that level."""
     problem = setting.problem
-    out = problem.rows.level[problem.rows.sweep] == level
+    out = problem.rows.levels[problem.rows.sweep] == level
     train = replace(problem, rows=problem.rows.where(~out))
     test = replace(problem, rows=problem.rows.where(out))
     chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best

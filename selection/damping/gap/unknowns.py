@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 from damping.arrays import ComplexArray, FloatArray, IntArray
 from damping.gap.fit import ModelFit, decorrelate, fit_roughly
 from damping.gap.model import Scatter
-from damping.gap.rows import UNSEEN, Rows
+from damping.gap.rows import UNSEEN, PhasorRows
 from damping.gap.wild import WILD_WEIGHT, log_likelihood
 from damping.records.record import Record
 
@@ -54,15 +54,14 @@ _MOST_ROUNDS = 3
 _FARTHEST = 2.0
 
 
-def stated_noise(rows: Rows, record: Record) -> Rows:
-    """The rows with the record's standard uncertainties, ``FIRST_GUESS`` where it states none."""
-    amplitude, force = (record.relative_sd(name)[rows.row] for name in ("amplitude", "force"))
-    sd_phase = np.where(rows.sd_phase < UNSEEN, _fill(record.column("phase_sd", 0.0)[rows.row]), UNSEEN)
-    rows = replace(rows, sd_amplitude=np.hypot(_fill(amplitude), force), sd_phase=sd_phase)
+def stated_noise(rows: PhasorRows) -> PhasorRows:
+    """The rows with noise from the record's standard uncertainties, ``FIRST_GUESS`` where it states none."""
+    sd_phase = _fill(rows.sd_phase) if rows.has_phase else np.full(len(rows), UNSEEN)
+    rows = replace(rows, sd_amplitude=np.hypot(_fill(rows.sd_amplitude), rows.sd_force), sd_phase=sd_phase)
     return further_noise(rows) if rows.channels else rows
 
 
-def further_noise(rows: Rows) -> Rows:
+def further_noise(rows: PhasorRows) -> PhasorRows:
     """Noise of further channels: the roughness along sweeps, and the share `FURTHER_ERROR` of the phasor.
 
     The roughness is that of the rows that measure the channel, which may be one sweep of several.
@@ -96,7 +95,7 @@ def is_stated(record: Record) -> tuple[bool, bool]:
     return amplitude, phase
 
 
-def roughness(rows: Rows, residual: FloatArray, shares: Sequence[float] = SHARES) -> FloatArray:
+def roughness(rows: PhasorRows, residual: FloatArray, shares: Sequence[float] = SHARES) -> FloatArray:
     """Noise (n,) of residuals (n,) that are otherwise smooth along each sweep.
 
     Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); two

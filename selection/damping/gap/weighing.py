@@ -16,12 +16,12 @@ from scipy.special import expit, logit, logsumexp, softmax
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
-from damping.gap.corrected import list_ends
+from damping.gap.corrected import effect_values, list_ends
 from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import residuals
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 from damping.gap.wild import log_likelihood
 
 #: Probability that the list of explanations covers.
@@ -103,7 +103,7 @@ def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
     return set() < simpler.key < further.key and distance(simpler.best, further.best) < INDISTINCT
 
 
-def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
+def count_beyond(hypotheses: Sequence[Explanation], *further: PhasorRows) -> int:
     """Kinds of data (0 to 2) beyond first harmonics of one state that tell the first explanation from imitations.
 
     Third harmonics count if they tell it, by log odds of ``INDISTINCT``^2/2, from no third harmonics or from an
@@ -124,7 +124,7 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: Rows) -> int:
     return third + (states and (third or not stiff))
 
 
-def _miss_thirds(fit: ModelFit, every: Sequence[Rows], *, predicts: bool = True) -> float:
+def _miss_thirds(fit: ModelFit, every: Sequence[PhasorRows], *, predicts: bool = True) -> float:
     """-2 ln p of the residuals of third harmonics, or of these themselves if the fit ``predicts`` none."""
     measured = [rows for rows in every if "third" in rows.channels]
     misfits = [
@@ -133,7 +133,7 @@ def _miss_thirds(fit: ModelFit, every: Sequence[Rows], *, predicts: bool = True)
     return -2.0 * sum(float(log_likelihood(misfit)) for misfit in misfits)
 
 
-def _list_residuals(fit: ModelFit, rows: Rows) -> FloatArray:
+def _list_residuals(fit: ModelFit, rows: PhasorRows) -> FloatArray:
     """Residuals (m,) of a fit: of the record as fitted, of other ``rows`` without deviations of sweeps."""
     model = fit.model
     if rows is model.problem.rows:
@@ -142,7 +142,7 @@ def _list_residuals(fit: ModelFit, rows: Rows) -> FloatArray:
     return np.asarray(residuals(terms, rows, np.zeros((1, 2 * len(rows.sweeps))), model.scatter).r[0])
 
 
-def _list_thirds(fit: ModelFit, rows: Rows) -> FloatArray:
+def _list_thirds(fit: ModelFit, rows: PhasorRows) -> FloatArray:
     """Measured third harmonics (2 n,), real parts first, in units of their noise as a fit takes it."""
     noise = fit.model.scatter.factor * rows.sd_third
     return np.concatenate([rows.third.real / noise, rows.third.imag / noise])
@@ -222,8 +222,7 @@ def hides_state(fit: ModelFit) -> bool:
     if not 1 < len(set(states)) < len(states):
         return False
     alone = [rows.label[run[0]] for run, state in zip(rows.runs, states, strict=True) if states.count(state) == 1]
-    tables = (part.form.report(*part.values(x)) for part, x in fit.model.own_variables(fit.y[np.newaxis]))
-    return any(np.any(np.isin(table.get("sweep", 0.0), alone)) for table in tables)
+    return any(table.get("sweep", 0.0) in alone for table in effect_values(fit).values())
 
 
 def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation, ...]:

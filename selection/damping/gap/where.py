@@ -16,10 +16,10 @@ from itertools import chain
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
 from damping.gap.fit import ModelFit
 from damping.gap.model import steady
-from damping.gap.rows import Rows, wrapped
+from damping.gap.rows import PhasorRows
 from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 
@@ -92,7 +92,7 @@ def footprint(leading: ModelFit) -> dict[str, FloatArray]:
     without = steady(fitted_terms(leading, effects=False), rows, with_effects.u)
     changes = {"amplitude": (with_effects.u - without.u) / rows.sd_amplitude}
     if rows.has_phase:
-        changes["phase"] = wrapped(with_effects.phase - without.phase) / rows.sd_phase
+        changes["phase"] = wrap_lag(with_effects.phase - without.phase, -np.pi) / rows.sd_phase
     return changes
 
 
@@ -111,13 +111,13 @@ def footprint_cells(leading: ModelFit) -> tuple[FootprintCell, ...]:
     return tuple(sorted(cells, key=lambda cell: -cell.size))
 
 
-def by_quantity(rows: Rows, values: FloatArray) -> dict[str, FloatArray]:
+def by_quantity(rows: PhasorRows, values: FloatArray) -> dict[str, FloatArray]:
     """Values (m,) split into amplitude and, where measured, phase."""
     names = ["amplitude", *(["phase"] if rows.has_phase else [])]
     return dict(zip(names, values.reshape(-1, len(rows)), strict=False))
 
 
-def _place(rows: Rows, cell_rows: IntArray, quantity: str) -> tuple[str, float, float, str]:
+def _place(rows: PhasorRows, cell_rows: IntArray, quantity: str) -> tuple[str, float, float, str]:
     hertz = rows.omega[cell_rows] / RAD_S_PER_HZ
     return rows.sweeps[rows.sweep[cell_rows[0]]], float(hertz.min()), float(hertz.max()), quantity
 
@@ -148,7 +148,7 @@ class PowerTrend:
     share: float = 1.0
 
 
-def local_estimates(rows: Rows, mode: Mode) -> tuple[LocalEstimate, ...]:
+def local_estimates(rows: PhasorRows, mode: Mode) -> tuple[LocalEstimate, ...]:
     """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases.
 
     A row at phase resonance has the phase pi/2 within `RESONANCE_FOUND`.

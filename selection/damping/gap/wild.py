@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import erfc
 
 from damping.arrays import BoolArray, FloatArray
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 
 #: Share of wild points and their standard deviation in units of noise.
 WILD = 0.02
@@ -45,7 +45,7 @@ def _log_odds(squared: FloatArray) -> FloatArray:
     return np.asarray((_OUTLIER - _INLIER) + 0.5 * (1.0 - WIDE**-2) * squared)
 
 
-def find_pattern(rows: Rows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
+def find_pattern(rows: PhasorRows, r: FloatArray, wild: BoolArray, sd_amplitude: FloatArray) -> str:
     """Where wild values (m,) lie that cannot be stray readings, in words; empty where all may be.
 
     Stray readings are few and lie at random places. Three wild neighbours in a sweep are not stray. Nor is a wild

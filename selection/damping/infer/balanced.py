@@ -121,7 +121,7 @@ class Balanced:
     @cached_property
     def _per_level(self) -> float:
         """Mean over levels of 1/(number of rows)."""
-        return float(np.mean(1.0 / np.bincount(self.data.sweep, minlength=len(self.data.sweeps))))
+        return float(np.mean(1.0 / self.data.rows_per_sweep))
 
     @cached_property
     def _known(self) -> float:

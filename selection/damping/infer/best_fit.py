@@ -211,30 +211,25 @@ def _solve_all(
         units = [_tabulate_units(points[i], *problems[i]) for i in batch]
         columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
         number = [len(points[i]) for i in batch]
-        by_name = zip(*(_Rows.of(problems[i][1]) for i in batch), strict=True)
-        rows = _Rows(*(np.repeat(field, number, axis=0) for field in by_name))
+        of_each = ((data.D, data.R**2, data.variance, data.sd_amplitude**2) for data in (problems[i][1] for i in batch))
+        rows = _Batch(*(np.repeat(field, number, axis=0) for field in zip(*of_each, strict=True)))
         carried, squares = _solve(columns, slopes, rows, steady)
         ends = np.cumsum(number)[:-1]
         solved |= dict(zip(batch, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
     return solved
 
 
-class _Rows(NamedTuple):
-    """D, R^2, and the stated variance of D - C, constant and per g^2: (rows,) of a record, (k, rows) of problems."""
+class _Batch(NamedTuple):
+    """Rows of k problems: D, R^2, and the stated variance of D - C, constant and per g^2; (k, rows) each."""
 
     D: FloatArray
     across: FloatArray
     known: FloatArray
     of_growth: FloatArray
 
-    @classmethod
-    def of(cls, data: Observations) -> _Rows:
-        known = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-        return cls(data.D, data.R**2, known, data.sd_amplitude**2)
-
-    def take(self, problems: IntArray) -> _Rows:
+    def take(self, problems: IntArray) -> _Batch:
         """The rows of some problems."""
-        return _Rows(*(field[problems] for field in self))
+        return _Batch(*(field[problems] for field in self))
 
     def find_variance(self, g: FloatArray) -> FloatArray:
         """Variance of D - C: circular scatter of the phasor, and the stated uncertainties."""
@@ -242,7 +237,7 @@ class _Rows(NamedTuple):
         return np.asarray(SCATTER_MEDIAN**2 * spread + g**2 * self.of_growth + self.known)
 
 
-def _solve(columns: FloatArray, slopes: FloatArray, rows: _Rows, steady: float) -> tuple[FloatArray, FloatArray]:
+def _solve(columns: FloatArray, slopes: FloatArray, rows: _Batch, steady: float) -> tuple[FloatArray, FloatArray]:
     """Coefficients >= 0 (k, parts) on columns C and dC/d ln A (k, rows, parts), and the squares they leave (k,).
 
     A coefficient that carries less than ``NOTHING`` of the force is 0. Infinite squares: no such coefficients; NaN: a

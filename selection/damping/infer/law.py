@@ -62,6 +62,11 @@ class Law:
         for name in self.components:
             component(name)
 
+    @classmethod
+    def named(cls, name: str) -> Law:
+        """The law of a `name`."""
+        return cls(tuple(name.split(" + ")))
+
     @property
     def name(self) -> str:
         """Component names joined by ``+``."""

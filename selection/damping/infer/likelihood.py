@@ -68,8 +68,7 @@ def _residuals(
         h /= size
         if not data.states_uncertainty:
             return n, h, None
-        stated = data.R**2 * data.sd_phase**2 + data.D**2 * data.sd_force**2
-        return n, h, h**2 * data.sd_amplitude**2 + stated / size**2
+        return n, h, h**2 * data.sd_amplitude**2 + data.variance / size**2
 
 
 def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -233,7 +232,7 @@ def pointwise_log_likelihood(x: FloatArray, coordinates: Coordinates, data: Obse
     """
     if len(data.sweeps) > 1:
         each = np.eye(len(data.sweeps), dtype=bool)
-        return np.stack([log_likelihood(x, coordinates, data.keep_sweeps(keep)) for keep in each], axis=-1)
+        return np.stack([log_likelihood(x, coordinates, data.take_sweeps(keep)) for keep in each], axis=-1)
     n, h, known = residuals(coordinates.force(x), data)
     row, level = coordinates.scatter(x)
     variance = row[:, None] ** 2 + known + (level[:, None] * h) ** 2

@@ -15,11 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.records.between import ERROR_OF_RISE
 from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import number_levels, tabulate_resonances
+from damping.records.rows import SweepRows, read_sweep_rows
 
 #: Most rows and sweeps of a record, so that laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
@@ -33,34 +34,27 @@ ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
-class Observations:
+class Observations(SweepRows):
     """Rows of a record with information on damping; arrays of shape (rows,) unless stated.
 
     Attributes:
-        A: amplitude. omega: rad/s. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
-        sweep: index of the row's sweep into ``sweeps``.
-        sd_amplitude, sd_force: relative standard uncertainties; sd_phase: rad; 0 where the record gives none.
+        A: amplitude. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
+        tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
         amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
-        sweeps: labels. tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
         tested_mass: generalized mass that the record gives for each sweep, NaN for those without. added_mass: known
             mass added to the structure for each sweep. Either is None where nothing is known.
     """
 
     A: FloatArray
-    omega: FloatArray
     D: FloatArray
     R: FloatArray
-    sweep: IntArray
-    sd_amplitude: FloatArray
-    sd_force: FloatArray
-    sd_phase: FloatArray
-    sweeps: tuple[str, ...]
     tested_force: FloatArray
     tested_amplitude: FloatArray
     tested_omega: FloatArray
     amplitude_is_input: bool = False
     tested_mass: FloatArray | None = None
     added_mass: FloatArray | None = None
+    PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass", "added_mass")
 
     @cached_property
     def levels(self) -> IntArray:
@@ -101,6 +95,11 @@ class Observations:
         ]
         return means[0], means[1], means[2]
 
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Variance of D by the stated uncertainties of phase and force, (rows,)."""
+        return np.asarray(self.R**2 * self.sd_phase**2 + self.D**2 * self.sd_force**2)
+
     @property
     def content(self) -> tuple[object, ...]:
         """All fields as a cache key, equal for observations that are equal bit by bit."""
@@ -126,31 +125,11 @@ class Observations:
             tested_force=round_bits(self.tested_force / force, bits),
         )
 
-    def keep_sweeps(self, keep: BoolArray) -> Observations:
-        """The rows of the sweeps marked in ``keep`` (shape (sweeps,)); order is kept."""
-        return self.take_sweeps(np.flatnonzero(keep))
-
-    def take_sweeps(self, places: IntArray) -> Observations:
-        """The sweeps at indices ``places``, in that order; the order of rows within each is kept."""
-        rows = np.concatenate([np.flatnonzero(self.sweep == place) for place in places])
-        per_sweep = {name: value[places] for name in _PER_SWEEP if (value := getattr(self, name)) is not None}
-        number = np.repeat(np.arange(len(places)), self.rows_per_sweep[places])
-        labels = tuple(self.sweeps[i] for i in places)
-        return replace(self.take_rows(rows), **per_sweep, sweep=number, sweeps=labels)
-
-    def take_rows(self, rows: BoolArray | IntArray) -> Observations:
-        """The observations with some rows: those marked (shape (rows,)), or those at indices, in that order."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in _PER_ROW})
-
 
 def round_bits(values: FloatArray, bits: int) -> FloatArray:
     """Values rounded to a number of binary digits."""
     mantissa, exponent = np.frexp(values)
     return np.asarray(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
-
-
-_PER_ROW = ("A", "omega", "D", "R", "sweep", "sd_amplitude", "sd_force", "sd_phase")
-_PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass", "added_mass")
 
 
 def observe(record: Record) -> Observations:
@@ -163,45 +142,36 @@ def observe(record: Record) -> Observations:
     Raises:
         AnalysisError: no row says anything about damping, or there are too many.
     """
-    table = record.frame.sort_values(["frequency", "amplitude", "force"], kind="stable")
-    sweeps = table["sweep"].nunique()
-    if len(table) > MOST_ROWS or sweeps > MOST_SWEEPS:
+    rows, A, force = read_sweep_rows(record), record.column("amplitude"), record.column("force")
+    if len(rows) > MOST_ROWS or len(rows.sweeps) > MOST_SWEEPS:
         fewer = (
-            "the rows near resonance, or every second one" if len(table) > MOST_ROWS else "every second sweep (level)"
+            "the rows near resonance, or every second one" if len(rows) > MOST_ROWS else "every second sweep (level)"
         )
         raise AnalysisError(
-            f"{record.source}: {len(table)} rows of {sweeps} sweeps; laws are weighed on {MOST_ROWS} rows"
+            f"{record.source}: {len(rows)} rows of {len(rows.sweeps)} sweeps; laws are weighed on {MOST_ROWS} rows"
             f" of {MOST_SWEEPS} sweeps at most: keep {fewer}"
         )
-    energy = energy_per_cycle(record)[table.index]
-    usable = np.isfinite(energy)
-    if not usable.any():
+    D = energy_per_cycle(record) / (np.pi * A)
+    if not np.isfinite(D).any():
         raise AnalysisError(f"{record.source}: no row gives an energy per cycle, so damping cannot be judged")
-    rows = table.loc[usable]
-    A, force = rows["amplitude"].to_numpy(float), rows["force"].to_numpy(float)
-    D = energy[usable] / (np.pi * A)
-    labels = list(dict.fromkeys(rows["sweep"].astype(str)))
-    number = {label: i for i, label in enumerate(labels)}
-    peaks = tabulate_resonances(record).set_index("sweep").loc[labels]
+    peaks = tabulate_resonances(record)
     observed = Observations(
+        **vars(rows),
         A=A,
-        omega=RAD_S_PER_HZ * rows["frequency"].to_numpy(float),
         D=D,
         R=np.sqrt(np.where(force**2 - D**2 > ROUNDING * force**2, force**2 - D**2, 0.0)),
-        sweep=np.array([number[label] for label in rows["sweep"].astype(str)], dtype=np.int64),
-        sd_amplitude=record.relative_sd("amplitude")[rows.index],
-        sd_force=record.relative_sd("force")[rows.index],
-        sd_phase=record.column("phase_sd", 0.0)[rows.index],
-        sweeps=tuple(labels),
         tested_force=peaks["force"].to_numpy(float),
         tested_amplitude=peaks["amplitude"].to_numpy(float),
         tested_omega=RAD_S_PER_HZ * peaks["frequency"].to_numpy(float),
         amplitude_is_input=record.is_decay,
         added_mass=record.added_masses[peaks["row"]],
-        tested_mass=record.column("mass")[peaks["row"]] if "mass" in table else None,
+        tested_mass=record.column("mass")[peaks["row"]] if "mass" in record.frame else None,
     )
-    if not record.has_phase and "energy" not in table.columns:
-        observed = _read_between(observed, force)
+    order = np.lexsort((force, A, rows.omega))
+    order = order[np.isfinite(D[order])]
+    observed = observed.take_rows(order)
+    if not record.has_phase and "energy" not in record.frame:
+        observed = _read_between(observed, force[order])
     return observed.take_sweeps(np.lexsort((observed.tested_omega, observed.tested_amplitude, observed.tested_force)))
 
 

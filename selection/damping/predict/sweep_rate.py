@@ -144,14 +144,14 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
         ordered = rows.sort_values("frequency", ascending=upwards)
         columns = ("frequency", "amplitude", "phase", "force")
         f, size, lag, force = (ordered[name].to_numpy(dtype=float) for name in columns)
-        sweeps.append(_SweptRows(f, size * np.exp(-1j * lag), float(np.median(force)), size >= NEAR * size.max()))
+        sweeps.append(_Sweep(f, size * np.exp(-1j * lag), float(np.median(force)), size >= NEAR * size.max()))
     largest = max(float(np.abs(rows.a).max()) for rows in sweeps)
 
-    def swept(x: FloatArray, rows: _SweptRows) -> ComplexArray:
+    def swept(x: FloatArray, rows: _Sweep) -> ComplexArray:
         f_n, ratio = frequency * (1.0 + x[0]), float(np.exp(x[1]))
         return envelope(rows.f, x[3], rows.force, mass, f_n, ratio, x[2] / largest)[rows.near]
 
-    def steady(x: FloatArray, rows: _SweptRows) -> ComplexArray:
+    def steady(x: FloatArray, rows: _Sweep) -> ComplexArray:
         """(omega_n^2 (1 + s |a|) - omega^2 + 2 i z (1 + b |a|) omega_n omega) a = F/m."""
         w_n, w = RAD_S_PER_HZ * frequency * (1.0 + x[0]), RAD_S_PER_HZ * rows.f[rows.near]
         size = np.abs(rows.a[rows.near]) / largest
@@ -173,7 +173,7 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
     )
 
 
-class _SweptRows(NamedTuple):
+class _Sweep(NamedTuple):
     """A sweep in the order swept: Hz and complex amplitudes (n,), the force, and whether rows are near the peak."""
 
     f: FloatArray
@@ -183,8 +183,8 @@ class _SweptRows(NamedTuple):
 
 
 def _fit_near(
-    sweeps: list[_SweptRows],
-    predict: Callable[[FloatArray, _SweptRows], ComplexArray],
+    sweeps: list[_Sweep],
+    predict: Callable[[FloatArray, _Sweep], ComplexArray],
     last: tuple[float, float, float, float],
     **options: Any,
 ) -> Any:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError
@@ -80,10 +81,21 @@ class Candidate:
         return self.law.name
 
     @property
+    def fitted(self) -> BestFit:
+        """The best fit of a law that could be fitted, as every law with a score."""
+        assert self.fit is not None
+        return self.fit
+
+    @property
+    def weighed(self) -> Evidence:
+        """The evidence of a law with a score."""
+        assert self.evidence is not None
+        return self.evidence
+
+    @property
     def coordinates(self) -> Coordinates:
         """The map from standard normal variables to parameters, of a law that could be fitted."""
-        assert self.fit is not None
-        return self.fit.coordinates
+        return self.fitted.coordinates
 
 
 @dataclass(frozen=True)
@@ -151,11 +163,9 @@ def weigh_laws(
     if not ranked:
         reasons = "; ".join(c for row in rows or failed for c in row.cautions)
         raise AnalysisError(f"no damping law could be fitted: {reasons}")
-    scores = np.array([row.score for row in ranked])
-    weights = np.exp(-0.5 * (scores - scores[0]))
-    weights /= weights.sum()
-    ranked = [replace(row, rank=i + 1, weight=float(weights[i])) for i, row in enumerate(ranked)]
-    best = [row.fit for row in ranked if row.fit is not None]
+    weights = softmax([-0.5 * row.score for row in ranked])
+    ranked = [replace(row, rank=k, weight=float(w)) for k, (row, w) in enumerate(zip(ranked, weights, strict=True), 1)]
+    best = [row.fitted for row in ranked]
     unranked = [row for row in rows if not np.isfinite(row.score)]
     return Ranking(CRITERION, (*ranked, *unranked, *failed), data, judge_fit(best[0], best[1:], data, seed))
 
@@ -213,23 +223,21 @@ def _weigh(
 
 def _draw(row: Candidate, data: Observations, seed: int, power_draws: float) -> FloatArray:
     """Posterior draws for the coefficients of a law: those of its evidence, or ``power_draws`` for a power law."""
-    assert row.evidence is not None  # a row with a score was fitted
     if power_draws and row.weight > NEGLIGIBLE and not all(part.example.sums for part in row.law.parts):
         return evidence(row.coordinates, data, seed, row.fit, wanted=power_draws).draws
-    return row.evidence.draws
+    return row.weighed.draws
 
 
 def _describe(
     row: Candidate, data: Observations, x: FloatArray, held_out: float, held_out_cautions: tuple[str, ...]
 ) -> Candidate:
     """The row with coefficients from posterior draws x, errors and cautions; ``held_out_cautions``: about its error."""
-    assert row.fit is not None  # a row with a score was fitted
     coefficients = tabulate_coefficients(row.coordinates, x)
     return replace(
         row,
         coefficients=coefficients,
         held_out_error=held_out,
-        average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fit.force, data)))),
+        average_absolute_percent=float(np.mean(np.abs(percent_errors(row.fitted.force, data)))),
         cautions=(*_list_cautions(row, data), *describe_tails(coefficients), *held_out_cautions),
     )
 
@@ -246,23 +254,21 @@ def _hold_levels_out(laws: Sequence[Law], data: Observations) -> list[tuple[floa
 
 def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
     """Cautions about the numbers of the row."""
-    assert row.fit is not None
-    assert row.evidence is not None
     cautions = []
     freedom = len(data.A) - len(row.law.parts) - len(row.law.free_shapes)
     if freedom < 3:
         degrees = f"{count(freedom, 'degree')} of freedom" if freedom >= 0 else "more parameters than points"
         cautions.append(f"{count(len(data.A), 'point')}, {degrees}: the spread depends on the prior")
-    fitted = [value for shapes in row.fit.shapes for value in shapes.values()]
+    fitted = [value for shapes in row.fitted.shapes for value in shapes.values()]
     for (name, shape), value in zip(row.law.free_shapes.items(), fitted, strict=True):
         edges = shape.prior.range if shape.prior else None
         if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
             cautions.append(f"{name} is at the edge of its range")
     if len(data.sweeps) < 3:
         cautions.append(f"{count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
-    if row.weight < NEGLIGIBLE and row.evidence.effective_draws < FEW_DRAWS:
+    if row.weight < NEGLIGIBLE and row.weighed.effective_draws < FEW_DRAWS:
         cautions.append("negligible weight, so few draws: its numbers are rough")
-    elif row.evidence.effective_draws < FEW_DRAWS:
-        doubt = 200 * row.evidence.standard_error
+    elif row.weighed.effective_draws < FEW_DRAWS:
+        doubt = 200 * row.weighed.standard_error
         cautions.append(f"marginal likelihood uncertain by {doubt:.0f} % (2 standard errors)")
     return tuple(cautions)

@@ -125,7 +125,7 @@ def held_out_errors(laws: Sequence[Law], data: Observations) -> list[FloatArray 
     """
     folds = min(len(data.sweeps), MOST_FOLDS)
     fold = np.arange(len(data.sweeps)) % folds
-    fits = fit_laws(laws, *(data.keep_sweeps(fold != out) for out in range(folds)))
+    fits = fit_laws(laws, *(data.take_sweeps(fold != out) for out in range(folds)))
     return [_predict_left_out(law, fits[i :: len(laws)], fold, data) for i, law in enumerate(laws)]
 
 

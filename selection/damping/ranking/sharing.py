@@ -103,7 +103,7 @@ def read_rows(table: pd.DataFrame) -> Observations:
 
 def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dict[str, SharedShape]:
     """The joint fits, by law, of all laws of the records that have exactly one dimensionless shape."""
-    laws = {name: _parse(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
+    laws = {name: Law.named(name) for groups in records for names, _ in groups for name in names if _is_known(name)}
     joint_fits = {}
     for name, law in laws.items():
         shapes = [shape for shape, facts in law.free_shapes.items() if facts.unit == PURE]  # comparable across records
@@ -185,7 +185,7 @@ def weigh_sharing(
     nothing = pd.DataFrame({"law": pd.Series(dtype=str), "weight": pd.Series(dtype=float)})
     if not all(each):
         return float("nan"), nothing
-    prior = np.array(prior_masses([_parse(name) for name in laws]))
+    prior = np.array(prior_masses([Law.named(name) for name in laws]))
     evidence = np.array([[evidences.get(name, 0.0) for name in laws] for evidences in each])
     jointly = np.exp([shapes[name].log_odds if shapes and name in shapes else 0.0 for name in laws])
     together = prior * np.prod(evidence, axis=0) * jointly
@@ -199,7 +199,7 @@ def weigh_sharing(
 def _list_evidence(groups: Groups) -> dict[str, float]:
     """Evidence of each law of a record, up to a common factor."""
     known = [(names, weight) for names, weight in groups if _is_known(names[0])]
-    masses = prior_masses([_parse(names[0]) for names, _ in known])
+    masses = prior_masses([Law.named(names[0]) for names, _ in known])
     return {
         name: weight / mass
         for (names, weight), mass in zip(known, masses, strict=True)
@@ -208,14 +208,10 @@ def _list_evidence(groups: Groups) -> dict[str, float]:
     }
 
 
-def _parse(name: str) -> Law:
-    return Law(tuple(name.split(" + ")))
-
-
 def _is_known(name: str) -> bool:
     """Whether the library has all forces of a law."""
     try:
-        _parse(name)
+        Law.named(name)
     except InputError:
         return False
     return True

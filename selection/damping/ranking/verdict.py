@@ -144,8 +144,7 @@ def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray,
     """n^T V^-1 n (..) from the ``variance`` of rows (.., rows) and the scatter of levels (..)."""
     n, h, _ = residuals(fit.force, data)
     discrepancy = np.sum(n**2 / variance, axis=-1)
-    for sweep in range(len(data.sweeps)) if data.has_repeats and len(data.sweeps) > 1 else ():
-        rows = data.sweep == sweep
+    for rows in data.runs if data.has_repeats and len(data.sweeps) > 1 else ():
         hh = np.sum(h[rows] ** 2 / variance[..., rows], axis=-1)
         hn = np.sum(h[rows] * n[rows] / variance[..., rows], axis=-1)
         discrepancy = discrepancy - level**2 * hn**2 / (1.0 + level**2 * hh)
@@ -256,5 +255,4 @@ def _runs_probability(n: FloatArray, data: Observations) -> float:
 
 def _list_along_sweeps(data: Observations) -> list[IntArray]:
     """Indices of the rows of each sweep with at least ``FEWEST_ROWS``, by frequency."""
-    sweeps = [np.flatnonzero(data.sweep == sweep) for sweep in range(len(data.sweeps))]
-    return [rows[np.argsort(data.omega[rows], kind="stable")] for rows in sweeps if len(rows) >= FEWEST_ROWS]
+    return [run[np.argsort(data.omega[run], kind="stable")] for run in data.runs if len(run) >= FEWEST_ROWS]

@@ -27,7 +27,7 @@ from damping.records.text import (
 )
 
 
-class _CopiedRows:
+class _CopiedTable:
     """The rows of a record: set on creation, and copied at each access."""
 
     def __get__(self, record: Record | None, owner: type) -> pd.DataFrame:
@@ -52,7 +52,7 @@ class Record:
     record. InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
     """
 
-    table: _CopiedRows = _CopiedRows()
+    table: _CopiedTable = _CopiedTable()
     source: str = "record"
     _rows: pd.DataFrame = field(init=False)
     frame = table

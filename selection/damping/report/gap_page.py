@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.special import ndtri
 
 from damping import report as words
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
 from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
@@ -21,7 +21,7 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated, steady
-from damping.gap.rows import Rows
+from damping.gap.rows import PhasorRows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
 from damping.gap.where import by_quantity, footprint
 from damping.records.mode import Units
@@ -177,7 +177,7 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     F = np.linspace(0.9 * rows.F.min(), 1.1 * rows.F.max(), _POINTS)
     filled = {name: np.interp(F, rows.F[order], getattr(rows, name)[order]) for name in ("omega", "u", "mass")}
     nearest = np.argmin(np.abs(rows.F[:, np.newaxis] - F), axis=0)
-    dense = rows.taken(nearest, F=F, sweep=np.zeros(_POINTS, dtype=np.int64), **filled)
+    dense = rows.take_rows(nearest, F=F, sweep=np.zeros(_POINTS, dtype=np.int64), **filled)
     tables = []
     for name, terms in _list_models(leading, lambda fit: fitted_terms(fit, deviations=False)).items():
         flat = terms._replace(gain=np.ravel(terms.gain)[:1], omega_n=np.ravel(terms.omega_n)[:1])
@@ -186,7 +186,7 @@ def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _locate(rows: Rows) -> dict[str, Any]:
+def _locate(rows: PhasorRows) -> dict[str, Any]:
     return {"sweep": [rows.sweeps[k] for k in rows.sweep], "frequency": rows.omega / RAD_S_PER_HZ}
 
 
@@ -210,31 +210,29 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
 
     for name, terms in _list_models(leading, find_terms).items():
         motion = steady(terms, dense, dense.u)
-        phase = motion.phase + 2.0 * np.pi * np.round((np.pi / 2.0 - motion.phase) / (2.0 * np.pi))
-        motions = {"model": name, "amplitude": np.exp(motion.u), "phase": phase}
+        motions = {"model": name, "amplitude": np.exp(motion.u), "phase": wrap_lag(motion.phase)}
         tables.append(pd.DataFrame({**_locate(dense), **motions}))
     return pd.concat(tables, ignore_index=True)
 
 
-def _dense(rows: Rows) -> Rows:
+def _dense(rows: PhasorRows) -> PhasorRows:
     """Rows on a fine grid of frequencies in every sweep, force and amplitude interpolated."""
     parts = []
-    for number in range(len(rows.sweeps)):
-        own = np.flatnonzero(rows.sweep == number)
+    for own in rows.runs:
         grid = np.linspace(rows.omega[own[0]], rows.omega[own[-1]], _POINTS)
         nearest = own[np.argmin(np.abs(rows.omega[own][:, np.newaxis] - grid), axis=0)]
         filled = {name: np.interp(grid, rows.omega[own], getattr(rows, name)[own]) for name in ("F", "u", "mass")}
         parts.append((nearest, filled | {"omega": grid}))
     joined = {name: np.concatenate([filled[name] for _, filled in parts]) for name in parts[0][1]}
-    return rows.taken(np.concatenate([nearest for nearest, _ in parts]), **joined)
+    return rows.take_rows(np.concatenate([nearest for nearest, _ in parts]), **joined)
 
 
-def _map(rows: Rows, values: dict[str, FloatArray]) -> pd.DataFrame:
+def _map(rows: PhasorRows, values: dict[str, FloatArray]) -> pd.DataFrame:
     tables = [pd.DataFrame({**_locate(rows), "quantity": name, "value": value}) for name, value in values.items()]
     return pd.concat(tables, ignore_index=True)
 
 
-def _tabulate_local_curves(leading: ModelFit, rows: Rows) -> pd.DataFrame:
+def _tabulate_local_curves(leading: ModelFit, rows: PhasorRows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []

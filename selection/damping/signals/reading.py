@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, wrap_lag
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_ceiling
 from damping.records.keys import TomlTable, locate, read_schema, read_toml
@@ -75,7 +75,7 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
     if np.isnan(change).any():
         row = int(np.isnan(change).argmax()) + 1
         raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
-    return np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi if name == "phase" else change)
+    return wrap_lag(change, -np.pi) if name == "phase" else change
 
 
 def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[ConditioningStep, ...]) -> tuple[str, ...]:

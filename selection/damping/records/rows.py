@@ -1,0 +1,70 @@
+"""The rows of a record by sweep, as the ranking of laws and the diagnosis of a gap both read them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
+
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, IntArray
+from damping.records.record import Record
+
+
+@dataclass(frozen=True)
+class SweepRows:
+    """Measured steady states, one entry for each; arrays of shape (rows,), those named in ``PER_SWEEP`` (sweeps,).
+
+    Attributes:
+        omega: rad/s. sweep: index of the row's sweep into ``sweeps``, their labels. sd_amplitude, sd_force: relative
+            standard uncertainties; sd_phase: rad; 0 where the record states none.
+    """
+
+    omega: FloatArray
+    sweep: IntArray
+    sweeps: tuple[str, ...]
+    sd_amplitude: FloatArray
+    sd_force: FloatArray
+    sd_phase: FloatArray
+    PER_SWEEP: ClassVar[tuple[str, ...]] = ()
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    @cached_property
+    def runs(self) -> list[IntArray]:
+        """Indices of the rows of each sweep."""
+        return [np.flatnonzero(self.sweep == number) for number in range(len(self.sweeps))]
+
+    def take_rows(self, chosen: BoolArray | IntArray, **changed: FloatArray) -> Self:
+        """Rows that are marked, or at indices, which may repeat; with some fields ``changed``."""
+        held = {field.name: getattr(self, field.name) for field in fields(self) if field.name not in self.PER_SWEEP}
+        taken: dict[str, Any] = {name: of[chosen] for name, of in held.items() if isinstance(of, np.ndarray)}
+        return replace(self, **(taken | changed))
+
+    def take_sweeps(self, chosen: BoolArray | IntArray) -> Self:
+        """Sweeps that are marked, or at indices, in that order; the order of rows within each is kept."""
+        places = np.arange(len(self.sweeps))[chosen]
+        runs, sweeps = [self.runs[place] for place in places], tuple(self.sweeps[place] for place in places)
+        known = {name: values[places] for name in self.PER_SWEEP if (values := getattr(self, name)) is not None}
+        number = np.repeat(np.arange(len(places)), list(map(len, runs)))
+        return replace(self.take_rows(np.concatenate(runs)), sweep=number, sweeps=sweeps, **known)
+
+    def where(self, keep: BoolArray) -> Self:
+        """The rows marked in ``keep``; sweeps without rows are dropped and the others renumbered."""
+        rows = self.take_rows(keep)
+        return rows.take_sweeps(np.unique(rows.sweep))
+
+
+def read_sweep_rows(record: Record) -> SweepRows:
+    """The rows of a record, in its order; sweeps by their first row."""
+    return SweepRows(
+        omega=RAD_S_PER_HZ * record.column("frequency"),
+        sweep=pd.factorize(record.frame["sweep"])[0],
+        sweeps=record.sweeps,
+        sd_amplitude=record.relative_sd("amplitude"),
+        sd_force=record.relative_sd("force"),
+        sd_phase=record.column("phase_sd", 0.0),
+    )
