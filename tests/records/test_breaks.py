@@ -6,6 +6,7 @@ Every one of them was once answered with confidence and without a word. The audi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -115,6 +116,18 @@ def test_what_was_answered_without_a_word(name, tmp_path, damping):
         asked = damping("extrapolate", record, "--mode", mode, "--force", 1e3)
         assert (asked.code, asked.out) == (1, "")
         assert f"{check} (refuse)" in asked.err
+
+
+@pytest.mark.parametrize("offset", [0.3, -0.15])
+def test_the_advice_on_an_offset_of_phases_helps(offset):
+    """It says how much to take off the column of phases, to some 0.02 rad, with which the finding goes."""
+    turned = right().assign(phase=right()["phase"] + offset)
+    (finding,) = audit(Record(turned), BENCH.mode).findings
+    way, size = re.search(r"\((take|add) ([\d.]+) (?:off|to) the column phase;", finding.advice).groups()
+    found = float(size) * (1.0 if way == "take" else -1.0)
+    np.testing.assert_allclose(found, offset, rtol=0.0, atol=0.02)
+    assert f"lag = {found:.3f} rad in [node]" in finding.advice
+    assert not audit(Record(turned.assign(phase=turned["phase"] - found)), BENCH.mode).findings
 
 
 def test_right_records_pass(tmp_path, damping):

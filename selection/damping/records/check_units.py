@@ -294,6 +294,7 @@ def check_phase_offset(view: View) -> Finding | None:
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
     what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
     far = abs(middle) > 0.25 * pi
-    lead = f"lead_deg = {np.degrees(middle):.1f}"
-    advice = f"correct the delay of the channels ({lead}), or look for a second mode beside"
+    taken = f"{'take' if middle > 0.0 else 'add'} {abs(middle):.3f} {'off' if middle > 0.0 else 'to'} the column phase"
+    before = f"before it is conditioned: lag = {middle:.3f} rad in [node], in the unit of the phase there"
+    advice = f"correct the delay of the channels ({taken}; {before}), or look for a second mode beside"
     return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)
