@@ -91,13 +91,25 @@ def test_units_in_attributes_of_hdf5(truth, tmp_path, imported):
     assert ("response", "receptance", "follows from its unit") in found.summary.rows
 
 
-def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported):
+def hdf5(path: Path, **variables: np.ndarray) -> Path:
+    with h5py.File(path, "w") as file:
+        for name, values in variables.items():
+            file[name] = values
+    return path
+
+
+def mat5(path: Path, **variables: np.ndarray) -> Path:
+    scipy.io.savemat(path, variables)
+    return path
+
+
+@pytest.mark.parametrize("write", [mat5, mat73, hdf5])
+def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported, write):
     """Two sensors became sweeps of one, whose amplitudes differ under the same force, without a word."""
-    path = tmp_path / "a.mat"
     H = np.column_stack([truth.H, 0.8 * truth.H])
-    scipy.io.savemat(path, {"frequency": truth.f, "response": H, "force": np.full(len(truth.f), 2.0)})
+    path = write(tmp_path / "a.dat", frequency=truth.f, response=H, force=np.full(len(truth.f), 2.0))
     notes = imported(path, scaling="peak", **SI).summary.notes
-    assert any("of several sensors keep one (MAT: --column 'response=NAME(:,1)')" in note for note in notes)
+    assert any("of several sensors keep one (--column 'response=NAME(:,1)')" in note for note in notes)
     with pytest.raises(InputError, match="or --column force=NAME"):  # named columns alone are read
         imported(path, scaling="peak", columns={"response": "response(:,1)"}, **SI)
     kept = imported(path, scaling="peak", columns={"response": "response(:,1)", "force": "force"}, **SI)

@@ -165,7 +165,7 @@ def _list_parts(value: Any, step: re.Match[str]) -> list[Any]:
 def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
     """Arrays of an HDF5 file by path, ``group/name``; for a MAT file of version 7.3 in MATLAB's order of axes.
 
-    An attribute ``units`` or ``unit`` of an array is its unit.
+    An attribute ``units`` or ``unit`` of an array is its unit. ``name(:,1)`` is the first column of an array.
     """
     import h5py  # noqa: PLC0415 - for this format alone
 
@@ -175,6 +175,8 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             yield from _rattlesnake(h5py, file, contents)
         for name in names:
             place = name.replace(".", "/") if kind == "mat73" else name.strip("/")
+            index = None if place in contents.known else _STEP.match(place, place.rfind("("))
+            place = place[: index.start()] if index else place
             if place not in contents.known:
                 continue
             if kind == "mat73":
@@ -192,10 +194,10 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             item = 16 if dataset.dtype.names or dataset.dtype.kind == "c" else 8
             contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], item)
             array = _numbers(dataset[tuple(part)], name)
-            named = dataset.attrs.get("units", dataset.attrs.get("unit"))
-            if isinstance(named, str | bytes):
+            if isinstance(named := dataset.attrs.get("units", dataset.attrs.get("unit")), str | bytes):
                 contents.units[name] = _as_text(named)
-            yield name, array.T if kind == "mat73" else array
+            array = array.T if kind == "mat73" else array
+            yield from ((name, part) for part in (_list_parts(array, index) if index else [array]))
 
 
 def _as_text(value: object) -> str:
@@ -278,8 +280,7 @@ def _readable(h5py: Any, array: Any, name: str) -> None:
     if array.compression not in _FILTERS:
         raise RefusedError(f"{name!r} is compressed in a way that is not read")
     dtype = array.dtype
-    kinds = [dtype[part].kind for part in dtype.names] if dtype.names else [dtype.kind]
-    if any(kind not in "fiucb" for kind in kinds):
+    if any(part.kind not in "fiucb" for part in ([dtype[name] for name in dtype.names] if dtype.names else [dtype])):
         raise RefusedError(f"{name!r} is no array of numbers")
 
 
