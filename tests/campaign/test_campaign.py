@@ -106,11 +106,13 @@ def written(path: Path, kind: str) -> Path:
     return path
 
 
-def data_set(title: str, node: int, values: np.ndarray, ratio: bool, note: str = "NONE") -> str:
+def data_set(
+    title: str, node: int, values: np.ndarray, ratio: bool, note: str = "NONE", second: str = "NONE", entity: str = "SC"
+) -> str:
     """A data set 58 of text, double precision, uneven spacing (the format's description, I-DEAS)."""
     per = (12, "g") if ratio else (0, "NONE")
-    lines = ["    -1", "    58", title, "NONE", "NONE", note, "NONE"]
-    lines.append(f"{4 if ratio else 12:5d}{0:10d}{0:5d}{0:10d} {'SC':>10s}{node:10d}{3:4d} {'SC':>10s}{1:10d}{3:4d}")
+    lines = ["    -1", "    58", title, second, "NONE", note, "NONE"]
+    lines.append(f"{4 if ratio else 12:5d}{0:10d}{0:5d}{0:10d} {entity:>10s}{node:10d}{3:4d} {'SC':>10s}{1:10d}{3:4d}")
     lines.append(f"{6:10d}{len(values):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
     for code, name, unit in ((18, "f", "Hz"), (12, "y", "g"), (per[0], "NONE", per[1]), (0, "NONE", "NONE")):
         lines.append(f"{code:10d}{0:5d}{0:5d}{0:5d} {name:20s} {unit:20s}")
@@ -196,6 +198,23 @@ def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
         file.write(data_set(title.format(0.2), 12, rows[0.2][2], True))
     with pytest.raises(InputError, match=r"'0.2 g' has 2 sensors 'node 12 \+Z'"):
         read_runs([tmp_path / "0.2.uff"], 10 * SIZE)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "entities", "names"),
+    [
+        (("0.2 g, tip", "0.2 g, mid"), ("SC", "SC"), ["tip", "mid"]),
+        (("Hanning", "Hanning"), ("TIP", "MID"), ["TIP", "MID"]),
+        (("tip", "NONE"), ("NONE", "MID"), ["node 11 +Z", "node 12 +Z"]),
+    ],
+)
+def test_functions_of_one_title_are_named_by_a_line_that_tells_them_apart(tmp_path, seconds, entities, names):
+    """The second ID line, else the entity of the response; either must name every sensor."""
+    rows = motion(0.2, FREQUENCY)
+    of = zip(seconds, entities, strict=True)
+    sets = [data_set("0.2 g FRF", 11 + s, rows[s], True, second=a, entity=b) for s, (a, b) in enumerate(of)]
+    (tmp_path / "a.uff").write_text("".join(sets))
+    assert read_runs([tmp_path / "a.uff"], 10 * SIZE)[0][0].names == names
 
 
 @pytest.mark.parametrize("ratio", [False, True])

@@ -129,12 +129,25 @@ def _label_level(text: str) -> str:
 
 
 def _name_functions(group: Sequence[Function]) -> list[str]:
-    """Names of channels: ID lines without their level, or the points of responses if these are not unique."""
-    titles = [" ".join(OF_LEVEL.sub("", function.of.title, count=1).split()).strip(" ,;:") for function in group]
-    return [
-        title if title and (titles.count(title) == 1 or (not f.of.per and DRIVE.search(title))) else f.of.point
+    """Names of channels: first ID lines without their level where unique.
+
+    Of the others, second ID lines if every one has its own, else response entities if so, else points of responses.
+    """
+    titles = [_drop_level(function.of.title) for function in group]
+    is_name = [
+        bool(title) and (titles.count(title) == 1 or bool(not f.of.per and DRIVE.search(title)))
         for title, f in zip(titles, group, strict=True)
     ]
+    others = [f.of for f, named in zip(group, is_name, strict=True) if not named]
+    candidates = ([_drop_level(of.notes[0]) for of in others], [of.entity for of in others])
+    distinct = (names for names in candidates if all(names) and len(set(names)) == len(names) > 1)
+    further = iter(next(distinct, [of.point for of in others]))
+    return [title if named else next(further) for title, named in zip(titles, is_name, strict=True)]
+
+
+def _drop_level(line: str) -> str:
+    """An ID line without the level in it."""
+    return " ".join(OF_LEVEL.sub("", line, count=1).split()).strip(" ,;:")
 
 
 def _join_functions(label: str, group: Sequence[Function], source: Source) -> CampaignRun:

@@ -48,6 +48,7 @@ class DataSet:
     notes: tuple[str, ...]  #: the other ID lines
     function: int
     response_point: tuple[int, int]
+    entity: str  #: response entity name
     reference_point: tuple[int, int]
     ordinate: int
     points: int
@@ -187,6 +188,7 @@ def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number
         notes=tuple(_describe_text(content[:80]) for content in lines[1:5]),
         function=_whole(function),
         response_point=(_whole(lines[5][41:51]), _whole(lines[5][51:55])),
+        entity=_describe_text(lines[5][31:41]),
         reference_point=(_whole(lines[5][66:76]), _whole(lines[5][76:80])),
         ordinate=ordinate,
         points=points,
