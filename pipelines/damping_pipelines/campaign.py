@@ -17,6 +17,7 @@ from damping.formats.columns import read_columns
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
 from damping.formats.quantity import unit
+from damping.formats.series import Stated
 from damping.plots import describe_with_unit, to_svg
 from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml, quote_toml
@@ -59,6 +60,8 @@ def campaign(
     modes: str | None,
     correct: Path | None,
     limit: Sequence[str],
+    columns: Sequence[str],
+    units: Sequence[str],
     previous: Path | None,
     seed: int,
     max_size: int,
@@ -80,9 +83,10 @@ def campaign(
     read_designs = [_read_design(word) for word in design]
     wanted, limits = _frequencies(modes), _read_limits(limit)
     before = _read_predictions(previous) if previous else ()
+    facts = Stated(columns=parse_pairs("--column", columns), units=parse_pairs("--unit", units))
     with sole_writer(out, PAGES, read):
         levels = [level for level, _ in read_designs]
-        answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before)
+        answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before, facts)
         _require_units([text for _, text in read_designs], answer.unit)
         for mode in answer.modes:
             report_findings(mode.record, mode.mode, despite)

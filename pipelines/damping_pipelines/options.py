@@ -78,7 +78,7 @@ def gap(
 
 @delegate(".campaign")
 def campaign(
-    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5 by groups, tables against time.")],
+    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5, MAT, TDMS, XLSX or CSV.")],
     out: Folder,
     design: Annotated[
         list[str],
@@ -94,6 +94,13 @@ def campaign(
     limit: Annotated[
         list[str], Option(metavar="SENSOR=VALUE", help="Limit of a sensor: gives the notch; repeatable.")
     ] = NONE,
+    columns: Annotated[
+        list[str],
+        Option("--column", metavar="ROLE=NAME", help="Column of frequency, omega, sweep or force; repeatable."),
+    ] = NONE,
+    units: Annotated[
+        list[str], Option("--unit", metavar="WHAT=UNIT", help="Unit of force (the drive) or response; repeatable.")
+    ] = NONE,
     previous: Annotated[
         Path | None, Option(metavar="campaign.json", help="Earlier answer, to compare with these runs.")
     ] = None,
@@ -101,7 +108,11 @@ def campaign(
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:
-    """Every mode and sensor of a campaign at the design level. Reads a laboratory's files as they are."""
+    """Every mode and sensor of a campaign at the design level. Reads a laboratory's files as they are.
+
+    Tables against frequency have the drive, and each sensor with its phase (tip [mm], tip phase [deg]), its parts (tip
+    re, tip im) or complex values; a file, sheet, group or sweep for each level. Tables against time have motions.
+    """
 
 
 @delegate(".import_")

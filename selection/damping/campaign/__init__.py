@@ -38,7 +38,7 @@ from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
 from damping.formats.quantity import unit
-from damping.formats.series import Summary
+from damping.formats.series import Stated, Summary
 from damping.infer import SEED
 from damping.records.text import DEFAULT_MAX_SIZE
 
@@ -57,6 +57,7 @@ def analyse(
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
     before: Sequence[SensorPrediction] = (),
+    facts: Stated | None = None,
 ) -> Campaign:
     """Analyse the files of a campaign.
 
@@ -64,13 +65,13 @@ def analyse(
         design: levels to predict at, in the unit of the drive; for free decays, amplitudes of the sensor that moves
             most. By default twice the top level. frequencies: of the modes, Hz, if they are not to be searched.
         corrections: of the content of the files. limits: largest allowed reading, by sensor, in its unit. before:
-            predictions made before these runs.
+            predictions made before these runs. facts: columns and units of tables of steady states.
 
     InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
     earlier predictions at levels in another unit.
     AnalysisError: no mode can be followed over the levels.
     """
-    runs, summary = read_runs(files, max_size, corrections)
+    runs, summary = read_runs(files, max_size, corrections, facts)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     names = runs[0].names
     unknown = next((name for name in limits or {} if name not in names), None)

@@ -34,6 +34,8 @@ from damping.records.text import count, describe_shortened
 #: A level in a label: a number with a unit.
 LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
 DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
+#: Names of numbered drive channels, such as ``force_1``.
+NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
 LABEL_AGREES = 0.15  #: a control within this share of the level in its label has that level
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
@@ -213,6 +215,14 @@ def describe_quantity(text: str, name: str) -> str:
     return _MOTIONS[powers]
 
 
+def split_ratio(text: str, drive: str) -> tuple[str, str] | None:
+    """Units of motion and drive of a ratio, such as (m/s^2)/N; None of a motion. ``drive``: its unit, '' if none."""
+    motion, _, per = text.rpartition("/")
+    powers, known = find_powers(per), find_powers(drive) if drive else (1, 0, 0)
+    of_motion = find_powers(motion) if motion else None
+    return (motion.strip().removeprefix("(").removesuffix(")"), per.strip()) if of_motion and powers == known else None
+
+
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
     """The runs reduced to the sensors that every run has, in the order of the first.
 
@@ -237,6 +247,26 @@ def find_level(text: str) -> tuple[float, str] | None:
     """A level and its unit in a label; None if there is none."""
     match = LEVEL.search(text)
     return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
+
+
+def find_level_of_ratio(label: str, per: str) -> tuple[float, str]:
+    """The level of ratios to a drive, and the unit of the drive, which is ``per`` unless that is ''.
+
+    InputError: the label has no level in a unit of the drive.
+    """
+    level = find_level(label)
+    if level is None or not level[0] > 0.0 or find_powers(per or level[1]) != find_powers(level[1]):
+        of = f"that of the drive{f' (in {per})' if per else ''}"
+        expected = f"{of} in an ID line, a label or the name of the file, such as 0.5 g or 2 N"
+        raise InputError("functions without a level", expected=expected)
+    of_drive = per or level[1]
+    return level[0] * (unit(level[1]).factor / unit(of_drive).factor), of_drive
+
+
+def refuse_forces(label: str, names: Sequence[str]) -> InputError:
+    """The error of several forces at once."""
+    expected = "one force, or controls of one base (--correct: role = 'out' of the others)"
+    return InputError(f"{label}: {len(names)} drives, {', '.join(names[:4])}", expected=expected)
 
 
 def summarise_runs(runs: Sequence[CampaignRun], summary: Summary) -> None:

@@ -21,12 +21,13 @@ from damping.campaign.runs import (
     NamedUnit,
     describe_quantity,
     find_level,
+    split_ratio,
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
 from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, parse_header
 from damping.formats.quantity import unit
-from damping.formats.series import Samples, Summary, require_finite
+from damping.formats.series import Samples, Stated, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
 from damping.records.text import describe_cell, describe_shortened, is_binary, read_bytes, recode
 from damping.signals.histories import track_sine
@@ -35,14 +36,12 @@ from damping.signals.windows import UNEVEN, describe_uneven
 #: Words for amplitudes that are not peak amplitudes of the sine.
 SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 
-OTHERWISE = "damping import reads one response"  #: what to do with files that no campaign reads
-
 
 @dataclass(frozen=True)
 class Source:
     """A file: at most ``most`` bytes are read at once, ``stated`` holds the corrections.
 
-    Notes are added to ``summary``, and the names of all channels read to ``channels``.
+    ``facts`` holds columns and units of tables. Notes are added to ``summary``, names of all channels to ``channels``.
     """
 
     file: Path
@@ -50,6 +49,7 @@ class Source:
     stated: Corrections
     summary: Summary
     channels: set[str]
+    facts: Stated
 
     def make_channel(self, name: str, text: str, samples: Samples, quantity: str = "", **known: Any) -> Channel | None:
         """A channel of the unit ``text``, corrected as stated; None if stated to be out.
@@ -61,10 +61,23 @@ class Source:
         stated = self.stated.of(name)
         if stated.role == "out":
             return None
-        text = (stated.unit or text).replace("m/s2", "m/s^2")
-        quantity = describe_quantity(text, name) if stated.unit or not quantity else quantity
+        own = stated.unit or self.facts.units.get("response", "")
+        ratio = split_ratio(own, "") if known.get("per_drive") else None
+        own = ratio[0] if ratio else own
+        text = (own or text).replace("m/s2", "m/s^2")
+        quantity = describe_quantity(text, name) if own or not quantity else quantity
         require_finite(name, samples)
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
+
+    def find_drive_unit(self, name: str, text: str) -> str:
+        """The unit of a drive: as stated, else ``text``."""
+        return (self.stated.of(name).unit or self.facts.units.get("force") or text).replace("m/s2", "m/s^2")
+
+    def refuse_columns(self) -> None:
+        """Raise InputError for columns stated for a file that is no table of steady states."""
+        if self.facts.columns:
+            expected = "none: roles of channels are stated in --correct FILE.toml"
+            raise InputError("--column of a file that is no table against frequency", expected=expected)
 
     def note_scaling(self, texts: Iterable[str]) -> None:
         """Note a caution on each scaling in names or ID lines of spectra: amplitudes are not converted."""
@@ -105,9 +118,9 @@ class Source:
         """The run of blocks of samples (channels, n) tracked by the channel named ``drive``."""
         stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
         self.channels.add(drive)
-        text = (stated.unit or units[place][1]).replace("m/s2", "m/s^2")
+        text = self.find_drive_unit(drive, units[place][1])
         if not text:
-            expected = "a unit in its header, such as force [N], or in --correct FILE.toml"
+            expected = "a unit in its header, such as force [N], in --unit force=N or in --correct FILE.toml"
             raise InputError("the drive has no unit", file=self.file, column=drive, expected=expected)
         try:
             tracked = track_sine(limits.watch(blocks), place, step)
@@ -161,26 +174,35 @@ class Source:
 BLOCK = 8_000_000  #: characters of a table that are read together
 
 
+def _find_layout(start: bytes) -> Layout | None:
+    text, encoding = recode(start)
+    layout = find_layout(text.decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
+    return None if layout is None else replace(layout, encoding=encoding)
+
+
+def list_headers(start: bytes) -> list[ColumnHeader]:
+    """The headers of a text table by the first bytes of its file; none of another file."""
+    layout = None if is_binary(start) else _find_layout(start)
+    return [parse_header(name.strip()) for name in layout.names] if layout else []
+
+
+def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
+    """Whether a table is of motions against time: it has a time beside them, and no frequency."""
+    names = [header.name if len(header.name) == 1 else header.name.lower() for header in headers]  # f, not F
+    known = {role: set(ROLE_NAMES[role]) & set(names) for role in ("time", "frequency", "omega")}
+    return bool(known["time"]) and not known["frequency"] | known["omega"] and len(names) > 1
+
+
 def read_table(source: Source, start: bytes) -> CampaignRun:
     """The run of a table of motions against time: tracked if a column is the drive, else a free decay."""
-    if is_binary(start):
-        expected = f"a universal file, HDF5, TDMS or a table of times ({OTHERWISE} of MAT, LVM, WAV, XLSX)"
-        raise InputError("no file of a known kind", expected=expected)
-    known, encoding = recode(start)
-    lines = known.decode("utf-8-sig", errors="replace").splitlines()
-    layout = find_layout(lines, "auto", "auto")
-    headers = [parse_header(name.strip()) for name in layout.names] if layout else []
-    time = next((header for header in headers if header.name.lower() in ROLE_NAMES["time"]), None)
+    source.refuse_columns()
+    layout, headers = _find_layout(start), list_headers(start)
+    time = next(header for header in headers if header.name.lower() in ROLE_NAMES["time"])
     drive = next((header.name for header in headers if source.stated.is_drive(header.name)), None)
-    if layout and time and drive:
-        return _track_table(source, replace(layout, encoding=encoding), headers, time, drive)
+    if layout and drive:
+        return _track_table(source, layout, headers, time, drive)
     data = read_bytes(source.file, source.most)
     sensors = [header for header in headers if header is not time and header.text]
-    if time is None or not sensors:
-        expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
-        if any(header.name.lower() in ROLE_NAMES["frequency"] for header in headers):
-            expected += f" ({OTHERWISE} against frequency)"
-        raise InputError(f"columns {describe_shortened(lines[0], 80)}", expected=expected)
     roles = [f"sensor {k}" for k in range(len(sensors))]
     mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
     numbers = read_columns(data, mapped, {}).numbers

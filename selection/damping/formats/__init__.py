@@ -43,7 +43,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     check(stated)
     summary = Summary()
     with naming(path):
-        kind = _format(path, stated, summary)
+        kind = find_format(path, stated, summary)
         _heeded(stated, kind)
         if kind in _ARRAYS:
             return list_array_series(path, kind, stated, summary, max_size), summary
@@ -154,7 +154,7 @@ def _heeded(stated: Stated, kind: str) -> None:
             raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
 
 
-def _format(path: str | Path, stated: Stated, summary: Summary) -> str:
+def find_format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``wav``, ``xlsx``, ``csv`` or ``lock-in``."""
     start = read_start(path, 2100)
     first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")

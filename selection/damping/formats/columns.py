@@ -150,7 +150,7 @@ def read_columns(
     NaN means no measurement, but is an error in a time history), or no rows.
     """
     data, encoding = recode(data)
-    layout = replace(_layout(data, delimiter, skip, decimal), encoding=encoding)
+    layout = replace(determine_layout(data, delimiter, skip, decimal), encoding=encoding)
     whole = not (layout.comments or layout.numbered or layout.units)  # a header of quoted cells may span lines
     above, mark = skip + layout.header - whole, DELIMITERS[layout.delimiter]
     rows = CsvRows(data, mark, comments=layout.comments, skip=above)
@@ -187,7 +187,7 @@ def read_columns(
     return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
 
 
-def _layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
+def determine_layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
     """The layout from the first lines. InputError if there are none."""
     start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
     pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)

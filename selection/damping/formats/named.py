@@ -74,7 +74,9 @@ def to_series(
     is_time, many = role == "time", response.shape[1] > 1
     if many and not is_time and force is not None and force.shape[1] == 1:
         what = f"the {response.shape[1]} columns of the response have one force and are taken as sweeps of one sensor"
-        summary.note(f"caution: {what}; of several sensors keep one (--column 'response=NAME(:,1)')")
+        summary.note(
+            f"caution: {what}; of several sensors keep one (--column 'response=NAME(:,1)'), or damping campaign"
+        )
     series = []
     for k, column in enumerate(response.T):
         of_sweep = None if force is None else force[:, min(k, force.shape[1] - 1)]

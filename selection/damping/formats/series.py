@@ -3,6 +3,7 @@
 The summary of a file is a table of facts with their origin, and notes on what was left out.
 """
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import pi
@@ -14,7 +15,7 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import PHASES, parse_header
+from damping.formats.headers import NAMES, PHASES, parse_header
 from damping.records.text import describe_shortened
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
@@ -121,6 +122,8 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     if not set(_MOTIONS) & set(of_role):
         free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
+        words = {word for name in free for word in re.findall(r"[^\W_]+", name.lower())}
+        many |= bool(words & {*NAMES["part"]["angle"], *NAMES["part"]["y"]})  # phases or parts of several sensors
         all_hint = "; damping campaign for all" if many else ""
         expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{all_hint}"
         raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)

@@ -1,4 +1,4 @@
-"""Excel workbooks (XLSX) to text: the cells of the one sheet that has any, between tabs, numbers in full.
+"""Excel workbooks (XLSX) to text: the cells of a sheet between tabs, numbers in full.
 
 Only values are read, those of formulas as the spreadsheet stored them; nothing is computed and no link is followed.
 """
@@ -30,10 +30,25 @@ def is_workbook(path: str | Path) -> bool:
 
 
 def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
-    """The sheet with cells, a line for each row, cells between tabs; ``chosen``: its number from 1, if several have.
+    """The one sheet with cells as text; ``chosen``: its number from 1, if several have.
 
-    InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text,
-    or several sheets without a choice. AnalysisError: openpyxl is not installed.
+    InputError: as of :func:`list_sheets`, or several sheets without a choice.
+    """
+    sheets = list_sheets(data, most, chosen)
+    if len(sheets) != 1:
+        lines = {number: text.splitlines() for (number, _), text in sheets.items()}
+        widths = {number: max(row.count(b"\t") for row in rows) + 1 for number, rows in lines.items()}
+        sizes = ", ".join(f"{number} ({len(rows)} x {widths[number]})" for number, rows in lines.items())
+        what = f"{len(sheets)} sheets with cells{': ' if sizes else ''}{sizes}"
+        raise InputError(what, expected="--dataset N, the number of one with cells")
+    return next(iter(sheets.values()))
+
+
+def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tuple[int, str], bytes]:
+    """Sheets with cells by number from 1 and title: a line for each row, cells between tabs.
+
+    InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text.
+    AnalysisError: openpyxl is not installed.
     """
     try:
         from openpyxl import load_workbook  # noqa: PLC0415 - for this format alone
@@ -48,17 +63,15 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
             warnings.simplefilter("ignore")  # of styles and checks of cells, which are not read
             book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
         wanted = [(k, sheet) for k, sheet in enumerate(book.worksheets, 1) if not chosen or k in chosen]
-        tables = {k: list(_list_rows(sheet, most)) for k, sheet in wanted}
+        tables = {(k, str(sheet.title)): list(_list_rows(sheet, most)) for k, sheet in wanted}
     except InputError:
         raise
     except Exception as error:  # whatever a damaged file makes the readers of ZIP, XML and cells raise
         raise InputError(f"no workbook that can be read ({error})", expected=_EXPECTED) from None
-    tables = {number: rows for number, rows in tables.items() if any(rows)}
-    if len(tables) != 1:
-        sizes = ", ".join(f"{number} ({len(rows)} x {max(map(len, rows))})" for number, rows in tables.items())
-        what = f"{len(tables)} sheets with cells{': ' if sizes else ''}{sizes}"
-        raise InputError(what, expected="--dataset N, the number of one with cells")
-    (rows,) = tables.values()
+    return {key: _write_rows(rows) for key, rows in tables.items() if any(rows)}
+
+
+def _write_rows(rows: Sequence[list[str]]) -> bytes:
     width = max(map(len, rows))
     first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
     padded = (row if k < first or not row else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))

@@ -1,0 +1,160 @@
+"""Columns of a table of steady states by sensor: an amplitude with its phase, two parts, or a complex response.
+
+Columns belong together if their names differ in a word alone: ``tip [mm]`` and ``tip phase [deg]``, ``tip_re`` and
+``tip_im``; else a phase belongs to the only name that shares its words, or to the column on its left.
+"""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from damping.errors import InputError
+from damping.formats.headers import NAMES, ROLE_NAMES, ColumnHeader, describe_angle, parse_header, recognise
+from damping.formats.quantity import find_powers
+from damping.formats.sampling import split
+from damping.records.keys import OPTIONAL_COLUMNS
+from damping.records.text import describe_shortened
+
+#: Roles that a table has once; ``force`` is the drive.
+SETTING = ("sweep", "frequency", "omega", "force")
+_PARTS: dict[str, list[str]] = NAMES["part"]
+_PHASES = ("angle", "lag", "lead")
+_WORD = re.compile(r"[^\W_]+")
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")  # tipPhase
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A sensor or drive of a table: its ``name``, the ``main`` column, which has its unit, and columns by role."""
+
+    name: str
+    main: int
+    roles: Mapping[str, int]
+
+    @property
+    def has_phase(self) -> bool:
+        """Whether it has a phase or two parts; a complex response needs neither."""
+        return bool(set(self.roles) - {"amplitude"})
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A column: the role of what it holds, and its words without the word for that."""
+
+    kind: str
+    words: tuple[str, ...]
+    name: str
+
+
+def find_setting(headers: Sequence[ColumnHeader], stated: Mapping[str, str]) -> dict[str, int]:
+    """Columns of the roles ``SETTING``: as stated by name or number from 1, else by their usual names.
+
+    InputError: a role that one sensor has, or no such column.
+    """
+    named = {role: k for role, k in recognise(headers)[0].items() if role in SETTING}
+    lower = [header.name.lower() for header in headers]
+    named = {role: lower.index(role) for role in SETTING if lower.count(role) == 1} | named
+    for role, name in stated.items():
+        if role not in SETTING:
+            expected = f"--column of {', '.join(SETTING)}; sensors are found by the names of their columns"
+            raise InputError(f"--column {role} of a campaign", expected=expected)
+        places = [k for k, header in enumerate(headers) if name in (header.text, header.title, header.name)]
+        places = places or ([int(name) - 1] if name.isdecimal() and 1 <= int(name) <= len(headers) else [])
+        if len(places) != 1:
+            listed = describe_shortened(", ".join(header.text for header in headers), 100)
+            raise InputError(f"{len(places)} columns are {describe_shortened(name)!r}", expected=f"one of {listed}")
+        named[role] = places[0]
+    if {"frequency", "omega"} <= set(named):
+        del named["omega"]
+    return named
+
+
+def group_columns(
+    headers: Sequence[ColumnHeader], is_complex: Sequence[bool], used: Collection[int], out: Collection[str] = ()
+) -> list[Reading]:
+    """Sensors and drives among columns; ``used``: columns of another role, ``out``: names that are left out.
+
+    InputError: a phase or an imaginary part that belongs to no column, or to several.
+    """
+    parts = {k: part for k, header in enumerate(headers) if k not in used and (part := _find_part(header))}
+    stems = [part.words for part in parts.values()]
+    for k, part in parts.items():
+        if is_complex[k]:
+            parts[k] = replace(part, kind="response")
+        elif part.kind == "amplitude" and headers[k].angle and stems.count(part.words) > 1:
+            parts[k] = replace(part, kind="angle")
+    parts = {k: part for k, part in parts.items() if not {part.name, headers[k].name} & set(out)}
+    mains = {k: part for k, part in parts.items() if part.kind in ("amplitude", "response", "x")}
+    roles = {k: {part.kind: k} for k, part in mains.items()}
+    free = [k for k in parts if k not in mains]
+    for find in (_find_same, _find_alike, _find_left):
+        for k in list(free):
+            wanted = "x" if parts[k].kind == "y" else "amplitude"
+            open_mains = {m: part for m, part in mains.items() if part.kind == wanted and len(roles[m]) == 1}
+            found = find(k, parts[k], open_mains)
+            if len(found) == 1:
+                roles[found[0]][_name_role(parts[k].kind, headers[k])] = k
+                free.remove(k)
+    lonely = next((k for k in [*free, *(m for m in mains if parts[m].kind == "x" and len(roles[m]) == 1)]), None)
+    if lonely is not None:
+        expected = "names as tip [mm] and tip phase [deg], or tip re and tip im; --correct FILE.toml: role = 'out'"
+        raise InputError(f"which column belongs to {describe_shortened(headers[lonely].text)!r}?", expected=expected)
+    return [Reading(part.name, k, roles[k]) for k, part in mains.items()]
+
+
+def describe_array(name: str, unit: str) -> ColumnHeader:
+    """The header of an array or channel with a unit ('' if none), without its groups or structures."""
+    header = parse_header(split(name)[-1])
+    return replace(header, unit=unit) if unit else header
+
+
+def _find_part(header: ColumnHeader) -> _Part | None:
+    """What a column holds; None if it is no part of a motion or drive."""
+    known = not header.unit or find_powers(header.unit) is not None or header.angle or header.unit in ("V", "mV")
+    text = header.name if known else header.text  # Re(tip) has no unit
+    words = _WORD.findall(_HUMP.sub(" ", text))
+    lower = [word.lower() for word in words]
+    if header.name.lower() in (set(OPTIONAL_COLUMNS) - {"phase"}) or set(lower) & set(_PARTS["neither"]) or not lower:
+        return None
+    for kind in ("y", "x", *_PHASES, "amplitude"):
+        said = [word for word in lower if word in _PARTS[kind]]
+        if said:
+            drop = {*said, *(word for word in lower if kind in _PHASES and describe_angle(word))}
+            rest = tuple(word for word in lower if word not in drop)
+            return _Part(kind, rest, _drop_words(text, drop) if rest else header.name)
+    return _Part("amplitude", tuple(lower), header.name)
+
+
+def _drop_words(text: str, words: Collection[str]) -> str:
+    """A name without some of its words."""
+    pattern = "|".join(rf"(?<![^\W_]){re.escape(word)}(?![^\W_])" for word in words)
+    return " ".join(re.sub(pattern, " ", text, flags=re.IGNORECASE).split()).strip(" _-.,()|") or text
+
+
+def _name_role(kind: str, header: ColumnHeader) -> str:
+    """The role of a phase, by its sense and unit."""
+    if header.text.lower() == "phase":  # as in a record
+        return "phase"
+    degrees = header.angle == "degrees" or any(describe_angle(w) == "degrees" for w in header.name.lower().split("_"))
+    if kind == "lag":
+        return "lag_deg" if degrees else "phase"
+    return f"{kind}_deg" if kind == "lead" and degrees else kind
+
+
+def _find_same(k: int, part: _Part, mains: Mapping[int, _Part]) -> list[int]:
+    return [m for m, main in mains.items() if main.words == part.words]
+
+
+def _find_alike(k: int, part: _Part, mains: Mapping[int, _Part]) -> list[int]:
+    """Mains whose words include those of the part, or the other way round."""
+    own = set(part.words)
+    return [m for m, main in mains.items() if own and main.words and (own <= set(main.words) or own >= set(main.words))]
+
+
+def _find_left(k: int, part: _Part, mains: Mapping[int, _Part]) -> list[int]:
+    return [k - 1] if k - 1 in mains else []
+
+
+def is_force(header: ColumnHeader) -> bool:
+    """Whether a column has a usual name of a force."""
+    return header.name.lower() in ROLE_NAMES["force"]

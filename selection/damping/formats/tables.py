@@ -1,0 +1,209 @@
+"""Tables of steady states of several sensors in any file: a text table, the sheets of a workbook, or groups of arrays.
+
+Read by the readers of a single response (``columns``, ``workbook``, ``arrays``, ``named``), each file once.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from damping.errors import InputError
+from damping.formats import find_format
+from damping.formats.arrays import read_arrays
+from damping.formats.columns import determine_layout, read_columns
+from damping.formats.headers import ColumnHeader, parse_header, refuse_decibels
+from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.sampling import split
+from damping.formats.sensors import describe_array, find_setting
+from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
+from damping.formats.workbook import list_sheets
+from damping.records.text import describe_shortened, read_bytes, recode, unguarded
+
+#: Columns by place, for the places of ``frequency`` or ``omega``, ``sweep`` and others; and the label of each row.
+Read: TypeAlias = Callable[[Mapping[str, int], Sequence[int]], tuple[Mapping[int, Samples], Sequence[str] | None]]
+_EXPECTED = "a column of time beside motions, or frequency, drive and responses (--column frequency=NAME)"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns by place: their headers, which are complex, and how they are read."""
+
+    label: str
+    headers: tuple[ColumnHeader, ...]
+    is_complex: tuple[bool, ...]
+    setting: Mapping[str, int]  #: columns of the roles ``sensors.SETTING``
+    read: Read
+
+    @property
+    def rows(self) -> dict[str, int]:
+        """The columns of the roles that set a row."""
+        return {role: place for role, place in self.setting.items() if role != "force"}
+
+
+def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> list[Table]:
+    """The tables of a file, at least one. InputError: the file cannot be read, or has none."""
+    kind = find_format(path, stated, summary)
+    if kind in ("mat5", "mat73", "hdf5", "tdms"):
+        return _list_array_tables(path, kind, stated, max_size)
+    if kind not in ("xlsx", "csv"):
+        raise InputError(f"no table: {kind.upper()}", expected=_EXPECTED)
+    data = read_bytes(path, max_size)
+    texts = {path.stem: data}
+    if kind == "xlsx":
+        sheets = list_sheets(data, max_size)
+        texts = (
+            {title: text for (_, title), text in sheets.items()}
+            if len(sheets) > 1
+            else {path.stem: b"".join(sheets.values())}
+        )
+        stated = replace(stated, delimiter="tab", decimal="point")
+    tables = [_lay_out(label, text, stated) for label, text in texts.items()]
+    found = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
+    if not found:
+        names = ", ".join(header.text for header in tables[0].headers) if tables else "nothing"
+        raise _no_abscissa(names)
+    for table in tables:
+        if table not in found:
+            summary.note(f"{path.name}: sheet {table.label!r} is skipped: no column of frequency")
+    return found
+
+
+def _no_abscissa(names: str) -> InputError:
+    return InputError(f"columns {describe_shortened(names, 80)}: no frequency", expected=_EXPECTED)
+
+
+def _lay_out(label: str, data: bytes, stated: Stated) -> Table:
+    """A text table."""
+    data, _ = recode(data)
+    layout = determine_layout(data, stated.delimiter, stated.skip, stated.decimal)
+    headers = tuple(parse_header(unguarded(name.strip().lstrip("#%").strip())) for name in layout.names)
+
+    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
+        roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
+        mapped = {role: str(k + 1) for role, k in roles.items()}
+        found = read_columns(data, mapped, {}, stated.delimiter, stated.skip, stated.decimal)
+        return {roles[role]: values for role, values in found.numbers.items() if role in roles}, found.sweep
+
+    return Table(label, headers, (False,) * len(headers), find_setting(headers, stated.columns), read)
+
+
+def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[Table]:
+    """A table for each group or structure with a frequency, and for each member of an array of structures.
+
+    Groups without a frequency have that of the top of the file.
+    """
+    known = read_arrays(path, kind, [], None, rows=(0, 1)).known
+    wrong = next((name for name in stated.columns.values() if not {name, *map(_leaf, [name])} & _names(known)), None)
+    if wrong is not None:
+        raise InputError(f"no array {describe_shortened(wrong)!r}", expected=describe_shortened(", ".join(known), 100))
+    groups: dict[str, list[str]] = {}
+    for name in known:
+        groups.setdefault("/".join(split(name)[:-1]), []).append(name)
+    shared = {role: groups[""][k] for role, k in _find_rows(groups.get("", []), stated).items()}
+    tables = []
+    for group, names in groups.items():
+        rows = {role: names[k] for role, k in _find_rows(names, stated).items()}
+        if group and not {"frequency", "omega"} & set(rows):
+            rows = {role: name for role, name in shared.items() if role != "sweep"} | rows
+        n = next((prod(known[rows[role]]) for role in ("frequency", "omega") if role in rows), 0)
+        sized = [name for name in names if n > 1 and n in known[name] and prod(known[name]) <= MOST_SWEEPS * n]
+        if set(sized) - set(rows.values()):
+            wanted = list(dict.fromkeys([*rows.values(), *sized]))
+            tables += _read_group(path, kind, wanted, group or path.stem, stated, max_size)
+    if not tables:
+        raise _no_abscissa(", ".join(known))
+    return tables if len(tables) > 1 else [replace(tables[0], label=path.stem)]
+
+
+def _leaf(name: str) -> str:
+    return split(name)[-1]
+
+
+def _names(known: Iterable[str]) -> set[str]:
+    """Names of arrays, with and without their groups."""
+    return {*known, *map(_leaf, known)}
+
+
+def _find_rows(names: Sequence[str], stated: Stated) -> dict[str, int]:
+    """Arrays of the roles ``SETTING`` in a group, stated ones if they are in it."""
+    there = {role: _leaf(name) for role, name in stated.columns.items() if {name, _leaf(name)} & _names(names)}
+    return find_setting([describe_array(name, "") for name in names], there)
+
+
+def _read_group(path: Path, kind: str, names: Sequence[str], label: str, stated: Stated, max_size: int) -> list[Table]:
+    contents = read_arrays(path, kind, names, max_size)
+    names = [name for name in names if name in contents.arrays]
+    count = max(len(contents.arrays[name]) for name in names)
+    uneven = next((name for name in names if len(contents.arrays[name]) not in (1, count)), None)
+    if uneven is not None:
+        raise InputError(f"{len(contents.arrays[uneven])} arrays {uneven} beside {count}", expected=f"1 or {count}")
+    tables = []
+    for k in range(count):
+        values = [contents.arrays[name][min(k, len(contents.arrays[name]) - 1)] for name in names]
+        columns = [
+            (describe_array(name, contents.units.get(name, "")), x) for name, x in zip(names, values, strict=True)
+        ]
+        columns = _split_sensors(columns, _find_rows(names, stated))
+        tables.append(_join_arrays(label if count == 1 else f"{label} {k + 1}", columns, stated))
+    return tables
+
+
+def _split_sensors(
+    columns: Sequence[tuple[ColumnHeader, Samples]], rows: Mapping[str, int]
+) -> list[tuple[ColumnHeader, Samples]]:
+    """Arrays with a column for each sensor as columns ``name(:,1)``; unchanged if there is a force for each column."""
+    n = columns[next(rows[role] for role in ("frequency", "omega") if role in rows)][1].size
+    per_sweep = [columns[rows[role]][1].size for role in ("force", "sweep") if role in rows]
+    parts = []
+    for header, values in columns:
+        many = values.size // n
+        if many < 2 or any(size in (many, many * n) for size in per_sweep):
+            parts.append((header, values))
+            continue
+        across = values.shape[0] == n
+        for k, part in enumerate(values.reshape(n, many).T if across else values.reshape(many, n), 1):
+            name = f"{header.name}(:,{k})" if across else f"{header.name}({k},:)"
+            parts.append((replace(header, text=name, name=name, title=name), part))
+    return parts
+
+
+def _join_arrays(label: str, columns: Sequence[tuple[ColumnHeader, Samples]], stated: Stated) -> Table:
+    headers = tuple(header for header, _ in columns)
+
+    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
+        sweep = columns[rows["sweep"]][1].real.reshape(-1) if "sweep" in rows else None
+        n = max(columns[k][1].size for role, k in rows.items() if role != "sweep")
+        labels = None if sweep is None or len(sweep) != n else [f"{value:g}" for value in sweep]
+        return {k: columns[k][1] for k in (*rows.values(), *others)}, labels
+
+    is_complex = tuple(np.iscomplexobj(values) for _, values in columns)
+    return Table(label, headers, is_complex, _find_rows([h.text for h in headers], stated), read)
+
+
+def list_reading_series(
+    table: Table,
+    roles: Mapping[str, int],
+    values: Mapping[int, Samples],
+    labels: Sequence[str] | None,
+    stated: Stated,
+    summary: Summary,
+) -> list[Series]:
+    """The series of a sensor or drive, one for each sweep; ``roles``: its columns, frequency and force included.
+
+    InputError: decibels, parts in different units, or values that cannot be of these roles.
+    """
+    headers = {role: table.headers[place] for role, place in roles.items()}
+    for role, header in headers.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, header.text)
+    require_alike({role: header.unit for role, header in headers.items()})
+    facts = FileFacts(
+        units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
+        angles={role: header.angle for role, header in headers.items() if header.angle},
+    )
+    arrays = {role: values[place] for role, place in roles.items()}
+    return to_series(arrays, labels, facts, table.label, summary, peak=True)

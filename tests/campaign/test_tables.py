@@ -1,0 +1,260 @@
+"""Tables of steady states of several sensors: the same runs, modes and peaks whatever the file and its names."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from nptdms import ChannelObject, TdmsWriter
+
+from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.runs import ChannelCorrection, Corrections
+from damping.campaign.sources import read_runs
+from damping.errors import InputError
+from damping.formats.headers import parse_header
+from damping.formats.sensors import group_columns
+from damping.formats.series import Stated
+
+SIZE = 10_000_000
+LEVELS = (1.0, 2.0, 4.0, 8.0)  # N
+MODES = ((12.0, 0.008, 40.0), (19.0, 0.006, 90.0))  # Hz, damping ratio, its growth with amplitude, 1/m
+SHAPES = np.array([[1.0, 0.8], [0.7, -0.9], [0.4, 0.5]])
+NAMES = ("tip", "mid", "root")
+F = np.unique(np.round([*np.linspace(9.0, 25.0, 60), *np.linspace(11.4, 12.6, 41), *np.linspace(18.1, 19.9, 41)], 4))
+SI = {"units": {"response": "mm", "force": "N"}}
+
+
+def modal_ratio(k: int, force: float) -> np.ndarray:
+    """Damping ratio (n,) of a mode of mass 1 m under a force: z (1 + g A), A the amplitude of its steady state."""
+    f_n, ratio, growth = MODES[k]
+    w, w_n, A = 2 * np.pi * F, 2 * np.pi * f_n, np.zeros(len(F))
+    for _ in range(300):
+        loss = 2 * ratio * (1 + growth * A) * w_n * w
+        A = 0.5 * (A + force * SHAPES[0, k] / np.hypot(w_n**2 - w**2, loss))
+    return ratio * (1 + growth * A)
+
+
+def move(force: float) -> np.ndarray:
+    """Displacements (sensors, n), mm, with the phase as lead."""
+    w, q = 2 * np.pi * F, []
+    for k, (f_n, *_) in enumerate(MODES):
+        w_n = 2 * np.pi * f_n
+        q.append(force * SHAPES[0, k] / (w_n**2 - w**2 + 2j * modal_ratio(k, force) * w_n * w))
+    return 1e3 * SHAPES @ np.array(q)
+
+
+TRUTH = {level: move(level) for level in LEVELS}
+
+
+def table(level: float, phase: str = "{} phase [deg]", sign: float = 1.0) -> pd.DataFrame:
+    columns = {"Frequency [Hz]": F, "Force [N]": np.full(len(F), level)}
+    for name, x in zip(NAMES, TRUTH[level], strict=True):
+        columns |= {f"{name} [mm]": np.abs(x), phase.format(name): sign * np.degrees(np.angle(x))}
+    return pd.DataFrame(columns)
+
+
+def all_levels(**columns: object) -> pd.DataFrame:
+    return pd.concat([table(level).assign(**{k: of(level) for k, of in columns.items()}) for level in LEVELS])
+
+
+def complex_columns(level: float) -> dict[str, np.ndarray]:
+    return {"freq": F, "force": np.full(len(F), level)} | dict(zip(NAMES, TRUTH[level], strict=True))
+
+
+def write(kind: str, folder) -> list:
+    """The files of all levels."""
+    files = [folder / f"sine_{level:g}N.{kind}" for level in LEVELS]
+    tables = [table(level) for level in LEVELS]
+    if kind in ("sweeps.csv", "levels.csv", "blocks.csv", "sheets.xlsx", "structures.mat", "groups.tdms"):
+        files = [folder / kind]
+    for file, level, content in zip(files, LEVELS, tables, strict=False):
+        if kind == "csv":
+            content.to_csv(file, index=False)
+        elif kind == "xlsx":
+            content.to_excel(file, index=False)
+        elif kind == "mat":
+            scipy.io.savemat(file, complex_columns(level))
+        elif kind == "tdms":
+            write_tdms(file, {"data": content})
+    if kind == "sweeps.csv":
+        all_levels(run=lambda level: f"{level:g} N").to_csv(files[0], index=False, sep=";", decimal=",")
+    elif kind == "levels.csv":
+        all_levels(**{"Level [N]": float}).to_csv(files[0], index=False)
+    elif kind == "blocks.csv":
+        all_levels().to_csv(files[0], index=False)
+    elif kind == "groups.tdms":
+        write_tdms(files[0], {f"{level:g} N": content for level, content in zip(LEVELS, tables, strict=True)})
+    elif kind == "sheets.xlsx":
+        with pd.ExcelWriter(files[0]) as book:
+            pd.DataFrame({"about": ["the test"]}).to_excel(book, sheet_name="notes", index=False)
+            for level, content in zip(LEVELS, tables, strict=True):
+                content.to_excel(book, sheet_name=f"{level:g} N", index=False)
+    elif kind == "structures.mat":
+        runs = np.zeros(len(LEVELS), dtype=[("freq", object), ("force", object), ("x", object)])
+        for k, level in enumerate(LEVELS):
+            runs[k] = (F, level, TRUTH[level].T)
+        scipy.io.savemat(files[0], {"run": runs})
+    return files
+
+
+def write_tdms(path, groups: dict[str, pd.DataFrame]) -> None:
+    with TdmsWriter(path) as file:
+        for group, content in groups.items():
+            headers = [parse_header(name) for name in content]
+            columns = zip(headers, content.to_numpy().T, strict=True)
+            file.write_segment(
+                [ChannelObject(group, h.name, np.array(x), properties={"unit_string": h.unit}) for h, x in columns]
+            )
+
+
+def require_truth(runs, names=NAMES) -> None:
+    assert [run.level for run in runs] == list(LEVELS)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert (run.names, run.drive_unit, run.channels[0].unit) == (list(names), "N", "mm")
+        np.testing.assert_allclose(run.x, F, rtol=1e-12)
+        for channel, x in zip(run.channels, TRUTH[level], strict=True):
+            np.testing.assert_allclose(channel.samples / run.drive, x / level, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["csv", "xlsx", "mat", "tdms", "sweeps.csv", "levels.csv", "blocks.csv", "groups.tdms", "sheets.xlsx"],
+)
+def test_every_file_gives_the_same_runs(tmp_path, kind):
+    runs, _ = read_runs(write(kind, tmp_path), SIZE, None, Stated(**SI) if kind == "mat" else None)
+    require_truth(runs)
+
+
+def test_columns_of_arrays_in_structures_are_sensors(tmp_path):
+    """One force for three columns: sensors, named as `damping import` takes one of them."""
+    runs, _ = read_runs(write("structures.mat", tmp_path), SIZE, None, Stated(**SI))
+    require_truth(runs, ["x(:,1)", "x(:,2)", "x(:,3)"])
+
+
+@pytest.mark.parametrize(
+    ("phase", "sign"),
+    [("{} phase [deg]", -1.0), ("{} lag [deg]", -1.0), ("{}_lead_deg", 1.0), ("Phase {} [°]", 1.0), ("{} [deg]", 1.0)],
+)
+def test_phases_are_read_by_name_and_sense(tmp_path, phase, sign):
+    """A phase that says neither is what a passive structure has, for modes of either sign at a sensor."""
+    files = []
+    for level in LEVELS:
+        files.append(tmp_path / f"{level:g} N.csv")
+        table(level, phase, sign).to_csv(files[-1], index=False)
+    require_truth(read_runs(files, SIZE)[0])
+
+
+def test_modes_and_damping_are_the_true_ones(tmp_path):
+    """Frequency to 1e-4, damping ratio at the peak to 1 %: without noise only the growth within a level is left."""
+    levels = fit_levels(read_runs(write("csv", tmp_path), SIZE)[0])
+    modes = tie_modes(levels)
+    assert len(modes) == 2
+    for k, mode in enumerate(modes):
+        np.testing.assert_allclose(mode.frequency, MODES[k][0], rtol=1e-4)
+        np.testing.assert_allclose(mode.ratio, [modal_ratio(k, level).max() for level in LEVELS], rtol=0.01)
+        assert not mode.left_out
+
+
+@pytest.mark.parametrize(
+    ("headers", "found"),
+    [
+        (["tip [g]", "tip phase [deg]"], {"tip": {"amplitude": 0, "angle": 1}}),
+        (["tip amplitude (mm)", "mid amplitude (mm)", "phase tip", "phase mid"],
+         {"tip": {"amplitude": 0, "angle": 2}, "mid": {"amplitude": 1, "angle": 3}}),
+        (["Accel 1 [g]", "Phase 1 [deg]", "Accel 10 [g]", "Phase 10 [deg]"],
+         {"Accel 1": {"amplitude": 0, "angle": 1}, "Accel 10": {"amplitude": 2, "angle": 3}}),
+        (["A1 [g]", "Phase [deg]", "A2 [g]", "Phase [deg]"],
+         {"A1": {"amplitude": 0, "angle": 1}, "A2": {"amplitude": 2, "angle": 3}}),
+        (["Re(tip) [g]", "Im(tip) [g]"], {"tip": {"x": 0, "y": 1}}),
+        (["tip_re", "tip_im", "mid_re", "mid_im"], {"tip": {"x": 0, "y": 1}, "mid": {"x": 2, "y": 3}}),
+        (["tipAmp", "tipPhase"], {"tipAmp": {"amplitude": 0, "angle": 1}}),
+        (["tip [g]", "tip phase [deg]", "tip coherence"], {"tip": {"amplitude": 0, "angle": 1}}),
+        (["tip_lag_deg", "tip"], {"tip": {"amplitude": 1, "lag_deg": 0}}),
+        (["amplitude", "phase"], {"amplitude": {"amplitude": 0, "phase": 1}}),
+    ],
+)  # fmt: skip
+def test_columns_are_sensors_by_their_words(headers, found):
+    of = [parse_header(text) for text in headers]
+    assert {one.name: dict(one.roles) for one in group_columns(of, [False] * len(of), ())} == found
+
+
+def test_ratios_have_the_level_of_the_file_name(tmp_path):
+    """Receptances in mm/N without a drive, in two parts."""
+    files = []
+    for level in LEVELS:
+        columns = {"f [Hz]": F}
+        for name, x in zip(NAMES, TRUTH[level] / level, strict=True):
+            columns |= {f"{name} re [mm/N]": x.real, f"{name} im [mm/N]": x.imag}
+        files.append(tmp_path / f"frf_{level:g}N.csv")
+        pd.DataFrame(columns).to_csv(files[-1], index=False)
+    runs, _ = read_runs(files, SIZE)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert (run.level, run.names, run.channels[0].unit, run.channels[0].per_drive) == (level, [*NAMES], "mm", True)
+        np.testing.assert_allclose(run.channels[1].samples, TRUTH[level][1] / level, rtol=1e-9)
+    files[0].rename(tmp_path / "frf.csv")
+    with pytest.raises(InputError, match=r"functions without a level; expected that of the drive \(in N\)"):
+        read_runs([tmp_path / "frf.csv"], SIZE)
+
+
+def test_headers_and_corrections_state_scaling_unit_and_role(tmp_path):
+    """rms amplitudes become peak values; a sensor that is out needs no phase."""
+    content = table(2.0).rename(columns={"tip [mm]": "tip RMS [mm]", "mid [mm]": "mid"}).assign(temperature=20.0)
+    content["tip RMS [mm]"] /= np.sqrt(2.0)
+    content.to_csv(tmp_path / "a.csv", index=False)
+    stated = Corrections(
+        channels={
+            "temperature": ChannelCorrection(role="out"),
+            "mid": ChannelCorrection(unit="mm", scale=-1.0),
+        }
+    )
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE, stated)
+    assert run.names[1:] == ["mid", "root"]
+    np.testing.assert_allclose(run.channels[0].samples, TRUTH[2.0][0], rtol=1e-9)
+    np.testing.assert_allclose(run.channels[1].samples, -TRUTH[2.0][1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "facts", "message"),
+    [
+        (lambda t: t.drop(columns="mid phase [deg]"), {}, r"'mid' has no phase; .*mid phase \[deg\].*role = 'out'"),
+        (lambda t: t.rename(columns={"mid [mm]": "mid"}), {}, r"the unit of 'mid' is not known.*--unit response="),
+        (lambda t: t.rename(columns={"Force [N]": "F"}), {}, r"the unit of 'F' is not known.*--unit force=N"),
+        (lambda t: t.drop(columns="Force [N]"), {}, r"no drive; .*--column force=NAME"),
+        (lambda t: t.rename(columns={"Frequency [Hz]": "n"}), {}, r"no frequency; .*--column frequency=NAME"),
+        (lambda t: t.rename(columns={"mid phase [deg]": "phase b [deg]"}), {}, r"which column belongs to 'phase b"),
+        (lambda t: t, {"columns": {"amplitude": "tip [mm]"}}, r"--column amplitude of a campaign"),
+        (lambda t: t, {"columns": {"force": "drive"}}, r"0 columns are 'drive'; expected one of Frequency"),
+        (lambda t: t.assign(**{"force 2 [N]": 1.0}), {}, r"2 drives, .*expected one force"),
+        (lambda t: t.iloc[:20], {}, r"lead or lag cannot be determined.*columns called lead or lag"),
+    ],
+)
+def test_what_is_not_clear_is_asked_for(tmp_path, change, facts, message):
+    columns = list(table(2.0))
+    order = [*columns[:2], *columns[2::2], *columns[3::2]]  # no phase on the right of its amplitude
+    change(table(2.0)[order]).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match=message):
+        read_runs([tmp_path / "a.csv"], SIZE, None, Stated(**facts))
+
+
+def test_the_command_takes_columns_and_units(tmp_path, damping, no_layout, few_draws):
+    names = ["n", "pull", "tip", "tip phase", "mid", "mid phase", "root", "root phase"]
+    for level in LEVELS:
+        table(level).set_axis(names, axis=1).to_csv(tmp_path / f"{level:g}.csv", index=False)
+    files = [tmp_path / f"{level:g}.csv" for level in LEVELS]
+    options = ["--column", "frequency=n", "--column", "force=pull", "--unit", "force=N"]
+    refused = damping("campaign", *files, "--out", tmp_path / "out", *options)
+    assert refused.code == 2
+    assert "--unit response=m/s^2" in refused.err
+    done = damping("campaign", *files, "--out", tmp_path / "out", *options, "--unit", "response=mm")
+    assert (done.code, done.err) == (0, "")
+    answer = json.loads((tmp_path / "out" / "campaign.json").read_text())
+    assert answer["levels"] == list(LEVELS)
+    for mode, (f_n, *_) in zip(answer["modes"], MODES, strict=True):
+        near = np.abs(F / f_n - 1.0) < 0.02
+        for at, level in zip(mode["at"], LEVELS, strict=False):
+            for one, x in zip(at["response"], TRUTH[level], strict=True):
+                # rows lie a fifth of a half width apart: their largest is within 2 % of the peak
+                np.testing.assert_allclose(one["median"], np.abs(x[near]).max(), rtol=0.02)
