@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -199,6 +200,40 @@ def test_ratios_have_the_level_of_the_file_name(tmp_path):
         read_runs([tmp_path / "frf.csv"], SIZE)
 
 
+@pytest.mark.parametrize("turned", [0.0, 30.0])
+def test_a_base_with_its_own_phase_drives(tmp_path, turned):
+    """Control and sensors against one reference; transmissibilities in g/g need the level in the name alone."""
+    content = table(2.0).set_axis([text.replace("mm", "g") for text in table(2.0)], axis=1)
+    content = content.drop(columns="Force [N]")
+    for name in NAMES:
+        content[f"{name} phase [deg]"] += turned
+    control = {
+        "control_1 [g]": 1.9,
+        "control_1 phase [deg]": turned,
+        "control_2 [g]": 2.1,
+        "control_2 phase [deg]": turned,
+    }
+    content.assign(**control).to_csv(tmp_path / "base.csv", index=False)
+    (run,), _ = read_runs([tmp_path / "base.csv"], SIZE)
+    assert (run.level, run.drive_unit, run.is_base_driven) == (pytest.approx(2.0), "g", True)
+    np.testing.assert_allclose(run.channels[2].samples / run.drive, TRUTH[2.0][2] / 2.0, rtol=1e-9)
+
+
+def test_amplitudes_in_groups_of_hdf5_share_a_frequency(tmp_path):
+    """Real arrays with phases in rad, the frequency at the top of the file, a force for each group."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["freq"] = F
+        for level in LEVELS:
+            group = file.create_group(f"run_{level:g}N")
+            group["force"] = level
+            for name, x in zip(NAMES, TRUTH[level], strict=True):
+                group[name], group[f"{name}_phase"] = np.abs(x), np.angle(x)
+    runs, _ = read_runs([tmp_path / "a.h5"], SIZE, None, Stated(**SI))
+    assert [run.level for run in runs] == list(LEVELS)
+    for run, level in zip(runs, LEVELS, strict=True):
+        np.testing.assert_allclose(run.channels[run.names.index("mid")].samples, TRUTH[level][1], rtol=1e-9)
+
+
 def test_headers_and_corrections_state_scaling_unit_and_role(tmp_path):
     """rms amplitudes become peak values; a sensor that is out needs no phase."""
     content = table(2.0).rename(columns={"tip [mm]": "tip RMS [mm]", "mid [mm]": "mid"}).assign(temperature=20.0)
@@ -228,6 +263,7 @@ def test_headers_and_corrections_state_scaling_unit_and_role(tmp_path):
         (lambda t: t, {"columns": {"amplitude": "tip [mm]"}}, r"--column amplitude of a campaign"),
         (lambda t: t, {"columns": {"force": "drive"}}, r"0 columns are 'drive'; expected one of Frequency"),
         (lambda t: t.assign(**{"force 2 [N]": 1.0}), {}, r"2 drives, .*expected one force"),
+        (lambda t: t.assign(**{"mid re [g]": 1.0, "mid im [g]": 1.0}), {}, r"2 sensors are 'mid'"),
         (lambda t: t.iloc[:20], {}, r"lead or lag cannot be determined.*columns called lead or lag"),
     ],
 )

@@ -216,11 +216,14 @@ def describe_quantity(text: str, name: str) -> str:
 
 
 def split_ratio(text: str, drive: str) -> tuple[str, str] | None:
-    """Units of motion and drive of a ratio, such as (m/s^2)/N; None of a motion. ``drive``: its unit, '' if none."""
+    """Units of motion and drive of a ratio, such as (m/s^2)/N; None of a motion.
+
+    ``drive``: its unit; if '', that of a force or an acceleration.
+    """
     motion, _, per = text.rpartition("/")
-    powers, known = find_powers(per), find_powers(drive) if drive else (1, 0, 0)
+    powers, known = find_powers(per), [find_powers(drive)] if drive else [(1, 0, 0), (0, 1, -2)]
     of_motion = find_powers(motion) if motion else None
-    return (motion.strip().removeprefix("(").removesuffix(")"), per.strip()) if of_motion and powers == known else None
+    return (motion.strip().removeprefix("(").removesuffix(")"), per.strip()) if of_motion and powers in known else None
 
 
 def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:

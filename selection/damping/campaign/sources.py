@@ -128,7 +128,10 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
         return read_table_runs(source)
     if not runs:
         has = f"it has {', '.join(list(contents.known)[:8])}"
-        raise InputError("no runs", expected=f"groups with frequency, control (or force) and responses; {has}")
+        raise InputError(
+            "no runs",
+            expected=f"groups with frequency (--column frequency=NAME), control (or force) and responses; {has}",
+        )
     return runs
 
 

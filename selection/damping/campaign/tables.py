@@ -18,9 +18,9 @@ from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.quantity import find_powers, unit
-from damping.formats.sensors import Reading, group_columns
+from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series
-from damping.formats.tables import Table, list_reading_series, read_tables
+from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.text import count
 
 #: Least area, twice and over the largest |H|^2, that H passes round 0 in the mean of sensors and sweeps, for phases to
@@ -32,14 +32,14 @@ TURNS = 0.2
 class _Content:
     """A table with its values by column, the label of each row, and the drives and sensors among its columns."""
 
-    table: Table
+    table: SensorTable
     values: Mapping[int, Samples]
     labels: Sequence[str] | None
-    drives: Sequence[Reading]
-    sensors: Sequence[Reading]
+    drives: Sequence[SensorColumns]
+    sensors: Sequence[SensorColumns]
     source: Source
 
-    def list_series(self, one: Reading, drive: Reading | None) -> list[Series]:
+    def list_series(self, one: SensorColumns, drive: SensorColumns | None) -> list[Series]:
         """The series of a sensor or drive, one for each sweep, each with the ``drive``."""
         roles = {role: place for role, place in self.table.rows.items() if role != "sweep"} | dict(one.roles)
         if drive is not None:
@@ -48,7 +48,7 @@ class _Content:
         stated, summary = self.source.facts, self.source.summary
         return list_reading_series(self.table, roles, self.values, self.labels, stated, summary)
 
-    def find_unit(self, one: Reading, what: str) -> str:
+    def find_unit(self, one: SensorColumns, what: str) -> str:
         """Unit of a reading: as stated, else in its header. InputError: it has none."""
         text = self.table.headers[one.main].unit
         own = self.source.stated.of(one.name).unit or self.source.facts.units.get(what) or text
@@ -58,7 +58,7 @@ class _Content:
             raise InputError(f"the unit of {one.name!r} is not known", expected=expected)
         return own.replace("m/s2", "m/s^2")
 
-    def find_factor(self, one: Reading) -> float:
+    def find_factor(self, one: SensorColumns) -> float:
         """Factor of a reading to peak values, by its header."""
         scaling = self.table.headers[one.main].scaling or "peak"
         if scaling != "peak":
@@ -76,12 +76,16 @@ def read_table_runs(source: Source) -> list[CampaignRun]:
     return [run for table in tables for run in _list_runs(_read_content(table, source))]
 
 
-def _read_content(table: Table, source: Source) -> _Content:
+def _read_content(table: SensorTable, source: Source) -> _Content:
     stated = source.stated
     out = [name for name, channel in stated.channels.items() if channel.role == "out"]
     source.channels.update(set(out) & {name for header in table.headers for name in (header.name, header.text)})
     readings = group_columns(table.headers, table.is_complex, table.rows.values(), out)
-    source.channels.update(reading.name for reading in readings)
+    names = [reading.name for reading in readings]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{names.count(twice)} sensors are {twice!r}", expected="columns whose names differ")
+    source.channels.update(names)
     drives = _choose_drives(table, readings, source)
     sensors = [one for one in readings if one not in drives]
     if not sensors:
@@ -97,7 +101,7 @@ def _read_content(table: Table, source: Source) -> _Content:
     return _Content(table, values, labels, drives, sensors, source)
 
 
-def _choose_drives(table: Table, readings: Sequence[Reading], source: Source) -> list[Reading]:
+def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
     """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
     stated, place = source.stated, table.setting.get("force")
     at_place = [one for one in readings if one.main == place and not stated.of(one.name).role]
@@ -130,7 +134,7 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
 
 
 @dataclass(frozen=True)
-class _Sweep:
+class _SweepRows:
     """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name."""
 
     label: str
@@ -138,19 +142,21 @@ class _Sweep:
     values: Mapping[str, Samples]
 
 
-def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _Sweep:
+def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
     """The rows of a sweep at which everything was measured, in the order of frequency."""
     measured = np.all([np.isfinite(of.abscissa), of.abscissa > 0.0, *map(np.isfinite, values.values())], axis=0)
     measured &= np.all([np.abs(values[one.name]) > 0.0 for one in content.drives], axis=0)
     if not measured.any():
-        raise InputError(f"{of.label}: no row has all numbers", expected="rows with a frequency, drive and responses")
+        raise InputError(
+            f"{of.label}: no row has all numbers", expected="a frequency > 0, a drive > 0 and every response"
+        )
     if lost := int(np.count_nonzero(~measured)):
         content.source.summary.note(f"{count(lost, 'row')} of {of.label!r} left out: without all numbers")
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
-    return _Sweep(of.label, of.abscissa[order], {name: column[order] for name, column in values.items()})
+    return _SweepRows(of.label, of.abscissa[order], {name: column[order] for name, column in values.items()})
 
 
-def _settle_sense(content: _Content, sweeps: Sequence[_Sweep]) -> Sequence[_Sweep]:
+def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
     """Sweeps with angles read as lead or as lag, whichever lets responses fall behind the drive at resonances.
 
     Where H = x/F passes a resonance it goes round clockwise if its phase is a lead: the sum of Im(conj(H_i) H_i+1) of
@@ -177,7 +183,7 @@ def _settle_sense(content: _Content, sweeps: Sequence[_Sweep]) -> Sequence[_Swee
     ]
 
 
-def _make_run(content: _Content, sweep: _Sweep) -> CampaignRun:
+def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     """The run of a sweep, with its level."""
     source, stated = content.source, content.source.stated
     units = {one.name: content.find_unit(one, "response") for one in content.sensors}

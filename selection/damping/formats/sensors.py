@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.errors import InputError
-from damping.formats.headers import NAMES, ROLE_NAMES, ColumnHeader, describe_angle, parse_header, recognise
+from damping.formats.headers import NAMES, ColumnHeader, describe_angle, parse_header, recognise
 from damping.formats.quantity import find_powers
 from damping.formats.sampling import split
 from damping.records.keys import OPTIONAL_COLUMNS
@@ -24,7 +24,7 @@ _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")  # tipPhase
 
 
 @dataclass(frozen=True)
-class Reading:
+class SensorColumns:
     """A sensor or drive of a table: its ``name``, the ``main`` column, which has its unit, and columns by role."""
 
     name: str
@@ -71,7 +71,7 @@ def find_setting(headers: Sequence[ColumnHeader], stated: Mapping[str, str]) -> 
 
 def group_columns(
     headers: Sequence[ColumnHeader], is_complex: Sequence[bool], used: Collection[int], out: Collection[str] = ()
-) -> list[Reading]:
+) -> list[SensorColumns]:
     """Sensors and drives among columns; ``used``: columns of another role, ``out``: names that are left out.
 
     InputError: a phase or an imaginary part that belongs to no column, or to several.
@@ -99,7 +99,7 @@ def group_columns(
     if lonely is not None:
         expected = "names as tip [mm] and tip phase [deg], or tip re and tip im; --correct FILE.toml: role = 'out'"
         raise InputError(f"which column belongs to {describe_shortened(headers[lonely].text)!r}?", expected=expected)
-    return [Reading(part.name, k, roles[k]) for k, part in mains.items()]
+    return [SensorColumns(part.name, k, roles[k]) for k, part in mains.items()]
 
 
 def describe_array(name: str, unit: str) -> ColumnHeader:
@@ -153,8 +153,3 @@ def _find_alike(k: int, part: _Part, mains: Mapping[int, _Part]) -> list[int]:
 
 def _find_left(k: int, part: _Part, mains: Mapping[int, _Part]) -> list[int]:
     return [k - 1] if k - 1 in mains else []
-
-
-def is_force(header: ColumnHeader) -> bool:
-    """Whether a column has a usual name of a force."""
-    return header.name.lower() in ROLE_NAMES["force"]

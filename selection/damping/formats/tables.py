@@ -29,7 +29,7 @@ _EXPECTED = "a column of time beside motions, or frequency, drive and responses 
 
 
 @dataclass(frozen=True)
-class Table:
+class SensorTable:
     """Columns by place: their headers, which are complex, and how they are read."""
 
     label: str
@@ -44,7 +44,7 @@ class Table:
         return {role: place for role, place in self.setting.items() if role != "force"}
 
 
-def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> list[Table]:
+def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> list[SensorTable]:
     """The tables of a file, at least one. InputError: the file cannot be read, or has none."""
     kind = find_format(path, stated, summary)
     if kind in ("mat5", "mat73", "hdf5", "tdms"):
@@ -76,7 +76,7 @@ def _no_abscissa(names: str) -> InputError:
     return InputError(f"columns {describe_shortened(names, 80)}: no frequency", expected=_EXPECTED)
 
 
-def _lay_out(label: str, data: bytes, stated: Stated) -> Table:
+def _lay_out(label: str, data: bytes, stated: Stated) -> SensorTable:
     """A text table."""
     data, _ = recode(data)
     layout = determine_layout(data, stated.delimiter, stated.skip, stated.decimal)
@@ -88,10 +88,10 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> Table:
         found = read_columns(data, mapped, {}, stated.delimiter, stated.skip, stated.decimal)
         return {roles[role]: values for role, values in found.numbers.items() if role in roles}, found.sweep
 
-    return Table(label, headers, (False,) * len(headers), find_setting(headers, stated.columns), read)
+    return SensorTable(label, headers, (False,) * len(headers), find_setting(headers, stated.columns), read)
 
 
-def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[Table]:
+def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[SensorTable]:
     """A table for each group or structure with a frequency, and for each member of an array of structures.
 
     Groups without a frequency have that of the top of the file.
@@ -134,7 +134,9 @@ def _find_rows(names: Sequence[str], stated: Stated) -> dict[str, int]:
     return find_setting([describe_array(name, "") for name in names], there)
 
 
-def _read_group(path: Path, kind: str, names: Sequence[str], label: str, stated: Stated, max_size: int) -> list[Table]:
+def _read_group(
+    path: Path, kind: str, names: Sequence[str], label: str, stated: Stated, max_size: int
+) -> list[SensorTable]:
     contents = read_arrays(path, kind, names, max_size)
     names = [name for name in names if name in contents.arrays]
     count = max(len(contents.arrays[name]) for name in names)
@@ -171,7 +173,7 @@ def _split_sensors(
     return parts
 
 
-def _join_arrays(label: str, columns: Sequence[tuple[ColumnHeader, Samples]], stated: Stated) -> Table:
+def _join_arrays(label: str, columns: Sequence[tuple[ColumnHeader, Samples]], stated: Stated) -> SensorTable:
     headers = tuple(header for header, _ in columns)
 
     def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
@@ -181,11 +183,11 @@ def _join_arrays(label: str, columns: Sequence[tuple[ColumnHeader, Samples]], st
         return {k: columns[k][1] for k in (*rows.values(), *others)}, labels
 
     is_complex = tuple(np.iscomplexobj(values) for _, values in columns)
-    return Table(label, headers, is_complex, _find_rows([h.text for h in headers], stated), read)
+    return SensorTable(label, headers, is_complex, _find_rows([h.text for h in headers], stated), read)
 
 
 def list_reading_series(
-    table: Table,
+    table: SensorTable,
     roles: Mapping[str, int],
     values: Mapping[int, Samples],
     labels: Sequence[str] | None,
