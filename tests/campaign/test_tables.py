@@ -200,6 +200,12 @@ def test_ratios_have_the_level_of_the_file_name(tmp_path):
         read_runs([tmp_path / "frf.csv"], SIZE)
 
 
+def test_a_dead_sensor_says_nothing_of_the_sense_of_phases(tmp_path):
+    table(2.0).assign(**{"root [mm]": 0.0}).to_csv(tmp_path / "a.csv", index=False)
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
+    np.testing.assert_allclose(run.channels[0].samples, TRUTH[2.0][0], rtol=1e-9)
+
+
 @pytest.mark.parametrize("turned", [0.0, 30.0])
 def test_a_base_with_its_own_phase_drives(tmp_path, turned):
     """Control and sensors against one reference; transmissibilities in g/g need the level in the name alone."""

@@ -169,8 +169,10 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
     for sweep in sweeps:
         drive = sweep.values[content.drives[0].name] if content.drives else np.ones(len(sweep.x))
         for H in (sweep.values[one.name] / drive for one in content.sensors):
-            turned.append(np.sum(np.imag(np.conj(H[:-1]) * H[1:])) / np.max(np.abs(H)) ** 2)
-    if abs(np.mean(turned)) < TURNS:
+            if H.any():  # else it is dead
+                unit_H = H / np.max(np.abs(H))
+                turned.append(float(np.sum(np.imag(np.conj(unit_H[:-1]) * unit_H[1:]))))
+    if not turned or abs(np.mean(turned)) < TURNS:
         message = f"whether the phases of {content.table.label!r} lead or lag cannot be determined from their direction"
         raise InputError(message, expected="columns called lead or lag, such as tip lag [deg]")
     is_lead = bool(np.mean(turned) < 0.0)

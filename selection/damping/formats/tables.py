@@ -162,7 +162,7 @@ def _split_sensors(
     per_sweep = [columns[rows[role]][1].size for role in ("force", "sweep") if role in rows]
     parts = []
     for header, values in columns:
-        many = values.size // n
+        many = values.size // n if n and n in values.shape else 1
         if many < 2 or any(size in (many, many * n) for size in per_sweep):
             parts.append((header, values))
             continue
@@ -208,4 +208,5 @@ def list_reading_series(
         angles={role: header.angle for role, header in headers.items() if header.angle},
     )
     arrays = {role: values[place] for role, place in roles.items()}
-    return to_series(arrays, labels, facts, table.label, summary, peak=True)
+    with np.errstate(all="ignore"):  # rows without finite numbers are left out
+        return to_series(arrays, labels, facts, table.label, summary, peak=True)
