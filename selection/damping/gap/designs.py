@@ -11,7 +11,7 @@ from damping.effects.contract import Terms
 from damping.gap.model import Problem
 from damping.gap.rows import UNSEEN, PhasorRows
 
-#: PhasorRows of a proposed sweep.
+#: Rows of a proposed sweep.
 _POINTS = 40
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
