@@ -78,7 +78,7 @@ def gap(
 
 @delegate(".campaign")
 def campaign(
-    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5 by groups, tables against time.")],
+    sources: Annotated[list[Path], Argument(metavar="FILE...", help="UFF, HDF5 by groups, TDMS, tables against time.")],
     out: Folder,
     design: Annotated[
         list[str],
