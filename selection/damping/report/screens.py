@@ -170,7 +170,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
             "law": law.name,
             "weight": words.format_share(law.weight),
             "coefficients": tables.describe_coefficients(law, result.mode.units),
-            "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
+            "error at resonance": f"{words.format_percent(law.average_absolute_percent)} %",
             "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
                 f"{words.NOTHING} %", words.NOTHING
             ),
