@@ -163,7 +163,7 @@ def test_every_sheet_of_a_long_table_has_its_headings(opened, tmp_path):
 
 
 def test_no_heading_of_a_table_stands_alone_at_the_foot_of_a_sheet(opened, tmp_path):
-    """Tables of one to four rows: on every sheet cells are drawn after the last heading, each in a colour of its own."""
+    """Tables of one to four rows: on every sheet cells, told by their colour, are drawn after the last heading."""
     import pandas as pd
 
     from damping.report.page import Footer, Section, Table, render_page
