@@ -177,7 +177,7 @@ def read_table(source: Source, start: bytes) -> CampaignRun:
     data = read_bytes(source.file, source.most)
     sensors = [header for header in headers if header is not time and header.text]
     if time is None or not sensors:
-        expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group a run"
+        expected = "a column of time beside columns of motion, a universal file, or HDF5 with a group for each run"
         if any(header.name.lower() in ROLE_NAMES["frequency"] for header in headers):
             expected += f" ({OTHERWISE} against frequency)"
         raise InputError(f"columns {describe_shortened(lines[0], 80)}", expected=expected)
