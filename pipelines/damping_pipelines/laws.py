@@ -114,7 +114,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
-    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%}: --json lists them.")
+    out.print(f"{rest} further laws weigh less than {100 * LEAST_WEIGHT:g} %: --json lists them.")
     _print_notes(notes, result)
 
 
