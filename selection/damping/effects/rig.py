@@ -17,6 +17,8 @@ NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
     "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
+#: Width, in ln of the motion, of a force that falls with it: 1 over the power of the motion in lost over kept force.
+_LIMIT = FormVariable.between(0.12, 1.0)
 #: Prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4.
 _DELAY = 0.25
 #: ln(amplitude over the clipping level) ...
@@ -83,10 +85,13 @@ PHASE_LAG: Effect = Effect(
 
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: depth/(1 - depth). Shapes: width over omega_n, half the bandwidth to the measured band; centre."""
+    """Strength: depth/(1 - depth). Shapes: width over omega_n, half the bandwidth to the measured band; centre.
+
+    Over the motion: depth at its largest amplitude; the width is that in ln amplitude.
+    """
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
-    return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
+    return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)), _limit_form(scales))
 
 
 def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
@@ -98,11 +103,32 @@ def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
     return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0)
 
 
+def _limit_form(scales: Scales) -> Form:
+    def report(strength: Floats, width: Floats) -> dict[str, Floats]:
+        return {"depth": strength / (1.0 + strength), "width": width, "level": scales.A_high}
+
+    return FORCE_DROPOUT.form(report, 0.2, shapes=(_LIMIT,), largest=20.0)
+
+
+def limiting(depth: Floats, width: Floats, level: Floats) -> Instrument:
+    """ln of the share of the force that is left at motion A, 1/(1 + depth/(1 - depth) (A/level)^(1/width))."""
+    odds, base = depth / (1.0 - depth), np.log(level)
+
+    def left(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        lost = odds * np.exp(np.clip((v - base) / width, -50.0, 50.0))
+        return -np.log1p(lost), -lost / ((1.0 + lost) * width)
+
+    return left
+
+
 def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The force times 1 - ``depth`` notch((omega/omega_n - 1 - ``centre``)/``width``).
 
-    The notch is Gaussian unless the value of another is not 0.
+    The notch is Gaussian unless the value of another is not 0. Where a ``level`` is given, the force falls with the
+    motion instead, see `limiting`.
     """
+    if differs(table["level"], 0.0):
+        return terms.plus(limited=limiting(table["depth"], table["width"], table["level"]))
     notch = next((name for name in ("lorentzian", "receptance") if table[name]), "gaussian")
     omega_n = terms.omega_n
 
@@ -125,6 +151,7 @@ FORCE_DROPOUT = Effect(
         Shape("centre", default=0.0),
         Shape("lorentzian", least=0.0, default=0.0),
         Shape("receptance", least=0.0, default=0.0),
+        Shape("level", LENGTH, least=0.0, default=0.0),
     ),
     need="sweep",
 )
