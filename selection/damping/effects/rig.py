@@ -18,7 +18,7 @@ NOTCHES: dict[str, Callable[[Floats], Floats]] = {
     "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
 }
 #: Width, in ln of the motion, of a force that falls with it: 1 over the power of the motion in lost over kept force.
-_LIMIT = FormVariable.between(0.12, 1.0)
+_LIMIT = FormVariable.between(0.12, 1.0, starts=(0.0,))
 #: Prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4.
 _DELAY = 0.25
 #: ln(amplitude over the clipping level) ...
