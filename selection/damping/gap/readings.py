@@ -152,7 +152,7 @@ def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None =
 
 
 def describe_rounding(record: Record) -> list[str]:
-    """Cautions for amplitudes or phases that are multiples of a step whose error, step/sqrt(12), exceeds usual noise."""
+    """Cautions for readings that are multiples of a step with an error, step/sqrt(12), beyond usual noise."""
     cautions = []
     for name, unit in (("amplitude", float(record.column("amplitude").min())), ("phase", 1.0)):
         values = np.abs(record.column(name, 0.0))
