@@ -143,6 +143,13 @@ _FURTHER = (
 for _name in _FURTHER:
     app.command(_name.rstrip("_"))(getattr(options, _name))
 
+#: Commands in the order of a newcomer's work: from a laboratory's file to the design load, many records, checks.
+ORDER = (
+    *("import", "check", "rank", "extrapolate", "curve", "export", "gap", "sweep"),
+    *("campaign", "study", "compare", "fleet", "verify", "condition", "regress", "blind", "bands", "calibrate"),
+)
+app.registered_commands.sort(key=lambda info: ORDER.index(info.name or getattr(info.callback, "__name__", "")))
+
 #: The example that the help of each command ends with.
 EXAMPLES = tomllib.loads(Path(__file__).with_name("examples.toml").read_text("utf-8"))
 for _info in app.registered_commands:

@@ -92,7 +92,8 @@ def import_file(
             "record": str(out),
             "rows": len(record),
             "sweeps": list(record.sweeps),
-            "understood": summary.table.to_dict(orient="records"),
+            # ``whence``: the name of ``source`` in version 0.1.0, whose readers go on
+            "understood": summary.table.assign(whence=lambda rows: rows["source"]).to_dict(orient="records"),
             "notes": summary.notes,
             "audit": findings.to_json()["findings"],
         }

@@ -114,7 +114,7 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)
     out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
-    out.print(f"{rest} further laws weigh less than {LEAST_WEIGHT:.0%}: --json lists them.")
+    out.print(f"{rest} further laws weigh less than {100 * LEAST_WEIGHT:g} %: --json lists them.")
     _print_notes(notes, result)
 
 
@@ -172,7 +172,7 @@ def print_loads(result: LoadsResult) -> None:
     table = PlainTable(f"{mode.name}: {of_answer}", (first, *band))
     damped = ("frequency Hz", "damping ratio %", "low %", "high %", "Q")
     ratios = PlainTable("Damping there; size a load with its low end", (first, *damped))
-    shares = PlainTable(f"Standard deviations, % of {answer}", (first, *PART_NAMES.values()))
+    parts = PlainTable(f"Parts of the band: standard deviations, % of {answer}", (first, *PART_NAMES.values()))
     for row, cautions in zip(result.table.to_dict("records"), loads.cautions, strict=True):
         at = f"{factors[asked] * row[asked]:g}"
         ends = (factors[answer] * row[name] for name in ("median", "low", "high", "linear"))
@@ -180,9 +180,10 @@ def print_loads(result: LoadsResult) -> None:
         table.add_row(at, number(row["extrapolation_ratio"], 3), *map(number, ends), over, notes.numbers(cautions))
         zeta = [row[f"damping_ratio{end}"] for end in ("", "_low", "_high")]
         ratios.add_row(at, _state_frequency(row), *(number(100.0 * z, 3) for z in zeta), number(0.5 / zeta[0], 3))
-        shares.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PART_NAMES))
-    for part in (table, ratios, shares):
-        out.print(part)
+        parts.add_row(at, *(number(row[f"sd_percent_{name}"], 2) for name in PART_NAMES))
+    for each in (table, ratios, parts):
+        out.print(each)
+    out.print(PARTS_EXPLAINED)
     out.print(f"low to high: {100 * loads.level:g} % predictive band, averaged over laws by weight. {FARTHER}")
     out.print(_name_laws(loads.by_model))
     if len(plan.trend.p):
@@ -193,6 +194,14 @@ def print_loads(result: LoadsResult) -> None:
     _print_notes(notes, result)
 
 
+#: What the parts of a band are, for a reader of the terminal alone.
+PARTS_EXPLAINED = (
+    "The squares of the parts add. noise = scatter of one reading; coefficients = those of each law, known from the "
+    "tested levels alone; which law = the laws predict differently; change of the law beyond the test = a law that "
+    "holds in the test need not hold beyond it."
+)
+#: What the varied priors are called.
+PRIOR_NAMES = {"scatter": "scatter of readings", "share": "evenness of terms", "discrepancy": "change of the law"}
 #: Note on the frequency: the terminal has room for one side of a band that is wider where the resonance moves.
 FARTHER = "±: to the farther end of the frequency band."
 
@@ -217,17 +226,17 @@ def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:
     out, further, units = console(), result.extrapolation.next_level, result.mode.units
     varied = result.extrapolation.with_other_priors.dropna(subset="median")
     headings = (name_quantity(units.drive, units.force), "prior times", "median", "low", "high")
-    table = PlainTable(name_quantity("With other priors", length), headings, ("prior",))
+    table = PlainTable(name_quantity("The band with other priors", length), headings, ("prior",))
     for row in varied.sort_values("force", kind="stable").to_dict("records"):
         ends = (number(factor * row[name]) for name in ("median", "low", "high"))
-        table.add_row(str(row["prior"]), f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
+        table.add_row(PRIOR_NAMES[str(row["prior"])], f"{row['force']:g}", f"{row['factor']:.2g}", *ends)
     if len(varied):
         out.print(table)
     if further is not None:
         out.print(
-            f"To test next: the {units.drive} {further.force:.4g} {units.force}".rstrip()
+            f"To test next: one more level at {further.force:.3g} {units.force}".rstrip()
             + f". It would shrink the band at {further.design:g} {units.force}".rstrip()
-            + f" from high/low {further.width:.2f} to {further.expected:.2f} expected."
+            + f" from a factor of {further.width:.2f} between its ends to {further.expected:.2f}."
         )
 
 

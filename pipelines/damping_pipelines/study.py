@@ -21,6 +21,7 @@ from damping.extrapolation.curve import (
     trace_loads,
 )
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
+from damping.extrapolation.judged import judge_rows
 from damping.extrapolation.near import Plan, plan_loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
@@ -208,12 +209,10 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     """
     if plan is None:
         return {}
-    if ranking.fit.verdict == "none fits":  # every row, not resonances alone
-        plan = replace(plan, fit=ranking.fit)
     prepared, asked = record.prepared, np.array(record.settings.design_forces)
-    rows, tested = prepared.all_rows, prepared.all_rows.tested_force
+    plan, tested = judge_plan(plan, ranking, prepared.all_rows, seed), prepared.all_rows.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
-    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan, all_rows=rows)
+    predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan)
     against = AGREED
     if len(asked):
         against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
@@ -235,6 +234,12 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
         }
     give_back_memory()
     return result
+
+
+def judge_plan(plan: Plan, ranking: Ranking, all_rows: Observations, seed: int) -> Plan:
+    """The plan judged on all rows; where it fails as the ranking does, with the ranking's verdict: a page has one."""
+    plan = judge_rows(plan, all_rows, seed)
+    return replace(plan, fit=ranking.fit) if plan.fit.verdict == ranking.fit.verdict != "fits" else plan
 
 
 def _record_result(

@@ -155,16 +155,16 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
         amplitude = simulate_resonance(corrected, loads.force, rows.omega, rows.has_phase)
         outside = (amplitude < band.low) | (amplitude > band.high)
         if outside.any():
-            at = int(outside.nonzero()[0][-1])
+            at = int(np.argmax(np.where(outside, loads.force, 0.0)))
             first = explained.hypotheses[0]
             cause, leading = (" and ".join(each.effects) or "no effect" for each in (explanation, first))
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
             return (
                 f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
-                + f": the ranked laws say {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
-                f" corrected by {cause}, which the diagnosis keeps (probability {explanation.probability:.2f}),"
-                f" {amplitude[at]:.4g} {units.length}".rstrip()
+                + f": the ranked laws predict {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
+                f" corrected by {cause}, which the diagnosis does not exclude (probability"
+                f" {explanation.probability:.2f}), {amplitude[at]:.4g} {units.length}".rstrip()
                 + ("" if explanation is first else stays),
             )
     return ()

@@ -65,8 +65,8 @@ def diagnosed(flagship):
 
 @pytest.fixture(scope="module")
 def disagreeing(flagship):
-    """The flagship, and its loads at 90 lb: slip, with one chance in ten, leaves their band."""
-    return *flagship, dp.extrapolate(*flagship, [90.0])
+    """The flagship, and its loads at 90 and 60 lb: slip, with one chance in ten, leaves their band; 90 lb is named."""
+    return *flagship, dp.extrapolate(*flagship, [90.0, 60.0])
 
 
 def test_only_slip_leaves_the_band_of_the_flagship(flagship, disagreeing):
@@ -83,7 +83,8 @@ def test_only_slip_leaves_the_band_of_the_flagship(flagship, disagreeing):
 def test_both_say_where_they_disagree(disagreeing):
     loads = disagreeing[-1]
     (said,) = loads.against
-    assert "corrected by slip, which the diagnosis keeps" in said
+    assert said.startswith("ranking and diagnosis disagree at the force 90 lb")
+    assert "corrected by slip, which the diagnosis does not exclude" in said
     assert "velocity-squared, which leads" in said
     assert "stays within the band" in said
     prediction = loads.to_json()["predictions"][0]
@@ -95,7 +96,7 @@ def test_both_say_where_they_disagree(disagreeing):
 @pytest.mark.parametrize(
     ("said", "first"),
     [
-        ("ranking and diagnosis disagree at the force 1: the ranked laws say 2, the simulation 3", True),
+        ("ranking and diagnosis disagree at the force 1: the ranked laws predict 2, the simulation 3", True),
         ("ranking and diagnosis disagree on whether the rows are explained", False),
         ("neither ranking nor diagnosis explains the rows", False),
     ],

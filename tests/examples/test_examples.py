@@ -14,11 +14,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.extrapolation.judged import judge_rows
+from damping.extrapolation.near import plan_loads
+from damping.extrapolation.prepared import prepare_record
 from damping.forces import from_damping
 from damping.infer.law import Law
 from damping.infer.observations import observe
 from damping.predict.steady import resonant_amplitude
-from damping.ranking import rank_laws
+from damping.ranking import rank_laws, weigh_laws
+from damping.records import audit
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping_pipelines import study
@@ -120,6 +124,21 @@ def test_a_study_predicts_what_the_command_predicts(tmp_path, damping, one_proce
     loads = json.loads(damping("extrapolate", *words).out)
     for ours, its in zip(record["loads"]["predictions"], loads["predictions"], strict=True):
         assert [ours[k] for k in ("median", "low", "high")] == [its[k] for k in ("median", "low", "high")]
+
+
+def test_a_misfit_of_ranking_and_prediction_is_one_verdict_on_a_page():
+    """Where no law fits, the law that leads on the resonances was said to miss the rows by a second figure."""
+    folder = EXAMPLES / "two-plane-mode"
+    record, mode = read_record(folder / "record.csv"), read_mode(folder / "model.toml")
+    prepared = prepare_record(record, mode, audit(record, mode))
+    ranking = weigh_laws(prepared.all_rows, 1, [Law(("viscous",)), Law(("velocity-squared",))])
+    plan = plan_loads(prepared.data, [Law(("displacement",)), Law(("slip",))], 1)
+    own = judge_rows(plan, prepared.all_rows, 1).fit
+    assert plan.fit.verdict == "fits"  # of the resonances
+    assert own.verdict == ranking.fit.verdict == "none fits"
+    assert own.sentence != ranking.fit.sentence
+    assert own.law in own.sentence
+    assert study.judge_plan(plan, ranking, prepared.all_rows, 1).fit == ranking.fit
 
 
 @pytest.mark.slow

@@ -439,7 +439,7 @@ def test_motion_across_one_plane_is_told(lab, share, told):
     table = table.assign(amplitude_y=share * table["amplitude"], phase_y=table["phase"])
     found = limited({}, explain, Record(table), lab.mode(rig=Rig(planes=1)))
     said = [caution.partition(",")[0] for caution in found.cautions if "amplitude_y" in caution]
-    assert said == (["amplitude_y reaches 30% of the amplitude"] if told else [])
+    assert said == (["amplitude_y reaches 30 % of the amplitude"] if told else [])
 
 
 def test_a_simulation_of_the_users_own(lab):

@@ -12,7 +12,7 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import list_ends
 from damping.gap.diagnose import diagnose
 from damping.gap.directed import Test
-from damping.gap.readings import describe_rest, list_far_readings
+from damping.gap.readings import describe_rest, describe_rounding, list_far_readings
 from damping.gap.rows import read_rows
 from damping.gap.where import trend
 from damping.gap.wild import find_pattern
@@ -134,6 +134,16 @@ def test_noise_that_is_stated_too_small_is_said_and_is_no_cause(lab, factor):
     (said,) = [caution for caution in found.cautions if "white along every sweep" in caution]
     assert said == f"the {scatter}: is the stated noise right?"
     assert f"Caution: {said}" in DiagnosisResult(found).sentences  # and no full stop after it
+
+
+def test_readings_of_a_coarse_range_are_said_to_be_rounded(honest):
+    """To a fifth of the smallest amplitude, and to 5 degrees; not to four digits, nor without a step."""
+    table, least, degrees = honest.table, honest.column("amplitude").min(), np.radians(5.0)
+    for name, step, most in (("amplitude", 0.2 * least, "10 % of the smallest"), ("phase", degrees, "0.044 rad")):
+        (said,) = describe_rounding(Record(table.assign(**{name: step * np.round(table[name] / step)})))
+        assert said.startswith(f"every {name} is a multiple of {step:.3g}: rounded by up to {most}")
+    fine = [float(f"{A:.4g}") for A in table["amplitude"]]
+    assert describe_rounding(honest) == describe_rounding(Record(table.assign(amplitude=fine))) == []
 
 
 def test_noise_that_is_stated_too_small_hides_no_large_cause(lab):

@@ -327,6 +327,17 @@ def test_another_quantity_entered_as_displacement_is_said(lab, power, what):
     assert not any("entered as displacement" in caution for caution in lab.diagnosed("residual-modes").cautions)
 
 
+def test_a_force_that_falls_with_the_motion_is_no_sure_fault_of_the_sensor(lab):
+    """An amplifier gives F (1 - A^2/(3 B^2)) at motion A up to B: a linear mode reads as under a compressing sensor."""
+    rows = lab.bench().rows
+    linear = lab.linear(rows).amplitude
+    roots = [np.roots([a / (3.0 * lab.A**2), 1.0, -a]) for a in linear]  # A = a (1 - A^2/(3 B^2))
+    A = np.array([root.real.max() for root in roots])
+    found = diagnose(lab.record(rows, lab.linear(rows, gain=A / linear), 4), lab.mode())
+    assert {"force-dropout", "sensor-saturation"} == {name for one in found.explanations for name in one.effects}
+    assert [set(group.effects) for group in found.groups] == [{"force-dropout", "sensor-saturation"}]
+
+
 def test_a_force_that_is_not_measured_may_be_what_saturates(lab):
     """A = g F/|Z| of a linear mode, whichever of the two g is of."""
     explanations = lab.diagnosed("slip").hypotheses

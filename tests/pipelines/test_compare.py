@@ -160,7 +160,7 @@ def test_studies_that_share_nothing(tmp_path, damping):
     run = damping("compare", one, two, "--out", tmp_path / "page.html")
     assert run.code == 0
     text = Page((tmp_path / "page.html").read_text()).text
-    assert "0 records in every study" in text
+    assert "No record is in every study." in text
     assert "Not in b." in text
     assert "Not in a." in text
 

@@ -660,4 +660,5 @@ def test_the_card_names_every_law_that_leads(laws, name, text):
 @pytest.mark.parametrize(("count", "said"), [(4, "in all of them"), (40, "in nine records of ten")])
 def test_few_records_have_a_range_and_no_tenths(count, said):
     table = pd.DataFrame({"law": ["viscous"] * count})
+    said = f"linear over median amplitude, {said}"
     assert said in [text for _, text in collect_facts(table, table, np.linspace(5.0, 30.0, count)).items]

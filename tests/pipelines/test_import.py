@@ -63,7 +63,8 @@ def test_a_file_becomes_a_record(sweep_csv: Path, tmp_path: Path, capsys: pytest
         assert words in printed
     told = json.loads(form.read_text())
     assert told["format"] == "import/1"
-    assert {"what": "response", "understood": "displacement", "source": "stated"} in told["understood"]
+    response = {"what": "response", "understood": "displacement", "source": "stated", "whence": "stated"}
+    assert response in told["understood"]
 
 
 def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

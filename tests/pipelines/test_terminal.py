@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from damping.report.forms import PART_NAMES
 from damping_pipelines import QUIET
 from damping_pipelines.cli import app
 from damping_pipelines.laws import Asked, _state_frequency
@@ -94,8 +95,10 @@ def test_tables_beside_each_other_have_one_unit_of_length(damping, tmp_path):
     said = damping("extrapolate", record, "--mode", mode, "--force", 12, "--json", tmp_path / "loads.json").out
     (row,) = json.loads((tmp_path / "loads.json").read_text())["predictions"]
     assert row["median"] < 0.02 < row["high"]
-    titles = [line for line in said.splitlines() if "amplitude at resonance [" in line or "With other priors [" in line]
+    titles = [line for line in said.splitlines() if "amplitude at resonance [" in line or "with other priors [" in line]
     assert [title.split("[")[1] for title in titles] == ["m]", "m]"]
+    explained = " ".join(said.split())
+    assert all(f"{part} = " in explained for part in PART_NAMES.values())
 
 
 def test_long_names_go_on_below():

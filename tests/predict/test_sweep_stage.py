@@ -138,6 +138,19 @@ def test_a_spring_as_an_effect_is_swept_as_a_spring_is(model: Path, tmp_path: Pa
     np.testing.assert_allclose(record.column("phase"), found.phase[::step], rtol=1e-6)
 
 
+def test_a_force_that_falls_with_the_motion_is_swept_in_closed_form(tmp_path: Path) -> None:
+    """F/(1 + (A/B)^2/4) for depth 1/5 at B and width 1/2: A + A^3/(4 B^2) = F/|Z| of a viscous mode."""
+    path, level = tmp_path / "linear.toml", 0.8
+    table = f"[effects.force-dropout]\ndepth = 0.2\nwidth = 0.5\nlevel = {level}\n"
+    path.write_text(f'[mode]\nname = "m"\nfrequency = 1.6\nmass = 4.0\n[damping]\nviscous = 2.0\n{table}')
+    sweep(path, [5.0, 25.0], "1.55:1.65:8", tmp_path / "record.csv", "up", "ritz")
+    record = read_record(tmp_path / "record.csv")
+    omega, A = 2.0 * np.pi * record.column("frequency"), record.column("amplitude")
+    Z = 4.0 * ((2.0 * np.pi * 1.6) ** 2 - omega**2) + 2j * omega
+    np.testing.assert_allclose(A + 0.25 * A**3 / level**2, record.column("force") / np.abs(Z), rtol=1e-6)
+    np.testing.assert_allclose(record.column("phase"), np.angle(Z), rtol=1e-6)
+
+
 def test_instruments_and_paths_are_swept_in_closed_form(model: Path, tmp_path: Path) -> None:
     """Gain, lag, drop-out, a residual and a second plane on a viscous mode: H is a sum of two closed forms."""
     mode = read_mode(model)

@@ -180,6 +180,14 @@ def test_files_that_cannot_be_read(tmp_path, scratch):
     assert DEFAULT_MAX_SIZE == 200_000_000
 
 
+def test_a_mode_in_the_place_of_a_record_is_named(tmp_path):
+    """Its first line, a comment or ``[mode]``, was taken for the names of columns."""
+    path = tmp_path / "mode.toml"
+    path.write_text("[mode]\n")
+    with pytest.raises(InputError, match=r"mode\.toml: a TOML file in the place of a record; expected RECORD\.csv"):
+        read_record(path)
+
+
 def test_what_is_data_is_kept(scratch):
     content = (
         "note, order ,phase,sweep,force,frequency,amplitude,amplitude_sd,mass\n"

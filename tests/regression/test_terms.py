@@ -59,7 +59,7 @@ def test_equality_and_order_are_of_the_product() -> None:
         ("", 1, "a column name or 1"),
         ("A,", 3, "a column name or 1"),
         ("A,,B", 3, "a column name or 1"),
-        ("A**2", 3, "a column name or 1"),
+        ("A**2", 3, r"a column name or 1, or \^ for a power"),
         ("*A", 1, "a column name or 1"),
         ("A, ^2", 3, "a column name or 1"),
         ("A^", 3, "a finite real number"),

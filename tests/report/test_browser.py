@@ -162,6 +162,24 @@ def test_every_sheet_of_a_long_table_has_its_headings(opened, tmp_path):
     assert sum(b"0 1 0 rg" in text for text in drawn) == int(sheets)
 
 
+def test_no_heading_of_a_table_stands_alone_at_the_foot_of_a_sheet(opened, tmp_path):
+    """Tables of one to four rows: on every sheet cells, told by their colour, are drawn after the last heading."""
+    import pandas as pd
+
+    from damping.report.page import Footer, Section, Table, render_page
+
+    path, tables = tmp_path / "page.html", [Table(pd.DataFrame({"a": range(1 + k % 4)}), "c") for k in range(80)]
+    path.write_text(render_page("t", [Section("s", "S", tables)], Footer(1, {}, {})))
+    with opened(path) as one:
+        for element, colour in (("th", "#0f0"), ("td", "#f00")):
+            one.page.locator(element).evaluate_all(f"all => all.forEach(one => {{ one.style.color = '{colour}'; }})")
+        printed = one.page.pdf(format="A4")
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", printed, re.DOTALL)
+    sheets = [text for text in (zlib.decompress(s) for s in streams if s[:1] == b"x") if b"0 1 0 rg" in text]
+    assert len(sheets) >= 4
+    assert all(text.rfind(b"1 0 0 rg") > text.rfind(b"0 1 0 rg") for text in sheets)
+
+
 def test_figures_say_their_values(opened, html, rendered):
     peaks = rendered.tables["config-2-mode-1-observations"].sort_values("amplitude")
     with opened(html) as one:

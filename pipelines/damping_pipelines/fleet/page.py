@@ -192,9 +192,8 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
         few = len(over) < RECORDS_OF_TEN
         low, high = np.quantile(over, [0.0, 1.0] if few else [0.05, 0.95])
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
-        facts.append(
-            (f"{format_signed(low)} to {format_signed(high)}", "in all of them" if few else "in nine records of ten")
-        )
+        place = "in all of them" if few else "in nine records of ten"
+        facts.append((f"{format_signed(low)} to {format_signed(high)}", f"linear over median amplitude, {place}"))
     return Facts(facts)
 
 

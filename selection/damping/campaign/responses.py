@@ -20,7 +20,7 @@ _SEARCHED = 1.5  #: half of the range around a resonance that is searched for it
 _APART = 0.05
 _SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
 _TOP = 0.85  #: rows with at least this share of the largest reading are on the top of a peak
-#: Change of a sensor's peak relative to the largest, in ln, that is told: five times the noise of measured peaks.
+#: Change of a sensor's peak relative to the largest, in ln, that is reported: five times the noise of measured peaks.
 _TURNED = 5.0 * LEAST_SPREAD
 _FEWEST_ON_TOP = 5  #: fewest rows by which the top of a peak is known: two more than its parabola has parameters
 

@@ -188,9 +188,10 @@ def list_headers(start: bytes) -> list[ColumnHeader]:
 
 def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
     """Whether a table is of motions against time: it has a time beside them, and no frequency."""
-    names = [header.name if len(header.name) == 1 else header.name.lower() for header in headers]  # f, not F
-    known = {role: set(ROLE_NAMES[role]) & set(names) for role in ("time", "frequency", "omega")}
-    return bool(known["time"]) and not known["frequency"] | known["omega"] and len(names) > 1
+    names = [header.name.lower() for header in headers if header.text]
+    frequencies = {*ROLE_NAMES["frequency"], *ROLE_NAMES["omega"]}
+    has_frequency = any((h.name if len(h.name) == 1 else h.name.lower()) in frequencies for h in headers)  # f, not F
+    return not has_frequency and len(names) > 1 and bool(set(ROLE_NAMES["time"]) & set(names))
 
 
 def read_table(source: Source, start: bytes) -> CampaignRun:

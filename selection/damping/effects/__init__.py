@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast
 
-from damping.effects import contact, course, forces, foreign, masses, rig, structure
+from damping.effects import contact, course, forces, foreign, masses, received, rig, structure
 from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
@@ -26,7 +26,7 @@ CATALOGUE: dict[str, Effect] = {
         rig.AMPLITUDE_SCALE,
         rig.PHASE_LAG,
         rig.TIME_DELAY,
-        rig.FORCE_DROPOUT,
+        received.FORCE_DROPOUT,
         course.LEVEL_OFFSET,
         rig.SENSOR_SATURATION,
         rig.BACKGROUND,
@@ -50,7 +50,7 @@ FOREIGN: dict[str, Effect] = {
         contact.RUB,
         contact.LOOSE_DASHPOT,
         structure.NEIGHBOURS,
-        rig.FORCE_CELL,
+        received.FORCE_CELL,
         masses.VARYING_MASS,
         masses.OTHER_MASS,
         masses.OTHER_ADDED_MASS,

@@ -63,7 +63,7 @@ def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:
 
 #: The parameters of a model file from strength and shapes, numbers or arrays.
 Report = Callable[..., dict[str, Floats]]
-#: Static characteristic of an instrument: ln amplitude in, ln amplitude and its slope out.
+#: Static characteristic: ln amplitude in; ln of a reading, or of the share of a force, and its slope out.
 Instrument = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
@@ -82,15 +82,15 @@ class Terms(NamedTuple):
     """The parts of a prediction; numbers, or arrays that broadcast with the rows (batch, n).
 
     Attributes:
-        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first
-            ``simulated`` of them are those of the simulation. plane: the second principal plane, or None.
-        compliance: the parts of R, displacement per force. gain: ln of the reading's factor. lag: rad, added to the
-            phase. received: ln of actual over recorded force. detuned, weighed, damped, stated: ln of the factors on
-            omega_n, M, all damping, and the simulated damping. offset: ln of the complex factor of the reading.
-            readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt in addition to the known
-            rate, rad/s^2. law: power of omega/omega_n to which the known rate is proportional. ringing: reading of
-            ringing motion, see `damping.effects.moving.hurried`. begun: start of a moving frequency, 0 long before the
-            first row of each sweep, 1 at it from a dwell.
+        M: mass. omega_n: rad/s. forces: damping and restoring forces beside the linear spring; the first ``simulated``
+            of them are those of the simulation. plane: the second principal plane, or None. compliance: the parts of R,
+            displacement per force. gain: ln of the reading's factor. lag: rad, added to the phase. received: ln of
+            actual over recorded force. limited: the same by ln A, with its slope. detuned, weighed, damped, stated: ln
+            of the factors on omega_n, M, all damping, and the simulated damping. offset: ln of the complex factor of
+            the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt in addition
+            to the known rate, rad/s^2. law: power of omega/omega_n to which the known rate is proportional. ringing:
+            reading of ringing motion, see `damping.effects.moving.hurried`. begun: start of a moving frequency, 0 long
+            before the first row of each sweep, 1 at it from a dwell.
     """
 
     M: Floats
@@ -102,6 +102,7 @@ class Terms(NamedTuple):
     gain: Floats = 0.0
     lag: Floats = 0.0
     received: tuple[OfDrive, ...] = ()
+    limited: tuple[Instrument, ...] = ()
     detuned: tuple[OfDrive, ...] = ()
     weighed: tuple[OfDrive, ...] = ()
     damped: tuple[OfDrive, ...] = ()

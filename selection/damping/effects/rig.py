@@ -1,4 +1,4 @@
-"""Errors of the rig: gain, lag, delay, saturation, a background signal, a force that drops out near resonance."""
+"""Errors of the rig: gain, lag, delay, saturation, a background signal."""
 
 from collections.abc import Callable, Mapping
 from itertools import chain
@@ -11,12 +11,6 @@ from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrume
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
-#: Shape of the dip over the distance from its centre in widths: 1 at the centre, 0 far away. ``receptance`` is |H|.
-NOTCHES: dict[str, Callable[[Floats], Floats]] = {
-    "gaussian": lambda x: np.exp(-0.5 * np.square(x)),
-    "lorentzian": lambda x: 1.0 / (1.0 + np.square(x)),
-    "receptance": lambda x: 1.0 / np.sqrt(1.0 + np.square(x)),
-}
 #: Prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4.
 _DELAY = 0.25
 #: ln(amplitude over the clipping level) ...
@@ -79,54 +73,6 @@ PHASE_LAG: Effect = Effect(
     simulate=simulate_lag,
     shapes=(Shape("lag"), Shape("state", least=0.0, default=0.0)),
     need="phase",
-)
-
-
-def dropout_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: depth/(1 - depth). Shapes: width over omega_n, half the bandwidth to the measured band; centre."""
-    width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
-    centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
-    return (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
-
-
-def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
-    def report(strength: Floats, width: Floats, centre: Floats | None = None) -> dict[str, Floats]:
-        kind = {} if notch == "gaussian" else {notch: 1.0}
-        place = {} if centre is None else {"centre": centre}
-        return {"depth": strength / (1.0 + strength), "width": width} | place | kind
-
-    return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0)
-
-
-def simulate_dropout(terms: Terms, table: Mapping[str, Floats]) -> Terms:
-    """The force times 1 - ``depth`` notch((omega/omega_n - 1 - ``centre``)/``width``).
-
-    The notch is Gaussian unless the value of another is not 0.
-    """
-    notch = next((name for name in ("lorentzian", "receptance") if table[name]), "gaussian")
-    omega_n = terms.omega_n
-
-    def received(drive: Drive) -> Floats:
-        place = (drive.omega / omega_n - 1.0 - table["centre"]) / table["width"]
-        return np.log1p(-table["depth"] * NOTCHES[notch](place))
-
-    return terms.plus(received=received)
-
-
-FORCE_DROPOUT = Effect(
-    name="force-dropout",
-    kind="instrument",
-    sentence="the real force falls below the recorded one near resonance",
-    forms=dropout_forms,
-    simulate=simulate_dropout,
-    shapes=(
-        Shape("depth", least=0.0, below=1.0),
-        Shape("width", above=0.0),
-        Shape("centre", default=0.0),
-        Shape("lorentzian", least=0.0, default=0.0),
-        Shape("receptance", least=0.0, default=0.0),
-    ),
-    need="sweep",
 )
 
 
@@ -263,29 +209,5 @@ BACKGROUND = Effect(
         compliance=lambda drive: table["amplitude"] * np.exp(-1j * np.asarray(table["angle"])) / drive.F
     ),
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
-    need="sweep",
-)
-
-
-#: Power of the force in the error of its reading.
-_CELL_POWER = FormVariable.between(0.5, 3.0, starts=(0.0,))
-
-
-def cell_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln| of actual over recorded force at the force that damping carries at the largest amplitude."""
-    largest = scales.loss * scales.A_high
-
-    def report(size: Floats, power: Floats) -> dict[str, Floats]:
-        return {"coefficient": size / largest**power, "power": power}
-
-    return FORCE_CELL.either_sign(report, shapes=(_CELL_POWER,), largest=1.0)
-
-
-FORCE_CELL = Effect(
-    name="force-cell",
-    kind="instrument",
-    sentence="a force that is read wrong in proportion to a power of itself",
-    forms=cell_forms,
-    simulate=lambda terms, table: terms.plus(received=lambda drive: table["coefficient"] * drive.F ** table["power"]),
     need="sweep",
 )

@@ -61,6 +61,9 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     turns = 0 if (terms.plane is None and not terms.compliance) or terms.linear else _REFINEMENTS
     receptance = _receptance(terms, drive, np.exp(v), turns, every)
     F = drive.F * np.exp(add_parts(terms.received, drive)) if terms.received else drive.F
+    for limited in terms.limited:
+        share, falls = limited(v)
+        F, receptance = F * np.exp(share), receptance._replace(by_u=receptance.by_u + falls)
     x, y = receptance.H.real.copy(), receptance.H.imag.copy()
     real, phase = 0.5 * np.log(x * x + y * y) + np.log(F), np.arctan2(y, x)
     by_u, by_frequency = receptance.by_u, receptance.by_frequency

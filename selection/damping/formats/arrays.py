@@ -149,7 +149,8 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     elif not channels:
         names = {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}
         if not names:
-            groups = "damping campaign (a group a run), or " if any("/" in name for name in known) else ""
+            grouped = any("/" in name for name in known)
+            groups = "damping campaign, which reads a group for each run, or " if grouped else ""
             expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
             raise InputError("no array has the name of a role", expected=expected)
     if stated.rate is not None and set(ABSCISSAS) & set(names):

@@ -11,7 +11,7 @@ from damping.effects.contract import Terms
 from damping.gap.model import Problem
 from damping.gap.rows import UNSEEN, PhasorRows
 
-#: PhasorRows of a proposed sweep.
+#: Rows of a proposed sweep.
 _POINTS = 40
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
@@ -104,7 +104,7 @@ def _with_third(design: ProposedTest) -> ProposedTest:
 def _add_mass(share: float) -> ProposedTest:
     """A second state, at a force tested in the first: at another force, errors of force and mass read alike."""
     return ProposedTest(
-        f"a second state with a known mass of {share:.0%} of the modal mass added",
+        f"a second state with a known mass of {100 * share:g} % of the modal mass added",
         "it shifts the frequency and determines the modal mass, and with it every factor on force and amplitude",
         ("added_mass",),
         heavier=share,

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -254,6 +255,7 @@ def diagnose(
         *size.describe_scatter(known, leading.best),
         *readings.describe_far_readings(leading.best),
         *readings.describe_noise(known, leading.best, explained.understated),
+        *chain.from_iterable(readings.describe_rounding(own) for own in (record, *(state for state, _ in states))),
         *list_ends(leading.best),
         *describe_gain(leading.best),
         *describe_shortfall(leading.best),

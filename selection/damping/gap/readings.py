@@ -11,8 +11,10 @@ from damping.gap.directed import ALARM, Test, smallest_p, unexplained
 from damping.gap.fit import ModelFit
 from damping.gap.problem import Setting
 from damping.gap.size import measure_gap, regular_values, root_mean_square
-from damping.gap.unknowns import roughness, spread
+from damping.gap.unknowns import FIRST_GUESS, roughness, spread
 from damping.gap.where import by_quantity
+from damping.records.check_ceiling import find_resolution
+from damping.records.record import Record
 
 #: The noise is plainly too large where the residuals, plus two standard errors, are below this share of it.
 _QUIET = 0.8
@@ -25,6 +27,9 @@ _COMBINED = 4
 _SEEN = 0.5
 #: Most readings that a caution names.
 _MOST_NAMED = 3
+#: Fewest different readings that show a step, and how near multiples of it they are: a file has six digits or more.
+_STEPS = 6
+_ON_STEP = 1e-3
 #: Findings of directed tests whose names do not say them.
 _FOUND = {
     "neighbours alike": "residuals of neighbouring rows are correlated",
@@ -144,3 +149,21 @@ def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None =
         return []
     how = "stated" if setting.noise_known else "estimated"
     return [f"the {how} noise is too large: rows scatter by {rms:.2g} of it, and effects below it are hidden"]
+
+
+def describe_rounding(record: Record) -> list[str]:
+    """Cautions for readings that are multiples of a step with an error, step/sqrt(12), beyond usual noise."""
+    cautions = []
+    for name, unit in (("amplitude", float(record.column("amplitude").min())), ("phase", 1.0)):
+        values = np.abs(record.column(name, 0.0))
+        if len(np.unique(values)) < _STEPS:
+            continue
+        step = find_resolution(values)
+        rounding = 0.5 * step / unit
+        if np.all(np.abs(values / step - np.round(values / step)) < _ON_STEP) and rounding > np.sqrt(3.0) * FIRST_GUESS:
+            most = f"{rounding:.2g} rad" if name == "phase" else f"{100.0 * rounding:.2g} % of the smallest"
+            cautions.append(
+                f"every {name} is a multiple of {step:.3g}: rounded by up to {most}. This counts as noise, and hides "
+                "smaller effects; record more digits, or use a finer range"
+            )
+    return cautions

@@ -39,7 +39,7 @@ _GAIN_BEYOND_NOISE = 4.5
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15
 #: Most combinations tried for each number of effects beyond one, and most explanations that effects are added to.
-_MOST_FITS = 10
+_MOST_FITS = 12
 _MOST_EXTENDED = 6
 #: An effect whose linear gain beside the rest of the leading explanation exceeds this share of that of an effect in it
 #: is fitted in its place, if the leading explanation leaves less than the second, in units of noise; most such fits for

@@ -147,8 +147,8 @@ def list_crossing(states: Sequence[State]) -> list[str]:
         share = record.column("amplitude_y", 0.0).max() / record.column("amplitude").max()
         if mode.rig.planes == 1 and share > _CROSS_READING:
             cautions.append(
-                f"amplitude_y{_name((k,), states)} reaches {share:.0%} of the amplitude, while [rig] planes = 1 "
-                "excludes motion across: no explanation with a second plane was tried"
+                f"amplitude_y{_name((k,), states)} reaches {100 * share:.0f} % of the amplitude, while [rig] planes = "
+                "1 excludes motion across: no explanation with a second plane was tried"
             )
     return cautions
 

@@ -62,7 +62,7 @@ class FitVerdict:
 
     Attributes:
         verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
-        p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude.
+        p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude. law: its name.
         level_caution: about levels that scatter about the leading law far more than their rows, or about rows that no
             law fits and that exceed the resonance; empty without either.
         rough: scatter from row to row over the stated noise where the law fits and it exceeds ``UNDERSTATED``; else 0.
@@ -73,6 +73,7 @@ class FitVerdict:
     misfit: float
     level_caution: str = ""
     rough: float = 0.0
+    law: str = ""
 
     @property
     def sentence(self) -> str:
@@ -80,8 +81,8 @@ class FitVerdict:
         by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
         verdicts = {
             "fits": "",
-            "poor": f"the leading law fits poorly: it {by}; a law of less weight fits",
-            "none fits": f"no law fits: the leading law {by}",
+            "poor": f"the leading law, {self.law}, fits poorly: it {by}; a law of less weight fits",
+            "none fits": f"no law fits: the leading law, {self.law}, {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: is the stated noise right?"
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))
@@ -98,7 +99,7 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
     rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
-    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough)
+    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, leader.law.name)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:

@@ -163,7 +163,8 @@ def _factor(factor: str, start: int, text: str) -> tuple[str, float]:
     """Column and exponent of one factor, which begins at ``start`` of ``text``."""
     column, caret, exponent = factor.partition("^")
     if not column.strip():
-        raise _error(text, start, "nothing" if not factor.strip() else "a power of nothing", "a column name or 1")
+        expected = "a column name or 1" + (", or ^ for a power" if text[start - 1 : start + 1] == "**" else "")
+        raise _error(text, start, "nothing" if not factor.strip() else "a power of nothing", expected)
     if not caret:
         return column.strip(), 1.0
     at = start + len(column) + 1

@@ -67,7 +67,7 @@ def _describe_record(result: RecordResult, svgs: Svgs) -> dict[str, Any]:
         **vars(result),
         "levels": _count_levels(result),
         "ratio": design.ratio[i] if design is not None and i is not None else 0.0,
-        "fitting": len(ranking.weighted(LEAST_SHOWN)),
+        "sharing": len(ranking.weighted(LEAST_SHOWN)),
         "best": ranking.weighted()[0],
         "load": describe_load(design, result.design_curve, result.mode.units, result.design_levels),
         "top": _describe_top(result),
@@ -170,7 +170,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
             "law": law.name,
             "weight": words.format_share(law.weight),
             "coefficients": tables.describe_coefficients(law, result.mode.units),
-            "error of amplitude": f"{words.format_percent(law.average_absolute_percent)} %",
+            "error at resonance": f"{words.format_percent(law.average_absolute_percent)} %",
             "level held out": f"{words.format_percent(law.held_out_error)} %".replace(
                 f"{words.NOTHING} %", words.NOTHING
             ),
