@@ -39,30 +39,32 @@ class _Content:
     sensors: Sequence[SensorColumns]
     source: Source
 
-    def list_series(self, one: SensorColumns, drive: SensorColumns | None) -> list[Series]:
+    def list_series(self, reading: SensorColumns, drive: SensorColumns | None) -> list[Series]:
         """The series of a sensor or drive, one for each sweep, each with the ``drive``."""
-        roles = {role: place for role, place in self.table.rows.items() if role != "sweep"} | dict(one.roles)
+        roles = {role: place for role, place in self.table.rows.items() if role != "sweep"} | dict(reading.roles)
         if drive is not None:
             has_parts = "x" in drive.roles
             roles |= {f"force_{r}": drive.roles[r] for r in "xy"} if has_parts else {"force": drive.main}
         stated, summary = self.source.facts, self.source.summary
         return list_reading_series(self.table, roles, self.values, self.labels, stated, summary)
 
-    def find_unit(self, one: SensorColumns, what: str) -> str:
+    def find_unit(self, reading: SensorColumns, what: str) -> str:
         """Unit of a reading: as stated, else in its header. InputError: it has none."""
-        text = self.table.headers[one.main].unit
-        own = self.source.stated.of(one.name).unit or self.source.facts.units.get(what) or text
+        text = self.table.headers[reading.main].unit
+        own = self.source.stated.of(reading.name).unit or self.source.facts.units.get(what) or text
         if not own:
             such = "N" if what == "force" else "m/s^2"
             expected = f"in its header, by --unit {what}={such}, or in --correct FILE.toml"
-            raise InputError(f"the unit of {one.name!r} is not known", expected=expected)
+            raise InputError(f"the unit of {reading.name!r} is not known", expected=expected)
         return own.replace("m/s2", "m/s^2")
 
-    def find_factor(self, one: SensorColumns) -> float:
+    def find_factor(self, reading: SensorColumns) -> float:
         """Factor of a reading to peak values, by its header."""
-        scaling = self.table.headers[one.main].scaling or "peak"
+        scaling = self.table.headers[reading.main].scaling or "peak"
         if scaling != "peak":
-            self.source.summary.add(f"amplitudes of {one.name!r}", f"{scaling}, made peak values", "found in the file")
+            self.source.summary.add(
+                f"amplitudes of {reading.name!r}", f"{scaling}, made peak values", "found in the file"
+            )
         return SCALINGS[scaling]
 
 
@@ -87,14 +89,14 @@ def _read_content(table: SensorTable, source: Source) -> _Content:
         raise InputError(f"{names.count(twice)} sensors are {twice!r}", expected="columns whose names differ")
     source.channels.update(names)
     drives = _choose_drives(table, readings, source)
-    sensors = [one for one in readings if one not in drives]
+    sensors = [reading for reading in readings if reading not in drives]
     if not sensors:
         raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
-    phaseless = next((one.name for one in sensors if not one.has_phase), None)
+    phaseless = next((reading.name for reading in sensors if not reading.has_phase), None)
     if phaseless is not None:
         expected = f"a column {phaseless} phase [deg], or parts re and im; --correct FILE.toml: role = 'out'"
         raise InputError(f"{phaseless!r} has no phase", expected=expected)
-    values, labels = table.read(table.rows, [place for one in readings for place in one.roles.values()])
+    values, labels = table.read(table.rows, [place for reading in readings for place in reading.roles.values()])
     if labels is not None:
         said = table.headers[table.rows["sweep"]].unit
         labels = [f"{label} {said}".strip() for label in labels]
@@ -104,27 +106,27 @@ def _read_content(table: SensorTable, source: Source) -> _Content:
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
     """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
     stated, place = source.stated, table.setting.get("force")
-    at_place = [one for one in readings if one.main == place and not stated.of(one.name).role]
-    numbered = [one for one in readings if NUMBERED.search(one.name) and not stated.of(one.name).role]
-    named = [one for one in readings if stated.is_drive(one.name)] or numbered
-    units = {one.name: table.headers[one.main].unit for one in readings}
+    at_place = [reading for reading in readings if reading.main == place and not stated.of(reading.name).role]
+    numbered = [reading for reading in readings if NUMBERED.search(reading.name) and not stated.of(reading.name).role]
+    named = [reading for reading in readings if stated.is_drive(reading.name)] or numbered
+    units = {reading.name: table.headers[reading.main].unit for reading in readings}
     by_unit = stated.choose_drive(units)
     drives = at_place if "force" in source.facts.columns else named or at_place
-    drives = drives or [one for one in readings if one.name == by_unit]
-    forces = [one.name for one in drives if find_powers(units[one.name]) == (1, 0, 0)]
+    drives = drives or [reading for reading in readings if reading.name == by_unit]
+    forces = [reading.name for reading in drives if find_powers(units[reading.name]) == (1, 0, 0)]
     if forces and len(drives) > 1:
-        raise refuse_forces(table.label, [one.name for one in drives])
+        raise refuse_forces(table.label, [reading.name for reading in drives])
     return drives
 
 
 def _list_runs(content: _Content) -> list[CampaignRun]:
     """The runs of a table. InputError: phases whose sense is neither said nor to be found, or no level."""
     drive = content.drives[0] if content.drives else None
-    series = {one.name: content.list_series(one, drive) for one in content.sensors}
-    for one in content.drives:
-        of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], one)]
-        series[one.name] = content.list_series(one, drive) if one.has_phase else of_force
-    factors = {one.name: content.find_factor(one) for one in (*content.sensors, *content.drives)}
+    series = {reading.name: content.list_series(reading, drive) for reading in content.sensors}
+    for reading in content.drives:
+        of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], reading)]
+        series[reading.name] = content.list_series(reading, drive) if reading.has_phase else of_force
+    factors = {reading.name: content.find_factor(reading) for reading in (*content.sensors, *content.drives)}
     first = series[content.sensors[0].name]
     sweeps = [
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
@@ -145,7 +147,7 @@ class _SweepRows:
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
     """The rows of a sweep at which everything was measured, in the order of frequency."""
     measured = np.all([np.isfinite(of.abscissa), of.abscissa > 0.0, *map(np.isfinite, values.values())], axis=0)
-    measured &= np.all([np.abs(values[one.name]) > 0.0 for one in content.drives], axis=0)
+    measured &= np.all([np.abs(values[reading.name]) > 0.0 for reading in content.drives], axis=0)
     if not measured.any():
         raise InputError(
             f"{of.label}: no row has all numbers", expected="a frequency > 0, a drive > 0 and every response"
@@ -162,13 +164,13 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
     Where H = x/F passes a resonance it goes round clockwise if its phase is a lead: the sum of Im(conj(H_i) H_i+1) of
     all sensors, each over its largest |H|^2, is below 0, for whatever sign a mode has at a sensor.
     """
-    angular = {one.name for one in (*content.sensors, *content.drives) if "angle" in one.roles}
+    angular = {reading.name for reading in (*content.sensors, *content.drives) if "angle" in reading.roles}
     if not angular:
         return sweeps
     turned = []
     for sweep in sweeps:
         drive = sweep.values[content.drives[0].name] if content.drives else np.ones(len(sweep.x))
-        for H in (sweep.values[one.name] / drive for one in content.sensors):
+        for H in (sweep.values[reading.name] / drive for reading in content.sensors):
             if H.any():  # else it is dead
                 unit_H = H / np.max(np.abs(H))
                 turned.append(float(np.sum(np.imag(np.conj(unit_H[:-1]) * unit_H[1:]))))
@@ -188,11 +190,13 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
 def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     """The run of a sweep, with its level."""
     source, stated = content.source, content.source.stated
-    units = {one.name: content.find_unit(one, "response") for one in content.sensors}
+    units = {reading.name: content.find_unit(reading, "response") for reading in content.sensors}
     drive_unit = content.find_unit(content.drives[0], "force") if content.drives else ""
     ratios = {name: split_ratio(text, drive_unit) for name, text in units.items()}
     if content.drives:
-        drive = stated.join_controls([stated.of(one.name).scale * sweep.values[one.name] for one in content.drives])
+        drive = stated.join_controls(
+            [stated.of(reading.name).scale * sweep.values[reading.name] for reading in content.drives]
+        )
     else:
         per = next((parts[1] for parts in ratios.values() if parts), None)
         if per is None:

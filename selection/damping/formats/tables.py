@@ -62,14 +62,14 @@ def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> 
         )
         stated = replace(stated, delimiter="tab", decimal="point")
     tables = [_lay_out(label, text, stated) for label, text in texts.items()]
-    found = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
-    if not found:
+    with_frequency = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
+    if not with_frequency:
         names = ", ".join(header.text for header in tables[0].headers) if tables else "nothing"
         raise _no_abscissa(names)
     for table in tables:
-        if table not in found:
+        if table not in with_frequency:
             summary.note(f"{path.name}: sheet {table.label!r} is skipped: no column of frequency")
-    return found
+    return with_frequency
 
 
 def _no_abscissa(names: str) -> InputError:
@@ -85,8 +85,8 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> SensorTable:
     def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
         roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
         mapped = {role: str(k + 1) for role, k in roles.items()}
-        found = read_columns(data, mapped, {}, stated.delimiter, stated.skip, stated.decimal)
-        return {roles[role]: values for role, values in found.numbers.items() if role in roles}, found.sweep
+        columns = read_columns(data, mapped, {}, stated.delimiter, stated.skip, stated.decimal)
+        return {roles[role]: values for role, values in columns.numbers.items() if role in roles}, columns.sweep
 
     return SensorTable(label, headers, (False,) * len(headers), find_setting(headers, stated.columns), read)
 
