@@ -15,6 +15,7 @@ from damping.report.results import collect_holders, keep_gravest
 from damping_pipelines.terminal import number_whole, number_with_error
 
 _CAUTION = "caution: "  #: beginning of a note that casts doubt
+_LOST = "the mode near "  #: beginning of a note on a mode without an answer
 #: How damping changes with the level.
 _CHANGES = {1: "grows in", -1: "falls in", 0: "stays within its band in"}
 
@@ -80,7 +81,7 @@ def _list_trends(modes: Sequence[ModeAnswer]) -> list[str]:
 
 def _list_doubts(answer: Campaign) -> list[str]:
     """Cautions on the files, without those on one mode."""
-    cautions = [note.removeprefix(_CAUTION) for note in answer.summary.notes if note.startswith(_CAUTION)]
+    cautions = [note.removeprefix(_CAUTION) for note in answer.summary.notes if note.startswith((_CAUTION, _LOST))]
     return [text for text in cautions if not text.startswith(tuple(f"{mode.name}: " for mode in answer.modes))]
 
 
@@ -161,7 +162,8 @@ def tabulate_notches(answer: Campaign) -> pd.DataFrame:
 
 
 def tabulate_modes(answer: Campaign) -> pd.DataFrame:
-    """Every mode with its damping at the lowest and at the last level."""
+    """Every mode with its damping at the lowest and at the last level, and the largest peak there."""
+    left_out = any(mode.left_out for mode in answer.modes)
     return pd.DataFrame(
         {
             "mode": mode.name,
@@ -170,7 +172,7 @@ def tabulate_modes(answer: Campaign) -> pd.DataFrame:
             "damping ratio at the last design level, %": describe_ratio(mode.places[-1], answer.unit),
             **({"largest peak there": describe_largest(mode.places[-1])} if answer.is_driven else {}),
             "law": mode.law,
-            "sensors left out": ", ".join(mode.left_out) or "none",
+            **({"sensors left out": ", ".join(mode.left_out) or "none"} if left_out else {}),
         }
         for mode in answer.modes
     )

@@ -1092,7 +1092,9 @@ def test_the_page_begins_with_the_answer(bare_mode):
     grows = bare_mode(50.0, [place(1.0, 50.0, 0.01), place(2.0, 50.0, 0.02), asked])
     same = bare_mode(70.0, [place(1.0, 70.0, 0.01), place(2.0, 70.0, 0.01)])
     same = replace(same, mode=replace(same.mode, name="mode-2"), left_out={"root": "clipped"})
-    summary = Summary(notes=["caution: mode-2: of that mode", "caution: rms or peak?", "a remark"])
+    summary = Summary(
+        notes=["caution: mode-2: of that mode", "caution: rms or peak?", "the mode near 9 Hz is lost", "a remark"]
+    )
     answer = Campaign((grows, same), (1.0, 2.0), (4.0,), "g", summary, level_name="force")
     values = describe_answer(answer)
     assert [(one["level"], one["peak"], one["band"], one["sensor"]) for one in values["largest"]] == [
@@ -1102,7 +1104,7 @@ def test_the_page_begins_with_the_answer(bare_mode):
     assert values["least"] is None
     assert values["trends"] == ["grows in mode-1 (by 100 %)", "stays within its band in mode-2"]
     assert values["beyond"] == 2.0
-    assert values["doubts"] == ["rms or peak?"]
+    assert values["doubts"] == ["rms or peak?", "the mode near 9 Hz is lost"]
     of_answer = [own for own in values["gravest"] if "beyond-model" not in own[0]]  # a finding on the bare record
     assert of_answer == [("no law leads", ["mode-1"]), ("root is left out: clipped", ["mode-2"])]
     page = str(_write_page(answer)[0])
