@@ -25,6 +25,7 @@ from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
 from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
 from damping_pipelines.campaign_tables import (
+    describe_answer,
     describe_frequency,
     describe_level,
     format_hertz,
@@ -181,7 +182,7 @@ def _frequencies(text: str | None) -> list[float]:
 
 
 def _write_page(answer: Campaign) -> list[Section]:
-    """Write the page: modes, their damping against level, and the response of every sensor at the design levels."""
+    """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
     parts: dict[str, Block] = {
         "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": format_hertz}),
         "limits": Table(tabulate_notches(answer), ""),
@@ -194,6 +195,7 @@ def _write_page(answer: Campaign) -> list[Section]:
         parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit), "")
     cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
     values = vars(answer) | {
+        **describe_answer(answer),
         "cautions": cautions,
         "input": answer.input_name,
         "tested": answer.tested,

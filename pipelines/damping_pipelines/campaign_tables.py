@@ -1,12 +1,103 @@
-"""Tables of the page of a campaign: modes, damping and peaks by level, notches, outcomes and cautions."""
+"""The answer and the tables of the page of a campaign: modes, damping and peaks by level, notches, outcomes."""
 
+import math
+from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import pandas as pd
 
+from damping import report as words
 from damping.campaign.answer import Campaign, ModeAnswer
-from damping.campaign.values import At
+from damping.campaign.values import At, Response
+from damping.extrapolation.prediction import REFUSAL
+from damping.report.results import collect_holders, keep_gravest
 from damping_pipelines.terminal import number_whole, number_with_error
+
+_CAUTION = "caution: "  #: beginning of a note that casts doubt
+_LOST = "the mode near "  #: beginning of a note on a mode without an answer
+#: How damping changes with the level.
+_CHANGES = {1: "grows in", -1: "falls in", 0: "stays within its band in"}
+
+
+def describe_answer(answer: Campaign) -> dict[str, Any]:
+    """Values of the sentences that open the page, by name.
+
+    ``largest``: the largest response in each unit at the design levels, or at the tested ones if none is predicted.
+    ``least``: the least damping there instead, for free decays, whose level is the response. ``beyond``: largest
+    design level over the largest tested one. ``doubts``: cautions on the files; ``gravest``: on modes, with names.
+    """
+    modes = answer.modes
+    known = [(mode, at) for mode in modes for at in mode.places if at.ratio]
+    asked = [(mode, at) for mode, at in known if not at.tested]
+    shown = asked or known
+    peaks = [(*own, peak) for own in shown for peak in own[1].response] if answer.is_driven else []
+    units = dict.fromkeys(peak.unit for _, _, peak in peaks)
+    largest = [max((own for own in peaks if own[2].unit == unit), key=lambda own: own[2].band[0]) for unit in units]
+    least = min(shown, key=lambda own: own[1].ratio or (), default=None)
+    tops = {mode.name: max((at.input for at in mode.places if at.tested), default=math.nan) for mode in modes}
+    return {
+        "predicted": bool(asked),
+        "largest": [_describe_place(mode, at, answer.unit) | _describe_peak(peak) for mode, at, peak in largest],
+        "least": _describe_place(*least, answer.unit) if least and not largest else None,
+        "trends": _list_trends(modes),
+        "beyond": max((at.input / tops[mode.name] for mode, at in asked), default=math.nan),
+        "doubts": _list_doubts(answer),
+        "gravest": collect_holders((mode.name, keep_gravest(_list_cautions(mode))) for mode in modes),
+    }
+
+
+def _describe_place(mode: ModeAnswer, at: At, unit: str) -> dict[str, str]:
+    ratio, low, high = at.ratio or (math.nan,) * 3
+    return {
+        "mode": mode.name,
+        "level": describe_level(at, unit),
+        "frequency": words.format_quantity(at.frequency, "Hz"),
+        "ratio": words.format_percent_ratio(ratio),
+        "low": words.format_percent_ratio(low),
+        "between": words.format_between(100.0 * low, 100.0 * high, "%"),
+    }
+
+
+def _describe_peak(peak: Response) -> dict[str, str]:
+    median, low, high = peak.band
+    band = words.format_between(low, high, peak.unit)
+    return {"sensor": peak.sensor, "peak": words.format_quantity(median, peak.unit), "band": band}
+
+
+def _list_trends(modes: Sequence[ModeAnswer]) -> list[str]:
+    """In which modes damping grows or falls from the lowest to the highest tested level: their bands are apart."""
+    named: dict[int, list[str]] = {}
+    for mode in modes:
+        tested = sorted((at for at in mode.places if at.tested and at.ratio), key=lambda at: at.input)
+        if len(tested) < 2:
+            continue
+        first, last = (at.ratio or (math.nan,) * 3 for at in (tested[0], tested[-1]))
+        change = int(last[1] > first[2]) - int(last[2] < first[1])
+        by = f" (by {words.format_percent(100.0 * abs(last[0] / first[0] - 1.0))} %)" if change else ""
+        named.setdefault(change, []).append(f"{mode.name}{by}")
+    return [f"{verb} {words.format_joined(named[change])}" for change, verb in _CHANGES.items() if change in named]
+
+
+def _list_doubts(answer: Campaign) -> list[str]:
+    """Cautions on the files, without those on one mode."""
+    cautions = [note.removeprefix(_CAUTION) for note in answer.summary.notes if note.startswith((_CAUTION, _LOST))]
+    return [text for text in cautions if not text.startswith(tuple(f"{mode.name}: " for mode in answer.modes))]
+
+
+def _list_cautions(mode: ModeAnswer) -> list[str]:
+    """Cautions of a mode, the gravest first.
+
+    No prediction, sensors left out, the test, its shape, the prediction, single runs.
+    """
+    tested, asked = ([at for at in mode.places if at.tested is which][-1:] for which in (True, False))
+    of_test, of_prediction = ([text for at in places for text in at.cautions] for places in (tested, asked))
+    left_out = [f"{name} is left out: {why}" for name, why in mode.left_out.items()]
+    texts = [*left_out, *map(str, mode.findings), *of_test, *filter(None, [mode.shape_caution]), *of_prediction]
+    whole = [text for text in texts if not any(text in other and text != other for other in texts)]
+    sweeps = map(str, mode.record.frame["sweep"].unique())  # of a decay: its run and a number
+    runs = tuple(f"{name.rpartition(' ')[0] or name}: " for name in sweeps)
+    return sorted(whole, key=lambda text: text.startswith(runs) - text.startswith(REFUSAL))
 
 
 def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
@@ -14,6 +105,7 @@ def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "level": describe_level(at, unit),
+            "kind": describe_kind(at),
             "frequency, Hz": describe_frequency(at),
             "damping ratio, %": number_with_error(100.0 * at.ratio[0], 100.0 * (at.ratio_error or 0.0))
             if at.ratio
@@ -28,7 +120,7 @@ def tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "level": describe_level(at, unit),
-            "kind": "measured" if at.tested else "predicted",
+            "kind": describe_kind(at),
             "sensor": peak.sensor,
             **dict(zip(("median", "low", "high"), peak.band, strict=True)),
             "unit": peak.unit,
@@ -70,15 +162,17 @@ def tabulate_notches(answer: Campaign) -> pd.DataFrame:
 
 
 def tabulate_modes(answer: Campaign) -> pd.DataFrame:
-    """Every mode with its damping at the lowest and at the last level."""
+    """Every mode with its damping at the lowest and at the last level, and the largest peak there."""
+    left_out = any(mode.left_out for mode in answer.modes)
     return pd.DataFrame(
         {
             "mode": mode.name,
             "frequency, Hz": mode.frequency,
             "damping ratio at the lowest level, %": describe_ratio(mode.places[0], answer.unit),
             "damping ratio at the last design level, %": describe_ratio(mode.places[-1], answer.unit),
+            **({"largest peak there": describe_largest(mode.places[-1])} if answer.is_driven else {}),
             "law": mode.law,
-            "sensors left out": ", ".join(mode.left_out) or "none",
+            **({"sensors left out": ", ".join(mode.left_out) or "none"} if left_out else {}),
         }
         for mode in answer.modes
     )
@@ -101,11 +195,23 @@ def tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
     )
 
 
+def describe_kind(at: At) -> str:
+    """Whether the numbers at a level are its own or those of the laws."""
+    return "measured" if at.tested else "predicted"
+
+
 def describe_ratio(at: At, unit: str) -> str:
     """A damping ratio in per cent with its level, which may differ between modes, and with the notched input."""
     ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio or ()]
     band = "{} ({} to {})".format(*ratio) if ratio else "no answer"
     return f"{band} at {describe_level(at, unit)}"
+
+
+def describe_largest(at: At) -> str:
+    """The largest peak at a place with its sensor: of its first unit, if sensors have several."""
+    peaks = [peak for peak in at.response if peak.unit == at.response[0].unit]
+    largest = max(peaks, key=lambda peak: peak.band[0], default=None)
+    return "{peak} ({band}) at {sensor}".format(**_describe_peak(largest)) if largest else "no answer"
 
 
 #: A frequency in five digits: a resonance moves little from level to level.

@@ -115,14 +115,13 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
 
 
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
-    """One row for each record of each study, with units."""
+    """One row for each record of each study, in as few columns as a narrow page has room for."""
     rows = [
-        {"study": study.name, "record": record.title}
+        {"record": _name_record(study, record, studies)}
         | _describe_top(record.form)
         | {
-            "leading law": record.best[0],
-            "weight": report.format_share(record.best[1]),
-            "exponent": next(
+            "law and weight": f"{record.best[0]} {report.format_share(record.best[1])}",
+            "p": next(
                 (
                     f"{law.p:.2f}" + (f" ± {law.std_error:.2f}" if law.std_error is not None else "")
                     for law in record.form.power_laws
@@ -136,18 +135,22 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
     return Table(pd.DataFrame(rows), "")
 
 
+def _name_record(study: StudySummary, record: RecordSummary, studies: Sequence[StudySummary]) -> str:
+    return f"{study.name}: {record.title}" if len(studies) > 1 else record.title
+
+
 def _describe_top(record: StudyRecordForm) -> dict[str, str]:
     """Frequency and damping ratio at the largest tested amplitude for which they are known."""
     tested = [row for row in (record.curve.rows if record.curve else []) if row.tested and row.damping_ratio]
     rows = [(row.amplitude, row.frequency, *vars(row.damping_ratio).values()) for row in tested]
     known = pd.DataFrame(rows, columns=["amplitude", "frequency", "ratio", "low", "high"]).astype(float).dropna()
     if known.empty:
-        return dict.fromkeys(("tested to", "frequency", "damping ratio there"), report.NOTHING)
+        return dict.fromkeys(("tested to", "damping ratio there"), report.NOTHING)
     top = known.iloc[int(known["amplitude"].argmax())]
     between = report.format_between(100.0 * top["low"], 100.0 * top["high"], "%")
+    frequency = report.format_quantity(top["frequency"], "Hz", 4)
     return {
-        "tested to": report.format_length(top["amplitude"], record.units.length),
-        "frequency": report.format_quantity(top["frequency"], "Hz", 4),
+        "tested to": f"{report.format_length(top['amplitude'], record.units.length)}, {frequency}",
         "damping ratio there": f"{report.number(100.0 * top['ratio'])} % ({between})",
     }
 
@@ -159,11 +162,10 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
     """
     different: dict[object, tuple[str, RecordSummary]] = {}
     for study in studies:
-        prefix = f"{study.name}: " if len(studies) > 1 else ""
         for name, record in study.records.items():
             files = (name, tuple(sorted(study.manifest.inputs.items())))
             observed = study.manifest.outputs.get(f"{name}-observations.csv", files)
-            different.setdefault(observed, (prefix + record.title, record))
+            different.setdefault(observed, (_name_record(study, record, studies), record))
     return list(different.values())
 
 
@@ -188,15 +190,13 @@ def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[s
 
 
 def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) -> Table:
-    """One row for each shared shape: its value if all records share it, its value in each, and the odds of sharing."""
+    """One column for each shared shape: the odds of sharing it, its value if all records do, and its value in each."""
     interval = "{0:.2f} ({1:.2f} to {2:.2f})"
-    rows = [
-        {"law": law, "shared": shape.name.removeprefix(f"{law} ")}
-        | {"odds of one value": report.number(np.exp(shape.log_odds)), "one value": interval.format(*shape.pooled)}
-        | {f"alone: {name}": interval.format(*alone) for name, alone in zip(names, shape.each, strict=True)}
-        for law, shape in shapes.items()
-    ]
-    return Table(pd.DataFrame(rows), "")
+    columns = {"value": ["odds of one value", "one value", *names]}
+    for law, shape in shapes.items():
+        values = [interval.format(*value) for value in (shape.pooled, *shape.each)]
+        columns[f"{law}: {shape.name.removeprefix(f'{law} ')}"] = [report.number(np.exp(shape.log_odds)), *values]
+    return Table(pd.DataFrame(columns), "")
 
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:

@@ -37,12 +37,13 @@ from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
+from damping.formats.series import Summary
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping_pipelines.campaign import _read_predictions, _write_page
-from damping_pipelines.campaign_tables import tabulate_damping, tabulate_modes
+from damping_pipelines.campaign_tables import describe_answer, tabulate_damping, tabulate_modes
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
 
@@ -1079,6 +1080,40 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
         "1.00 (0.900 to 1.10) at 10 g",
         "1.00 (0.900 to 1.10) at 20 g",
     ]
+
+
+def test_the_page_begins_with_the_answer(bare_mode):
+    """The largest peak of each unit with its band, trends from bands that are apart, cautions with their modes."""
+    tip, gap = (
+        Response("tip", "acceleration", "g", (8.0, 7.0, 9.0)),
+        Response("gap", "displacement", "mm", (2.0, 1.0, 3.0)),
+    )
+    asked = At(4.0, False, 50.0, banded(0.03), (tip, gap), ("beyond the test: 2.00 times", "no law leads"))
+    grows = bare_mode(50.0, [place(1.0, 50.0, 0.01), place(2.0, 50.0, 0.02), asked])
+    same = bare_mode(70.0, [place(1.0, 70.0, 0.01), place(2.0, 70.0, 0.01)])
+    same = replace(same, mode=replace(same.mode, name="mode-2"), left_out={"root": "clipped"})
+    summary = Summary(
+        notes=["caution: mode-2: of that mode", "caution: rms or peak?", "the mode near 9 Hz is lost", "a remark"]
+    )
+    answer = Campaign((grows, same), (1.0, 2.0), (4.0,), "g", summary, level_name="force")
+    values = describe_answer(answer)
+    assert [(one["level"], one["peak"], one["band"], one["sensor"]) for one in values["largest"]] == [
+        ("4 g", "8.00 g", "7.00 to 9.00 g", "tip"),
+        ("4 g", "2.00 mm", "1.00 to 3.00 mm", "gap"),
+    ]
+    assert values["least"] is None
+    assert values["trends"] == ["grows in mode-1 (by 100 %)", "stays within its band in mode-2"]
+    assert values["beyond"] == 2.0
+    assert values["doubts"] == ["rms or peak?", "the mode near 9 Hz is lost"]
+    of_answer = [own for own in values["gravest"] if "beyond-model" not in own[0]]  # a finding on the bare record
+    assert of_answer == [("no law leads", ["mode-1"]), ("root is left out: clipped", ["mode-2"])]
+    page = str(_write_page(answer)[0])
+    assert "Largest predicted response: at 4 g expect 8.00 g (7.00 to 9.00 g, 90 % predictive band) at tip" in page
+    assert "; at 4 g expect 2.00 mm" in page
+    page = str(_write_page(replace(answer, modes=(same,)))[0])
+    assert "Nothing is predicted at a design level. Largest measured response: at 2 g, 400 g (" in page
+    assert "90 % band of the measurement) at tip in mode-2" in page
+    assert "Least damping: 3.00 % of critical (" in str(_write_page(replace(answer, level_name="amplitude"))[0])
 
 
 def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):

@@ -207,7 +207,7 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     found = limited({"velocity-squared": EFFECTS["velocity-squared"]}, diagnose, record, mode)
     run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.0}
     found.__dict__["next_tests"] = (NextTest("it", "why", 9.0, 0.99, ("force",), (run,), "damping gap"),)
-    assert "40 points from 20.00 to 30.00 Hz at base acceleration 0.200;" in describe_diagnosis(found)["following"][0]
+    assert "Run 40 points from 20.00 to 30.00 Hz at base acceleration 0.200." in describe_diagnosis(found)["following"]
     (size,) = describe_diagnosis(found)["sizes"]
     told = float(re.search(r"coefficient: ([0-9.]+) 1/m ", size).group(1))
     np.testing.assert_allclose(told, c2 / (P * MASS), rtol=0.03, atol=0.0)  # the coefficient to 1 %

@@ -119,9 +119,14 @@ class Campaign:
         return min(numbers, default=0), max(numbers, default=0)
 
     @property
+    def is_driven(self) -> bool:
+        """Whether levels are of an input; in free decays, which have none, of an amplitude."""
+        return self.level_name != "amplitude"
+
+    @property
     def input_name(self) -> str:
-        """The quantity of levels at a mode: the input, or in free decays, which have none, an amplitude."""
-        return "input at the mode" if self.level_name != "amplitude" else "amplitude of the sensor that moves most"
+        """The quantity of levels at a mode."""
+        return "input at the mode" if self.is_driven else "amplitude of the sensor that moves most"
 
     def to_json(self) -> dict[str, Any]:
         """The form ``campaign/1``."""

@@ -13,7 +13,7 @@ from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.draws import LEAST_WEIGHT, NextLevel
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prediction import BEYOND_TEST, Loads
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
@@ -136,21 +136,28 @@ def find_largest(loads: Loads | None) -> int | None:
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
 
 
-def collect_holders(
-    study: StudyResult, collect: Callable[[RecordResult], Iterable[str]]
-) -> list[tuple[str, list[str]]]:
-    """Each caution of ``collect`` once, with the titles of its records."""
+#: Cautions of a record or mode above the fold at most, the gravest first.
+MOST_CAUTIONS = 3
+
+
+def keep_gravest(cautions: Iterable[str]) -> list[str]:
+    """The first cautions, each once, without extrapolation, which the conditions of an answer state."""
+    return [caution for caution in dict.fromkeys(cautions) if not caution.startswith(BEYOND_TEST)][:MOST_CAUTIONS]
+
+
+def collect_holders(cautions: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, list[str]]]:
+    """Each caution once, with the titles of its records or modes; given pairs of a title and its cautions."""
     holders: dict[str, list[str]] = {}
-    for result in study.records:
-        for caution in dict.fromkeys(collect(result)):
-            holders.setdefault(caution, []).append(result.title)
+    for title, own in cautions:
+        for caution in dict.fromkeys(own):
+            holders.setdefault(caution, []).append(title)
     return list(holders.items())
 
 
 def build_cautions(study: StudyResult) -> list[Block]:
     """Every caution, with its records."""
     failed = [f"{result.title}: {failure}" for result in study.records for failure in describe_failed_chains(result)]
-    values = {"failed": failed, "cautions": collect_holders(study, _collect_cautions)}
+    values = {"failed": failed, "cautions": collect_holders((r.title, _collect_cautions(r)) for r in study.records)}
     return write_blocks(Path(__file__).with_name("cautions.txt"), values)
 
 

@@ -14,21 +14,19 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.prediction import BEYOND_TEST, REFUSAL, Loads
+from damping.extrapolation.prediction import REFUSAL, Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables
 from damping.report.figures import build_loads_explorer, describe_misfit
 from damping.report.forms import PART_NAMES
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
-from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest
+from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest, keep_gravest
 
 #: Laws with less weight are folded away.
 LEAST_SHOWN = 0.02
 #: Laws of a record shown at most.
 MOST_SHOWN = 6
-#: Cautions of a record above the fold at most, the gravest first.
-MOST_CAUTIONS = 3
 
 
 def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
@@ -49,7 +47,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
         "level": f"{100 * study.level:g}",
         "lead": next((record for record in records if record["load"]), records[0]),
         "asked": [record for record in records if record["design"]],
-        "gravest": collect_holders(study, _list_gravest),
+        "gravest": collect_holders((result.title, _list_gravest(result)) for result in study.records),
     }
     sections = write_sections(Path(__file__).with_name("screens.txt"), values, parts)
     return [section for section in sections if section.blocks]
@@ -147,13 +145,12 @@ def _tabulate_answers(study: StudyResult) -> Table:
 
 
 def _list_gravest(result: RecordResult) -> list[str]:
-    """The gravest cautions of a record, without extrapolation, which the conditions state."""
+    """The gravest cautions of a record."""
     cautions = [*result.against, *filter(None, [result.ranking.fit.sentence]), *map(str, result.findings)]
     i = find_largest(result.design)
     if result.design is not None:
         cautions += result.design.cautions[-1 if i is None else i]
-    gravest = list(dict.fromkeys(cautions))[:MOST_CAUTIONS]
-    return [caution for caution in gravest if not caution.startswith(BEYOND_TEST)]
+    return keep_gravest(cautions)
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:
