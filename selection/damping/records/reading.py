@@ -72,7 +72,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
         required=keys.REQUIRED_COLUMNS, numbers=numbers, text=keys.TEXT_COLUMNS, blank=keys.BLANK_COLUMNS
     )
     with naming(path):
-        if Path(path).suffix.lower() == ".toml":
+        if str(path).lower().endswith(".toml"):
             raise InputError("a TOML file in the place of a record", expected="RECORD.csv")
         scan = _scan(read_bytes(path, max_size), columns)
         for problem in find_problems(scan.frame):
