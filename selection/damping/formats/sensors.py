@@ -20,7 +20,7 @@ SETTING = ("sweep", "frequency", "omega", "force")
 _PARTS: dict[str, list[str]] = NAMES["part"]
 _PHASES = ("angle", "lag", "lead")
 _WORD = re.compile(r"[^\W_]+")
-_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")  # tipPhase
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[^\W\d_])(?=[0-9])")  # tipPhase, A1
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ def group_columns(
     InputError: a phase or an imaginary part that belongs to no column, or to several.
     """
     parts = {k: part for k, header in enumerate(headers) if k not in used and (part := _find_part(header))}
-    stems = [part.words for part in parts.values()]
+    phased = [part.words for part in parts.values() if part.kind in _PHASES]
     for k, part in parts.items():
         if is_complex[k]:
             parts[k] = replace(part, kind="response")
-        elif part.kind == "amplitude" and headers[k].angle and stems.count(part.words) > 1:
+        elif part.kind == "amplitude" and headers[k].angle and part.words not in phased:
             parts[k] = replace(part, kind="angle")
     parts = {k: part for k, part in parts.items() if not {part.name, headers[k].name} & set(out)}
     mains = {k: part for k, part in parts.items() if part.kind in ("amplitude", "response", "x")}
