@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,14 @@ from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
 #: force N, force_N, Kraft in kN, Frequenz/Hz, Frequency, Hz
-_BARE_UNIT = re.compile(r"^(.*?\S)(?P<mark>\s+in\s+|\s*[/,]\s*|\s+|_)([^\W\d_][^\s_]*|°)$")
+_BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,]\s*|\s+|_)(?=[^\W\d_][^\s_]*$|°$)")
 _UNIT_WITHIN = re.compile(r"\s*[\[(]([^\[\]]+)[\])](?=\s)")  # tip (g/N) Real
 _SCALINGS = (
     r"(?:(?P<pp>peak[- ](?:to[- ])?peak|pk[- ](?:to[- ])?pk|p-p|pkpk|pp|spitze-spitze"
     r"|crête[- ]à[- ]crête)|(?P<rms>rms|r\.m\.s|eff(?:ektiv(?:wert)?|icace)?)|(?P<peak>0-p(?:k|eak)?|peak|pk))"
 )
-_SCALING = re.compile(rf"(?i)(?P<apart>[\s_,]*){_SCALINGS}\.?$")
+#: g rms, Accel [g] (rms)
+_SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
 _SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
@@ -98,20 +99,29 @@ def parse_header(text: str) -> ColumnHeader:
     rest, last = _take_scaling(text.strip(), apart=True)
     if (inside := _UNIT_WITHIN.search(rest)) and any(find_powers(inside[1]) or ()):
         rest = f"{rest[: inside.start()]}{rest[inside.end() :]} [{inside[1]}]"
-    match = _UNIT.match(rest) or _BARE_UNIT.match(rest)
-    title, within = (match[1].rstrip("/ "), match[match.lastindex or 2]) if match else (rest, "")
+    match = _UNIT.match(rest)
+    title, within = (match[1].rstrip("/ "), match[2]) if match else _split_bare_unit(rest)
     within, inner = _take_scaling(within, apart=False)
-    if inner and not within:  # Accel [g] (rms)
-        return replace(parse_header(title), text=text, scaling=inner)
     name, first = _take_scaling(title, apart=True)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    if match and match.re is _BARE_UNIT:
-        marked = known or match["mark"].strip() in ("/", ",")
-        if rest.lower() in _KNOWN_NAMES or not (marked and _is_unit(name.lower(), within)):
-            title, within, name, match = rest, "", rest, None
     scaling = inner or last or first or _name_scaling(_SCALING_WITHIN.search(title))
-    title = title if match else text.strip()
+    title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
+
+
+def _split_bare_unit(text: str) -> tuple[str, str]:
+    """Name and unit of a header without brackets; of a name that is not known only a unit after a comma or slash."""
+    for mark in _BEFORE_UNIT.finditer(text) if text.lower() not in _KNOWN_NAMES else ():
+        title, within = text[: mark.start()], text[mark.end() :]
+        name = _take_scaling(title, apart=True)[0].lower()
+        if (name in _KNOWN_NAMES or mark[0].strip() in ("/", ",")) and _is_unit(name, within):
+            return title, within
+    return text, ""
+
+
+def is_in_decibels(header: ColumnHeader) -> bool:
+    """Whether the unit of a column is a level in decibels."""
+    return bool(_DECIBELS.search(header.unit))
 
 
 def refuse_decibels(what: str, text: str) -> None:
