@@ -60,7 +60,8 @@ class _Content:
             such = "N" if what == "force" else "g/g" if own else "m/s^2"
             expected = f"in its header, by --unit {what}={such}, or in --correct FILE.toml"
             raise InputError(f"the unit of {reading.name!r} is not known", expected=expected)
-        return own.replace("m/s2", "m/s^2")
+        option = f"--unit {what}=UNIT, or of volts unit and scale in --correct FILE.toml,"
+        return unit(own.replace("m/s2", "m/s^2"), what=f"of {reading.name!r} the unit", option=option).text
 
 
 def find_peak_factor(name: str, scaling: str | None, summary: Summary) -> float:
@@ -132,14 +133,14 @@ def _leave_out_other(
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
     """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
     stated, place = source.stated, table.setting.get("force")
-    units = {reading.name: table.headers[reading.main].unit for reading in readings}
+    units = {r.name: stated.of(r.name).unit or table.headers[r.main].unit for r in readings}
     free = [reading for reading in readings if not stated.of(reading.name).role]
     at_place = [reading for reading in free if reading.main == place and not split_ratio(units[reading.name], "")]
     called = {r.name: r.name.partition(" / ")[0] for r in free if not split_ratio(units[r.name], "")}  # no tip / force
-    called = {name: text for name, text in called.items() if not units[name] or find_powers(units[name])} or called
     named = [r for r in readings if stated.of(r.name).role == "drive" or DRIVE.search(called.get(r.name, ""))]
     named = named or [reading for reading in free if NUMBERED.search(called.get(reading.name, ""))]
-    forces = [r for r in free if find_powers(stated.of(r.name).unit or units[r.name]) == (1, 0, 0)]
+    named = [r for r in named if not units[r.name] or find_powers(units[r.name])] or named  # volts beside a force
+    forces = [r for r in free if find_powers(units[r.name]) == (1, 0, 0)]
     drives = at_place if "force" in source.facts.columns else named or at_place
     drives = drives or (forces if len(forces) == 1 else [])
     if any(reading in forces for reading in drives) and len(drives) > 1:

@@ -71,8 +71,7 @@ def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
-    """Rows at which a new sweep begins: the frequency goes back by half its range, in a step or many, or turns where the force
-    changes.
+    """Rows at which a new sweep begins: the frequency goes back by half its range, or turns where the force changes.
 
     Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
     """

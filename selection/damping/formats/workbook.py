@@ -45,7 +45,7 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
 
 
 def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tuple[int, str], bytes]:
-    """Sheets with cells by number from 1 and title: a line for each row, cells between tabs; hidden ones only if chosen.
+    """Sheets with cells by number from 1 and title: rows as lines, cells between tabs; hidden ones if chosen.
 
     InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text.
     AnalysisError: openpyxl is not installed.
