@@ -12,12 +12,14 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import ChannelCorrection, Corrections
+from damping.campaign.runs import ChannelCorrection, Corrections, find_level
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
+from damping.formats import read_file
 from damping.formats.headers import parse_header
 from damping.formats.sensors import group_columns
-from damping.formats.series import Stated
+from damping.formats.series import Stated, Summary
+from damping.formats.steady import steady_record
 
 SIZE = 10_000_000
 LEVELS = (1.0, 2.0, 4.0, 8.0)  # N
@@ -160,6 +162,133 @@ def test_modes_and_damping_are_the_true_ones(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("frequency", "force", "amplitude", "phase", "scale"),
+    [
+        ("Freq. (Hz)", "Force (N)", "{} Amplitude (mm)", "{} Phase(°)", 1.0),
+        ("Hz", "Force (N) [rms]", "{} (mm) (rms)", "{} (deg)", 0.5**0.5),
+        ("freq_Hz", "force_rms_N", "RMS {} [mm]", "{}_phase_deg", 0.5**0.5),
+        ("Frequency, Hz", "Force, N", "Disp {}, mm", "Phase {}, deg", 1.0),
+        ("Frequenz / Hz", "Erregerkraft / N", "{} Betrag / mm", "{} Phasenwinkel / °", 1.0),
+        ("Frequenz [Hz]", "Kraft [N eff]", "{} Effektivwert [mm]", "Phase {} [°]", 0.5**0.5),
+        ("Fréq. (Hz)", "Effort (N) crête-à-crête", "{} (mm) crête-à-crête", "déphasage {} (°)", 2.0),
+        ("Linear [Hz]", "Force [N peak-peak]", "{} Spitze-Spitze [mm]", "φ {} [°]", 2.0),
+        ('"Frequency\n(Hz)"', '"Force\n(N)"', '"{}\n(mm)"', '"{} phase\n(deg)"', 1.0),
+        ("Frequency [Hz]", "Force [N]", "FRF {} / Force (mm/N)", "Phase {} / Force [°]", 1.0),
+    ],
+)
+def test_headers_of_instruments_are_read(tmp_path, frequency, force, amplitude, phase, scale):
+    level, path = 4.0, tmp_path / "sine_4N.csv"
+    columns = {frequency: F, force: np.full(len(F), scale * level)}
+    for name, x in zip(NAMES, TRUTH[level], strict=True):
+        of_force = level if "mm/N" in amplitude else 1.0
+        columns |= {amplitude.format(name): scale / of_force * np.abs(x), phase.format(name): np.degrees(np.angle(x))}
+    rows = pd.DataFrame(columns).to_csv(index=False, header=False, sep=";")
+    path.write_text(";".join(columns) + "\n" + rows, encoding="utf-8")
+    (run,), _ = read_runs([path], SIZE)
+    assert (run.level, run.drive_unit) == (pytest.approx(level), "N")
+    for channel, x in zip(run.channels, TRUTH[level], strict=True):
+        samples = channel.samples * (run.drive if channel.per_drive else 1.0)
+        np.testing.assert_allclose(samples / run.drive, x / level, rtol=1e-9)
+
+
+@pytest.mark.parametrize("order", ["levels at each frequency", "levels up and down", "merged cells"])
+def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
+    tables = [table(level) for level in LEVELS]
+    if order == "levels at each frequency":
+        content = pd.concat(tables).sort_values(["Frequency [Hz]", "Force [N]"])
+    elif order == "levels up and down":
+        content = pd.concat([one[:: 1 - 2 * (k % 2)] for k, one in enumerate(tables)])
+        content["Force [N]"] *= 1.0 + 1e-4 * np.sin(np.arange(len(content)))  # as measured
+    else:  # a workbook has the text of merged cells in the first of them
+        first = np.arange(len(F)) == 0
+        content = pd.concat(
+            [one.assign(Level=np.where(first, f"{level:g} N", "")) for one, level in zip(tables, LEVELS, strict=True)]
+        )
+    content.to_csv(tmp_path / "a.csv", index=False)
+    runs, _ = read_runs([tmp_path / "a.csv"], SIZE)
+    np.testing.assert_allclose([run.level for run in runs], LEVELS, rtol=1e-3)
+    for run, level in zip(runs, LEVELS, strict=True):
+        np.testing.assert_allclose(run.channels[1].samples, TRUTH[level][1], rtol=1e-9)
+
+
+def test_a_sweep_up_and_down_is_two(tmp_path):
+    """Where a joint jumps, both ways differ at the same frequencies."""
+    content = table(2.0)
+    pd.concat([content, content[::-1].assign(**{"tip [mm]": 1.1 * content["tip [mm]"]})]).to_csv(
+        tmp_path / "a.csv", index=False
+    )
+    up, down = read_runs([tmp_path / "a.csv"], SIZE)[0]
+    np.testing.assert_allclose(up.channels[0].samples, TRUTH[2.0][0], rtol=1e-9)
+    np.testing.assert_allclose(down.channels[0].samples, 1.1 * TRUTH[2.0][0], rtol=1e-9)
+
+
+def test_what_is_no_motion_is_left_out_and_said(tmp_path):
+    """Hidden sheets, lists of modes, counters, texts, percentages, volts and levels in decibels."""
+    with pd.ExcelWriter(tmp_path / "a.xlsx") as book:
+        pd.DataFrame({"Mode": [1, 2], "Frequency [Hz]": [12.0, 19.0]}).to_excel(book, sheet_name="modes", index=False)
+        for level in LEVELS:
+            content = table(level).assign(**{"tip THD [%]": 1.0, "Remark": "ok", "Shaker voltage [V]": 0.1})
+            content["tip [dB]"] = 20.0 * np.log10(content["tip [mm]"])
+            content.to_excel(book, sheet_name=f"{level:g} N")
+        table(2.0).to_excel(book, sheet_name="old 2 N", index=False)
+        book.sheets["old 2 N"].sheet_state = "hidden"
+    runs, summary = read_runs([tmp_path / "a.xlsx"], SIZE)
+    require_truth(runs)
+    assert any("Remark, Shaker voltage left out" in note for note in summary.notes)
+    assert any("'modes' is skipped" in note for note in summary.notes)
+
+
+def test_a_level_without_a_drive_is_taken_with_a_caution(tmp_path):
+    table(4.0).drop(columns="Force [N]").to_csv(tmp_path / "sine 4,0 N.csv", index=False)
+    (run,), summary = read_runs([tmp_path / "sine 4,0 N.csv"], SIZE)
+    np.testing.assert_allclose(run.channels[2].samples / run.drive, TRUTH[4.0][2] / 4.0, rtol=1e-9)
+    assert any("caution: 'sine 4,0 N' has no drive: 4 N of its label" in note for note in summary.notes)
+
+
+@pytest.mark.parametrize("text", ["sine 0,5 g", "sine_0p5g", "0.5 g", "0.5_g up"])
+def test_levels_have_decimal_marks_of_either_kind(text):
+    assert find_level(text.replace("_", " ")) == (0.5, "g")
+
+
+@pytest.mark.parametrize("is_complex", [True, False])
+def test_units_of_arrays_say_rms(tmp_path, is_complex):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file.create_group("run_2N")
+        group["frequency"], group["force"] = F, np.full(len(F), 2.0 / np.sqrt(2.0))
+        group["force"].attrs["units"] = "N rms"
+        for name, x in zip(NAMES, TRUTH[2.0] / np.sqrt(2.0), strict=True):
+            group[name] = x if is_complex else np.abs(x)
+            group[name].attrs["units"] = "mm rms"
+            if not is_complex:
+                group[f"{name}_phase"] = np.angle(x)
+    (run,), _ = read_runs([tmp_path / "a.h5"], SIZE)
+    assert run.level == pytest.approx(2.0)
+    np.testing.assert_allclose(run.channels[run.names.index("tip")].samples, TRUTH[2.0][0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        ("Freq. (Hz)", "Force (N) [rms]", "Accel (g) (rms)", "Phase (°)"),
+        ("freq_Hz", "force_rms_N", "acc_rms_g", "phase_deg"),
+        ("Frequenz / Hz", "Kraft / N eff", "Beschleunigung / g eff", "Phase / °"),
+    ],
+)
+def test_a_table_of_one_sensor_is_what_import_reads(tmp_path, columns):
+    g_mm, w = 9806.65, 2 * np.pi * F
+    values = (F, np.full(len(F), 2.0), w**2 * np.abs(TRUTH[2.0][0]) / g_mm, np.degrees(np.angle(-TRUTH[2.0][0])))
+    pd.DataFrame(dict(zip(columns, values, strict=True))).to_csv(tmp_path / "a.csv", index=False, sep=";")
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
+    record = steady_record(*read_file(tmp_path / "a.csv", Stated())[:1], Stated(), "a.csv", Summary()).frame
+    for frame_column, here in (("amplitude", run.channels[0].samples * 9.80665 / -(w**2)), ("force", run.drive)):
+        np.testing.assert_allclose(record[frame_column], np.abs(here), rtol=1e-9)
+    np.testing.assert_allclose(
+        np.exp(-1j * record["phase"]), np.exp(1j * np.angle(-run.channels[0].samples)), rtol=1e-9
+    )
+    np.testing.assert_allclose(record["amplitude"], np.sqrt(2.0) * 1e-3 * np.abs(TRUTH[2.0][0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
     ("headers", "found"),
     [
         (["tip [g]", "tip phase [deg]"], {"tip": {"amplitude": 0, "angle": 1}}),
@@ -175,6 +304,10 @@ def test_modes_and_damping_are_the_true_ones(tmp_path):
         (["tip [g]", "tip phase [deg]", "tip coherence"], {"tip": {"amplitude": 0, "angle": 1}}),
         (["tip_lag_deg", "tip"], {"tip": {"amplitude": 1, "lag_deg": 0}}),
         (["amplitude", "phase"], {"amplitude": {"amplitude": 0, "phase": 1}}),
+        (["A1 [g]", "A2 [g]", "Ph1 [deg]", "Ph2 [deg]"],
+         {"A1": {"amplitude": 0, "angle": 2}, "A2": {"amplitude": 1, "angle": 3}}),
+        (["tip [g]", "tip [dB]", "tip phase [deg]"], {"tip": {"amplitude": 0, "angle": 2}}),
+        (["tip Realteil [g]", "tip Imaginärteil [g]"], {"tip": {"x": 0, "y": 1}}),
     ],
 )  # fmt: skip
 def test_columns_are_sensors_by_their_words(headers, found):
@@ -270,6 +403,20 @@ def test_headers_and_corrections_state_scaling_unit_and_role(tmp_path):
         (lambda t: t, {"columns": {"force": "drive"}}, r"0 columns are 'drive'; expected one of Frequency"),
         (lambda t: t.assign(**{"force 2 [N]": 1.0}), {}, r"2 drives, .*expected one force"),
         (lambda t: t.assign(**{"mid re [g]": 1.0, "mid im [g]": 1.0}), {}, r"2 sensors are 'mid'"),
+        (
+            lambda t: t.set_axis(
+                ["f", "F [N]", "Phase [deg]", "A [g]", "Phase [deg]", "B [g]", "Phase [deg]", "C [g]"], axis=1
+            ),
+            {},
+            r"which column belongs to 'Phase",
+        ),
+        (
+            lambda t: t.rename(columns={"Force [N]": "Force [mV]"}),
+            {},
+            r"the unit 'mV' is not.*unit and scale in --corr",
+        ),
+        (lambda t: t.rename(columns={c: c.replace("mm", "-") for c in t}), {}, r"'tip' is not known.*response=g/g"),
+        (lambda t: t.rename(columns={"tip [mm]": "tip [dB re 1 g]"}), {}, r"decibels \('tip \[dB re 1 g\]'\)"),
         (lambda t: t.iloc[:20], {}, r"lead or lag cannot be determined.*columns called lead or lag"),
     ],
 )

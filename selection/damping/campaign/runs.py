@@ -31,8 +31,10 @@ from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import count, describe_shortened
 
-#: A level in a label: a number with a unit.
-LEVEL = re.compile(r"(?<![\w.])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:\.\d+)?)[\s_]*(mN|kN|N|g|m/s\^?2)(?![\w/])")
+#: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
+LEVEL = re.compile(
+    r"(?<![\w.,])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:[.,p]\d+)?)[\s_]*(mN|kN|N|lbf|g|m/s(?:\^?2|²))(?![\w/])"
+)
 DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
 #: Names of numbered drive channels, such as ``force_1``.
 NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
@@ -215,6 +217,11 @@ def describe_quantity(text: str, name: str) -> str:
     return _MOTIONS[powers]
 
 
+def is_motion(text: str) -> bool:
+    """Whether a unit is of a displacement, velocity or acceleration, or of its ratio to a drive."""
+    return find_powers(text) in _MOTIONS or split_ratio(text, "") is not None
+
+
 def split_ratio(text: str, drive: str) -> tuple[str, str] | None:
     """Units of motion and drive of a ratio, such as (m/s^2)/N; None of a motion.
 
@@ -249,7 +256,7 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
 def find_level(text: str) -> tuple[float, str] | None:
     """A level and its unit in a label; None if there is none."""
     match = LEVEL.search(text)
-    return (float(match[1]), match[2].replace("m/s2", "m/s^2")) if match else None
+    return (float(re.sub("[,p]", ".", match[1])), re.sub("m/s.*", "m/s^2", match[2])) if match else None
 
 
 def find_level_of_ratio(label: str, per: str) -> tuple[float, str]:
@@ -268,7 +275,7 @@ def find_level_of_ratio(label: str, per: str) -> tuple[float, str]:
 
 def refuse_forces(label: str, names: Sequence[str]) -> InputError:
     """The error of several forces at once."""
-    expected = "one force, or controls of one base (--correct: role = 'out' of the others)"
+    expected = "one force, or controls of one base (--correct: role = 'sensor' or 'out' of the others)"
     return InputError(f"{label}: {len(names)} drives, {', '.join(names[:4])}", expected=expected)
 
 

@@ -23,13 +23,14 @@ from damping.campaign.runs import (
     summarise_runs,
 )
 from damping.campaign.sensors import EXPLAINED, SCALINGS
-from damping.campaign.tables import read_table_runs
+from damping.campaign.tables import find_peak_factor, read_table_runs
 from damping.campaign.tracked import Source, is_of_time, list_headers, read_table
 from damping.errors import InputError, naming
 from damping.formats import check
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.headers import ROLE_NAMES
 from damping.formats.quantity import unit
+from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary
 from damping.records.text import name_apart, read_start
 from damping.signals.windows import UNEVEN
@@ -141,25 +142,27 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     contents = read_arrays(source.file, "hdf5", list(paths.values()), source.most)
     f = contents.arrays[paths[x]][0].real.reshape(-1)
     level = find_level(group.replace("_", " "))
-    of_drive = contents.units.get(paths[drive], "")
+    headers = {path: describe_array("", contents.units.get(path, "")) for path in paths.values()}  # g rms
+    factors = {p: find_peak_factor(p, header.scaling, source.summary) for p, header in headers.items() if p != paths[x]}
+    of_drive = headers[paths[drive]].unit
     source.note_scaling(paths.values())
     channels: list[Channel] = []
     source.channels.add(drive)
     for leaf, path in paths.items():
         if leaf in (x, drive) or path not in contents.arrays:
             continue
-        values = contents.arrays[path][0]
+        values = factors[path] * contents.arrays[path][0]
         rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
         if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
             what = f"{path} is skipped: no complex spectra at {len(f)} frequencies"
             source.summary.note(f"{source.file.name}: {what}")
             source.channels.add(leaf)
             continue
-        text = contents.units.get(path, "") or of_drive or (level[1] if level else "")
+        text = headers[path].unit or of_drive or (level[1] if level else "")
         names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
         channels += filter(None, (source.make_channel(name, text, row) for name, row in zip(names, rows, strict=True)))
     usual = of_drive or (level[1] if level else channels[0].unit if channels else "")
-    values = contents.arrays[paths[drive]][0] * stated.scale
+    values = factors[paths[drive]] * contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = source.stated.join_controls(list(rows))
     return source.set_level(

@@ -7,10 +7,13 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.runs import (
+    DRIVE,
     NUMBERED,
     CampaignRun,
     describe_quantity,
+    find_level,
     find_level_of_ratio,
+    is_motion,
     refuse_forces,
     split_ratio,
 )
@@ -19,13 +22,14 @@ from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
-from damping.formats.series import Samples, Series
+from damping.formats.series import Samples, Series, Summary
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
-from damping.records.text import count
+from damping.records.text import count, describe_shortened
 
 #: Least area, twice and over the largest |H|^2, that H passes round 0 in the mean of sensors and sweeps, for phases to
 #: be a lead or a lag: a resonance has pi/2, a tail next to nothing, and noise of neighbouring rows cancels.
 TURNS = 0.2
+_PHASES = "a column tip phase [deg], or parts re and im; --correct FILE.toml: role = 'out'"
 
 
 @dataclass(frozen=True)
@@ -52,20 +56,19 @@ class _Content:
         """Unit of a reading: as stated, else in its header. InputError: it has none."""
         text = self.table.headers[reading.main].unit
         own = self.source.stated.of(reading.name).unit or self.source.facts.units.get(what) or text
-        if not own:
-            such = "N" if what == "force" else "m/s^2"
+        if own in ("", "-", "1"):
+            such = "N" if what == "force" else "g/g" if own else "m/s^2"
             expected = f"in its header, by --unit {what}={such}, or in --correct FILE.toml"
             raise InputError(f"the unit of {reading.name!r} is not known", expected=expected)
-        return own.replace("m/s2", "m/s^2")
+        option = f"--unit {what}=UNIT, or of volts unit and scale in --correct FILE.toml,"
+        return unit(own.replace("m/s2", "m/s^2"), what=f"of {reading.name!r} the unit", option=option).text
 
-    def find_factor(self, reading: SensorColumns) -> float:
-        """Factor of a reading to peak values, by its header."""
-        scaling = self.table.headers[reading.main].scaling or "peak"
-        if scaling != "peak":
-            self.source.summary.add(
-                f"amplitudes of {reading.name!r}", f"{scaling}, made peak values", "found in the file"
-            )
-        return SCALINGS[scaling]
+
+def find_peak_factor(name: str, scaling: str | None, summary: Summary) -> float:
+    """Factor of a channel to peak values, by the scaling in its header or unit; other than peak is said."""
+    if scaling not in (None, "peak"):
+        summary.add(f"amplitudes of {name!r}", f"{scaling}, made peak values", "found in the file")
+    return SCALINGS[scaling or "peak"]
 
 
 def read_table_runs(source: Source) -> list[CampaignRun]:
@@ -75,14 +78,21 @@ def read_table_runs(source: Source) -> list[CampaignRun]:
     nor can be determined.
     """
     tables = read_tables(source.file, source.facts, source.summary, source.most)
-    return [run for table in tables for run in _list_runs(_read_content(table, source))]
+    contents = [_read_content(table, source, is_only=len(tables) == 1) for table in tables]
+    if not any(contents):
+        raise InputError("no sensor has a phase", expected=_PHASES)
+    return [run for content in contents if content for run in _list_runs(content)]
 
 
-def _read_content(table: SensorTable, source: Source) -> _Content:
+def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Content | None:
+    """The content of a table; None of one without phases, such as a list of modes, unless it ``is_only``."""
     stated = source.stated
     out = [name for name, channel in stated.channels.items() if channel.role == "out"]
     source.channels.update(set(out) & {name for header in table.headers for name in (header.name, header.text)})
     readings = group_columns(table.headers, table.is_complex, table.rows.values(), out)
+    if not is_only and not any(reading.has_phase or table.is_complex[reading.main] for reading in readings):
+        source.summary.note(f"{table.label!r} is skipped: no sensor has a phase")
+        return None
     names = [reading.name for reading in readings]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -92,10 +102,7 @@ def _read_content(table: SensorTable, source: Source) -> _Content:
     sensors = [reading for reading in readings if reading not in drives]
     if not sensors:
         raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
-    phaseless = next((reading.name for reading in sensors if not reading.has_phase), None)
-    if phaseless is not None:
-        expected = f"a column {phaseless} phase [deg], or parts re and im; --correct FILE.toml: role = 'out'"
-        raise InputError(f"{phaseless!r} has no phase", expected=expected)
+    readings, sensors = _leave_out_other(table, readings, sensors, source)
     values, labels = table.read(table.rows, [place for reading in readings for place in reading.roles.values()])
     if labels is not None:
         said = table.headers[table.rows["sweep"]].unit
@@ -103,18 +110,40 @@ def _read_content(table: SensorTable, source: Source) -> _Content:
     return _Content(table, values, labels, drives, sensors, source)
 
 
+def _leave_out_other(
+    table: SensorTable, readings: Sequence[SensorColumns], sensors: Sequence[SensorColumns], source: Source
+) -> tuple[list[SensorColumns], list[SensorColumns]]:
+    """Readings and sensors without columns that have neither a phase nor, where others have one, a unit of motion.
+
+    InputError: a motion, or in a table without units any column, has no phase.
+    """
+    phaseless = [reading for reading in sensors if not reading.has_phase]
+    moving = [one for one in sensors if is_motion(source.stated.of(one.name).unit or table.headers[one.main].unit)]
+    has_units = any(reading.has_phase for reading in moving)
+    other = [reading for reading in phaseless if has_units and reading not in moving]
+    if lost := [repr(reading.name) for reading in phaseless if reading not in other]:
+        further = f" (likewise of {describe_shortened(', '.join(lost[1:]), 100)})" if lost[1:] else ""
+        raise InputError(f"{lost[0]} has no phase", expected=_PHASES.replace("tip", lost[0].strip("'")) + further)
+    if other:
+        listed = describe_shortened(", ".join(reading.name for reading in other), 100)
+        source.summary.note(f"{table.label}: {listed} left out: neither a phase nor a unit of motion")
+    return [one for one in readings if one not in other], [one for one in sensors if one not in other]
+
+
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
     """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
     stated, place = source.stated, table.setting.get("force")
-    at_place = [reading for reading in readings if reading.main == place and not stated.of(reading.name).role]
-    numbered = [reading for reading in readings if NUMBERED.search(reading.name) and not stated.of(reading.name).role]
-    named = [reading for reading in readings if stated.is_drive(reading.name)] or numbered
-    units = {reading.name: table.headers[reading.main].unit for reading in readings}
-    by_unit = stated.choose_drive(units)
+    units = {r.name: stated.of(r.name).unit or table.headers[r.main].unit for r in readings}
+    free = [reading for reading in readings if not stated.of(reading.name).role]
+    at_place = [reading for reading in free if reading.main == place and not split_ratio(units[reading.name], "")]
+    called = {r.name: r.name.partition(" / ")[0] for r in free if not split_ratio(units[r.name], "")}  # no tip / force
+    named = [r for r in readings if stated.of(r.name).role == "drive" or DRIVE.search(called.get(r.name, ""))]
+    named = named or [reading for reading in free if NUMBERED.search(called.get(reading.name, ""))]
+    named = [r for r in named if not units[r.name] or find_powers(units[r.name])] or named  # volts beside a force
+    forces = [r for r in free if find_powers(units[r.name]) == (1, 0, 0)]
     drives = at_place if "force" in source.facts.columns else named or at_place
-    drives = drives or [reading for reading in readings if reading.name == by_unit]
-    forces = [reading.name for reading in drives if find_powers(units[reading.name]) == (1, 0, 0)]
-    if forces and len(drives) > 1:
+    drives = drives or (forces if len(forces) == 1 else [])
+    if any(reading in forces for reading in drives) and len(drives) > 1:
         raise refuse_forces(table.label, [reading.name for reading in drives])
     return drives
 
@@ -126,7 +155,12 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
     for reading in content.drives:
         of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], reading)]
         series[reading.name] = content.list_series(reading, drive) if reading.has_phase else of_force
-    factors = {reading.name: content.find_factor(reading) for reading in (*content.sensors, *content.drives)}
+    scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
+    factors = {name: find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
+    silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
+    if silent and set(scalings.values()) - {None, "peak"}:
+        listed = describe_shortened(", ".join(silent), 100)
+        content.source.summary.note(f"caution: {listed}: taken as peak values, beside others that are not")
     first = series[content.sensors[0].name]
     sweeps = [
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
@@ -149,9 +183,9 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     measured = np.all([np.isfinite(of.abscissa), of.abscissa > 0.0, *map(np.isfinite, values.values())], axis=0)
     measured &= np.all([np.abs(values[reading.name]) > 0.0 for reading in content.drives], axis=0)
     if not measured.any():
-        raise InputError(
-            f"{of.label}: no row has all numbers", expected="a frequency > 0, a drive > 0 and every response"
-        )
+        empty = next((f" ({name!r} has none)" for name, column in values.items() if not np.isfinite(column).any()), "")
+        expected = "a frequency > 0, a drive > 0 and every response; --correct FILE.toml: role = 'out'"
+        raise InputError(f"{of.label}: no row has all numbers{empty}", expected=expected)
     if lost := int(np.count_nonzero(~measured)):
         content.source.summary.note(f"{count(lost, 'row')} of {of.label!r} left out: without all numbers")
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
@@ -198,11 +232,16 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
             [stated.of(reading.name).scale * sweep.values[reading.name] for reading in content.drives]
         )
     else:
+        label = sweep.label.replace("_", " ")
         per = next((parts[1] for parts in ratios.values() if parts), None)
-        if per is None:
-            expected = "a column called control, drive, base or force, or --column force=NAME"
+        said = find_level(label)
+        if per is None and said is None:
+            expected = "a column called control, drive, base or force, --column force=NAME, or a level in the label"
             raise InputError(f"{sweep.label}: no drive", expected=expected)
-        level, drive_unit = find_level_of_ratio(sweep.label.replace("_", " "), per)
+        level, drive_unit = find_level_of_ratio(label, per or "")
+        if per is None:
+            taken = f"{level:g} {drive_unit} of its label is taken as its amplitude in every row"
+            source.summary.note(f"caution: {sweep.label!r} has no drive: {taken}")
         drive = np.full(len(sweep.x), level, dtype=complex)
     channels = []
     for name, ratio in ratios.items():

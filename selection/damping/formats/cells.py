@@ -5,12 +5,12 @@ import re
 from damping.errors import InputError
 from damping.records.text import describe_shortened
 
-_MISSING = ("", "nan", "NaN", "NA", "--")
+_MISSING = ("", "nan", "NaN", "NA", "--", "#N/A", "#NV", "n/a")
 #: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
 #: A number or a missing value, by decimal mark.
 NUMBER = {
-    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|")
+    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|#N/A|#NV|n/a|")
     for name, mark in DECIMALS.items()
 }
 #: Digits in groups of three, and such an integer.

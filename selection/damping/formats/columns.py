@@ -25,6 +25,7 @@ _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _COMMENTS = ("#", "%")
+_BREAK = re.compile(r"\s*[\r\n]+\s*")
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -151,13 +152,8 @@ def read_columns(
     """
     data, encoding = recode(data)
     layout = replace(determine_layout(data, delimiter, skip, decimal), encoding=encoding)
-    whole = not (layout.comments or layout.numbered or layout.units)  # a header of quoted cells may span lines
-    above, mark = skip + layout.header - whole, DELIMITERS[layout.delimiter]
-    rows = CsvRows(data, mark, comments=layout.comments, skip=above)
-    line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
-    if header is None:
-        raise rows.problem or InputError("no header", expected=f"a row of column names after {skip} lines")
-    names = [unguarded(name.strip().lstrip("#%").strip()) for name in header]
+    line, names, rows = read_header(data, layout, skip)
+    mark = DELIMITERS[layout.delimiter]
     places, response = _places(names, mapped, known, line)
     if not set(places) - {"sweep"}:
         raise _no_role(names, layout, line)
@@ -185,6 +181,20 @@ def read_columns(
     thousands.require_none()
     headers = {role: parse_header(names[place]) for role, place in places.items()}
     return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
+
+
+def read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str], CsvRows]:
+    """The line and the names of a header, whose quoted cells may span lines, and the rows below it.
+
+    InputError: no header.
+    """
+    whole = not (layout.comments or layout.numbered or layout.units)
+    above = skip + layout.header - whole
+    rows = CsvRows(data, DELIMITERS[layout.delimiter], comments=layout.comments, skip=above)
+    line, header = next(rows, (0, None)) if whole else (above, list(layout.names))
+    if header is None:
+        raise rows.problem or InputError("no header", expected=f"a row of column names after {skip} lines")
+    return line, [unguarded(_BREAK.sub(" ", name.strip()).lstrip("#%").strip()) for name in header], rows
 
 
 def determine_layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:

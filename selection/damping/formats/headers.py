@@ -19,11 +19,16 @@ from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
-_BARE_UNIT = re.compile(r"^(.*?\S)(?:\s+in\s+|\s*/\s*|\s+)([^\W\d_]\S*|°)$")  # force N, Kraft in kN, Frequenz/Hz
-_SCALING = re.compile(
-    r"(?i)(?P<apart>[\s_,]*)(?:(?P<pp>peak[- ]to[- ]peak|pk-pk|p-p|pkpk|pp)|(?P<rms>rms|r\.m\.s|eff)"
-    r"|(?P<peak>0-p(?:k|eak)?|peak|pk))\.?$"
+#: force N, force_N, Kraft in kN, Frequenz/Hz, Frequency, Hz
+_BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,]\s*|\s+|_)(?=[^\W\d_][^\s_]*$|°$)")
+_UNIT_WITHIN = re.compile(r"\s*[\[(]([^\[\]]+)[\])](?=\s)")  # tip (g/N) Real
+_SCALINGS = (
+    r"(?:(?P<pp>peak[- ](?:to[- ])?peak|pk[- ](?:to[- ])?pk|p-p|pkpk|pp|spitze-spitze"
+    r"|crête[- ]à[- ]crête)|(?P<rms>rms|r\.m\.s|eff(?:ektiv(?:wert)?|icace)?)|(?P<peak>0-p(?:k|eak)?|peak|pk))"
 )
+#: g rms, Accel [g] (rms)
+_SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
+_SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
@@ -92,16 +97,31 @@ def describe_angle(unit: str) -> str:
 def parse_header(text: str) -> ColumnHeader:
     """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft / kN eff``."""
     rest, last = _take_scaling(text.strip(), apart=True)
-    match = _UNIT.match(rest) or _BARE_UNIT.match(rest)
-    title, within = (match[1].rstrip("/ "), match[2]) if match else (rest, "")
+    if (inside := _UNIT_WITHIN.search(rest)) and any(find_powers(inside[1]) or ()):
+        rest = f"{rest[: inside.start()]}{rest[inside.end() :]} [{inside[1]}]"
+    match = _UNIT.match(rest)
+    title, within = (match[1].rstrip("/ "), match[2]) if match else _split_bare_unit(rest)
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    if match and match.re is _BARE_UNIT and not (known and _is_unit(name.lower(), within)):
-        title, within, name, match = rest, "", rest, None
-    scaling = inner or last or first
-    title = title if match else text.strip()
+    scaling = inner or last or first or _name_scaling(_SCALING_WITHIN.search(title))
+    title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
+
+
+def _split_bare_unit(text: str) -> tuple[str, str]:
+    """Name and unit of a header without brackets; of a name that is not known only a unit after a comma or slash."""
+    for mark in _BEFORE_UNIT.finditer(text) if text.lower() not in _KNOWN_NAMES else ():
+        title, within = text[: mark.start()], text[mark.end() :]
+        name = _take_scaling(title, apart=True)[0].lower()
+        if (name in _KNOWN_NAMES or mark[0].strip() in ("/", ",")) and _is_unit(name, within):
+            return title, within
+    return text, ""
+
+
+def is_in_decibels(header: ColumnHeader) -> bool:
+    """Whether the unit of a column is a level in decibels."""
+    return bool(_DECIBELS.search(header.unit))
 
 
 def refuse_decibels(what: str, text: str) -> None:
@@ -116,8 +136,11 @@ def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
     scaled = _SCALING.search(text)
     if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
         return text, None
-    kind = "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
-    return text[: scaled.start()].strip(), kind
+    return text[: scaled.start()].strip(), _name_scaling(scaled)
+
+
+def _name_scaling(scaled: re.Match[str] | None) -> str | None:
+    return None if scaled is None else "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
 
 
 def _is_unit(name: str, text: str) -> bool:
@@ -127,8 +150,10 @@ def _is_unit(name: str, text: str) -> bool:
             return True
     if name.startswith(("phase", "lag", "lead", "angle", "theta")):
         return text.lower() in _ANGLES
-    kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or NAMES["motion"]
-    kinds = ["force"] if name in ROLE_NAMES["force"] else kinds
+    if name not in _KNOWN_NAMES and text.lower() in _ANGLES:
+        return True
+    kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or [*NAMES["motion"]]
+    kinds = ["force"] if name in ROLE_NAMES["force"] else kinds if name in _KNOWN_NAMES else [*kinds, "force"]
     may_be = name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
     return find_powers(text) is not None and may_be
 
@@ -145,6 +170,7 @@ def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
 
 def _names_unit(text: str) -> bool:
     """Whether a text is a unit of an abscissa, an angle, or another quantity."""
+    text, _ = _take_scaling(text, apart=False)
     if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
         return True
     return find_powers(text) is not None and not text.isdecimal()
@@ -163,6 +189,9 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
             if role not in places and name in known and _may_be(role, header):
                 places[role] = place
                 break
+    in_hertz = [k for k, header in enumerate(headers) if header.unit.lower() in ("hz", "khz")]
+    if not {"frequency", "omega", "time"} & set(places) and len(in_hertz) == 1:
+        places["frequency"] = in_hertz[0]
     is_time = "time" in places and not {"frequency", "omega"} & set(places)
     response = None
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
@@ -215,7 +244,7 @@ def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
 def _known_words(header: ColumnHeader) -> dict[str, str]:
     """Quantity by known name of a column, or by each of its known words."""
     name = header.name.lower()
-    known = {word: kind for word in (name, *re.split(r"[\s_]+", name)) if (kind := _measures(word, header))}
+    known = {word: kind for word in (name, *re.split(r"[\s_.]+", name)) if (kind := _measures(word, header))}
     return {name: known[name]} if name in known else known
 
 

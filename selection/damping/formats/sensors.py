@@ -9,7 +9,15 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.errors import InputError
-from damping.formats.headers import NAMES, ColumnHeader, describe_angle, parse_header, recognise
+from damping.formats.headers import (
+    NAMES,
+    ColumnHeader,
+    describe_angle,
+    is_in_decibels,
+    parse_header,
+    recognise,
+    refuse_decibels,
+)
 from damping.formats.quantity import find_powers
 from damping.formats.sampling import split
 from damping.records.keys import OPTIONAL_COLUMNS
@@ -20,7 +28,7 @@ SETTING = ("sweep", "frequency", "omega", "force")
 _PARTS: dict[str, list[str]] = NAMES["part"]
 _PHASES = ("angle", "lag", "lead")
 _WORD = re.compile(r"[^\W_]+")
-_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")  # tipPhase
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[^\W\d_])(?=[0-9])")  # tipPhase, A1
 
 
 @dataclass(frozen=True)
@@ -77,16 +85,16 @@ def group_columns(
     InputError: a phase or an imaginary part that belongs to no column, or to several.
     """
     parts = {k: part for k, header in enumerate(headers) if k not in used and (part := _find_part(header))}
-    stems = [part.words for part in parts.values()]
+    phased = [part.words for part in parts.values() if part.kind in _PHASES]
     for k, part in parts.items():
         if is_complex[k]:
             parts[k] = replace(part, kind="response")
-        elif part.kind == "amplitude" and headers[k].angle and stems.count(part.words) > 1:
+        elif part.kind == "amplitude" and headers[k].angle and part.words not in phased:
             parts[k] = replace(part, kind="angle")
     parts = {k: part for k, part in parts.items() if not {part.name, headers[k].name} & set(out)}
     mains = {k: part for k, part in parts.items() if part.kind in ("amplitude", "response", "x")}
     roles = {k: {part.kind: k} for k, part in mains.items()}
-    free = [k for k in parts if k not in mains]
+    free, by_place = [k for k in parts if k not in mains], list[int]()
     for find in (_find_same, _find_alike, _find_left):
         for k in list(free):
             wanted = "x" if parts[k].kind == "y" else "amplitude"
@@ -95,8 +103,14 @@ def group_columns(
             if len(found) == 1:
                 roles[found[0]][_name_role(parts[k].kind, headers[k])] = k
                 free.remove(k)
-    lonely = next((k for k in [*free, *(m for m in mains if parts[m].kind == "x" and len(roles[m]) == 1)]), None)
+                by_place += [k] if find is _find_left else []
+    halves = (m for m in mains if parts[m].kind == "x" and len(roles[m]) == 1)
+    # a phase on the right of a drive and on the left of every sensor
+    before = (k for k in by_place if len(by_place) > 1 and parts.get(k + 1) and _is_bare(k + 1, roles, headers))
+    lonely = next((k for k in [*free, *halves, *before]), None)
     if lonely is not None:
+        for header in headers:
+            refuse_decibels("amplitude", header.text)
         expected = "names as tip [mm] and tip phase [deg], or tip re and tip im; --correct FILE.toml: role = 'out'"
         raise InputError(f"which column belongs to {describe_shortened(headers[lonely].text)!r}?", expected=expected)
     return [SensorColumns(part.name, k, roles[k]) for k, part in mains.items()]
@@ -105,11 +119,20 @@ def group_columns(
 def describe_array(name: str, unit: str) -> ColumnHeader:
     """The header of an array or channel with a unit ('' if none), without its groups or structures."""
     header = parse_header(split(name)[-1])
-    return replace(header, unit=unit) if unit else header
+    stated = parse_header(f"{header.name} [{unit}]")  # g rms
+    return replace(header, unit=stated.unit, scaling=stated.scaling or header.scaling) if unit else header
+
+
+def _is_bare(k: int, roles: Mapping[int, Mapping[str, int]], headers: Sequence[ColumnHeader]) -> bool:
+    """Whether a column is a motion without a phase."""
+    powers = find_powers(headers[k].unit)
+    return set(roles.get(k, ())) == {"amplitude"} and powers is not None and powers[1] == 1
 
 
 def _find_part(header: ColumnHeader) -> _Part | None:
     """What a column holds; None if it is no part of a motion or drive."""
+    if is_in_decibels(header):  # beside linear values
+        return None
     known = not header.unit or find_powers(header.unit) is not None or header.angle or header.unit in ("V", "mV")
     text = header.name if known else header.text  # Re(tip) has no unit
     words = _WORD.findall(_HUMP.sub(" ", text))

@@ -177,7 +177,7 @@ def _find_unit(role: str, values: Samples, stated: str) -> str:
     degrees = stated == "degrees" or role.endswith("_deg")
     if (role in ("phase", "lead") or stated == "radians") and large and not degrees:
         other = "lead_deg" if role == "lead" else "lag_deg"
-        expected = f"at most 2 pi, or --column {other}=NAME for degrees"
+        expected = f"at most 2 pi, or --column {other}=NAME for degrees (in a campaign [deg] in its header)"
         raise InputError(f"{role} in rad up to {size:.4g}", expected=expected)
     if degrees and not large and np.ptp(known) > _TURN_IN_RADIANS:
         message = f"{role} in degrees runs from {known.min():.3g} to {known.max():.3g}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -21,9 +22,11 @@ _FEWEST_IN_DISORDER = 12
 
 def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -> list[Series]:
     """The sweeps of a table by the label of each row, else split by `_cuts`."""
-    if labels is None and not whole.is_time:
+    if labels is not None:  # the label of merged cells is in the first of them
+        labels = list(accumulate(labels, _keep_above))
+    elif not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
-        if cuts and (levels := _find_levels_in_disorder(whole)) is not None:
+        if (levels := _find_levels_in_disorder(whole)) is not None:
             summary.note(f"rows in no order of frequency are sorted into {int(levels.max()) + 1} sweeps by their force")
             labels = [f"{whole.label} {level + 1}" for level in levels]
         elif cuts:
@@ -37,13 +40,27 @@ def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -
     return [_take_rows(whole, label or whole.label, rows) for label, rows in by_label.items()]
 
 
+def _keep_above(above: str, label: str) -> str:
+    return label or above
+
+
 def _find_levels_in_disorder(whole: Series) -> IntArray | None:
-    """Force level of each row (n,) where the frequency turns from row to row more than it goes on; else None."""
+    """Force level of each row (n,) where the frequency turns or stays from row to row more than it goes on; else None.
+
+    It stays where every level is taken before the next frequency.
+    """
     way, size = np.sign(np.diff(whole.abscissa)), np.abs(np.zeros(1) if whole.force is None else whole.force)
-    if len(way) < _FEWEST_IN_DISORDER or np.mean(way[1:] * way[:-1] < 0.0) < _DISORDER or not np.isfinite(size).all():
+    if len(way) < _FEWEST_IN_DISORDER or np.mean(way[1:] * way[:-1] <= 0.0) < _DISORDER or not np.isfinite(size).all():
         return None
     levels = number_levels(size * np.ones(len(whole.abscissa)))
-    return levels if (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
+    return levels if levels.max() > 0 and (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
+
+
+def _goes_back(onward: FloatArray) -> float:
+    """How far the frequency moves before it turns again: at once to the next sweep, or down a sweep."""
+    way = np.sign(np.diff(onward))
+    turns = np.flatnonzero(way * way[0] < 0.0)
+    return float(abs(onward[turns[0] if len(turns) else -1] - onward[0]))
 
 
 def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
@@ -65,9 +82,10 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
         passed = frequency[rows[first:k]]
         step = frequency[rows[k]] - passed[-1]
         back = step * (passed[-1] - passed[0]) < 0.0
-        if back and len(passed) >= _FEWEST_ROWS and abs(step) > _RESTART * np.ptp(passed):
-            starts.add(int(rows[k]))
-            first = k
+        if back and len(passed) >= _FEWEST_ROWS and _goes_back(frequency[rows[k - 1 :]]) > _RESTART * np.ptp(passed):
+            turns_in_steps = abs(step) <= _RESTART * np.ptp(passed)
+            first = k - 1 if turns_in_steps and passed[-1] == passed[-2] else k  # the end of both sweeps
+            starts.add(int(rows[first]))
     if force is not None:
         size = np.abs(force)
         changes = np.flatnonzero(size[1:] != size[:-1]) + 1

@@ -14,14 +14,14 @@ import numpy as np
 from damping.errors import InputError
 from damping.formats import find_format
 from damping.formats.arrays import read_arrays
-from damping.formats.columns import determine_layout, read_columns
+from damping.formats.columns import determine_layout, read_columns, read_header
 from damping.formats.headers import ColumnHeader, parse_header, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
 from damping.formats.workbook import list_sheets
-from damping.records.text import describe_shortened, read_bytes, recode, unguarded
+from damping.records.text import describe_shortened, read_bytes, recode
 
 #: Columns by place, for the places of ``frequency`` or ``omega``, ``sweep`` and others; and the label of each row.
 Read: TypeAlias = Callable[[Mapping[str, int], Sequence[int]], tuple[Mapping[int, Samples], Sequence[str] | None]]
@@ -80,7 +80,10 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> SensorTable:
     """A text table."""
     data, _ = recode(data)
     layout = determine_layout(data, stated.delimiter, stated.skip, stated.decimal)
-    headers = tuple(parse_header(unguarded(name.strip().lstrip("#%").strip())) for name in layout.names)
+    if layout.numbered:
+        expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
+        raise InputError(f"{label}: the table has no header", expected=expected)
+    headers = tuple(parse_header(name) for name in read_header(data, layout, stated.skip)[1])
 
     def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
         roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
@@ -202,7 +205,7 @@ def list_reading_series(
     for role, header in headers.items():
         if role in UNIT_OF:
             refuse_decibels(role, header.text)
-    require_alike({role: header.unit for role, header in headers.items()})
+    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         angles={role: header.angle for role, header in headers.items() if header.angle},

@@ -45,7 +45,7 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
 
 
 def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tuple[int, str], bytes]:
-    """Sheets with cells by number from 1 and title: a line for each row, cells between tabs.
+    """Sheets with cells by number from 1 and title: rows as lines, cells between tabs; hidden ones if chosen.
 
     InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text.
     AnalysisError: openpyxl is not installed.
@@ -62,7 +62,8 @@ def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tupl
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and checks of cells, which are not read
             book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
-        wanted = [(k, sheet) for k, sheet in enumerate(book.worksheets, 1) if not chosen or k in chosen]
+        sheets = enumerate(book.worksheets, 1)
+        wanted = [(k, of) for k, of in sheets if (k in chosen if chosen else of.sheet_state == "visible")]
         tables = {(k, str(sheet.title)): list(_list_rows(sheet, most)) for k, sheet in wanted}
     except InputError:
         raise
