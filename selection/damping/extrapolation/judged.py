@@ -51,9 +51,9 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
         return plan
     total = sum(member.weight for member in kept)
     names = ", ".join(f"{member.name} ({member.weight:.2f})" for member in missing if member.weight > LEAST_SAID)
-    note = f"left out, because the rows beside resonance exclude it (weight without them): {names}" if names else ""
+    note = f"laws left out, since rows away from resonance contradict them (weight by resonances alone): {names}"
     rescaled = tuple(replace(member, weight=member.weight / total) for member in kept)
-    return replace(plan, laws=rescaled, excluded=note)
+    return replace(plan, laws=rescaled, excluded=note if names else "")
 
 
 def _yield_to(

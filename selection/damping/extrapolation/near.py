@@ -208,7 +208,7 @@ class Plan:
         data: rows near resonance. laws: by weight on these rows, largest first. trend: local exponents. limit: force
             beyond which predictions are refused; infinite if there is none. fit: whether the leading law fits the
             levels. bistable: caution, empty if there is none or the mass is unknown. joint: evidence of the levels'
-            frequencies for a slipping joint. excluded: note on laws that the rows beside resonance exclude. state: the
+            frequencies for a slipping joint. excluded: laws that rows away from resonance contradict. state: the
             mass for which predictions hold, if the levels had several.
     """
 
