@@ -447,3 +447,14 @@ def test_the_command_takes_columns_and_units(tmp_path, damping, no_layout, few_d
             for one, x in zip(at["response"], TRUTH[level], strict=True):
                 # rows lie a fifth of a half width apart: their largest is within 2 % of the peak
                 np.testing.assert_allclose(one["median"], np.abs(x[near]).max(), rtol=0.02)
+
+
+def test_drives_in_several_units_are_levels_in_one(tmp_path):
+    """0.449618 lbf is 2.0000 N (1 lbf = 4.4482216 N, NIST SP 811); a force is no level of a base."""
+    files = write("csv", tmp_path)
+    text = files[1].read_text().replace("Force [N]", "Force [lbf]")
+    files[1].write_text(text.replace(f",{LEVELS[1]:.1f},", f",{LEVELS[1] / 4.4482216152605},"))
+    require_truth(read_runs(files, SIZE)[0])
+    files[1].write_text(text.replace("Force [lbf]", "Base [g]"))
+    with pytest.raises(InputError, match="driven in g, others in N; expected one kind of drive"):
+        read_runs(files, SIZE)

@@ -64,10 +64,22 @@ def read_runs(
         raise InputError("every run is left out", file=stated.source or None, expected="one at least")
     if len({run.is_time for run in runs}) > 1:
         raise InputError("free decays beside sweeps", expected="files of one kind")
-    runs = sorted(runs, key=lambda run: run.level or 0.0)
+    runs = sorted((_drive_in(run, runs[0].drive_unit) for run in runs), key=lambda run: run.level or 0.0)
     summarise_runs(runs, summary)
     _compare_labels([run for run in runs if run.label not in stated.levels], summary)
     return keep_common_sensors(runs), summary
+
+
+def _drive_in(run: CampaignRun, drive_unit: str) -> CampaignRun:
+    """The run with its drive and level in the unit of the others. InputError: that of another kind of drive."""
+    if run.drive is None or run.level is None or run.drive_unit == drive_unit:
+        return run
+    if unit(run.drive_unit).powers != unit(drive_unit).powers:
+        expected = "one kind of drive, or --correct FILE.toml: its unit"
+        raise InputError(f"{run.label}: driven in {run.drive_unit}, others in {drive_unit}", expected=expected)
+    k = unit(run.drive_unit).factor / unit(drive_unit).factor
+    channels = tuple(channel.scaled(1.0 / k) if channel.per_drive else channel for channel in run.channels)
+    return replace(run, drive_unit=drive_unit, drive=k * run.drive, level=k * run.level, channels=channels)
 
 
 def _compare_labels(runs: Sequence[CampaignRun], summary: Summary) -> None:

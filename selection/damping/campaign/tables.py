@@ -99,6 +99,9 @@ def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Cont
         raise InputError(f"{names.count(twice)} sensors are {twice!r}", expected="columns whose names differ")
     source.channels.update(names)
     drives = _choose_drives(table, readings, source)
+    joined = f", one of {len(drives)}, joined by their {source.stated.control}" if len(drives) > 1 else ""
+    for drive in drives:
+        source.summary.add(f"channel {drive.name!r}", f"drive{joined}", "found in the file")
     sensors = [reading for reading in readings if reading not in drives]
     if not sensors:
         raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
