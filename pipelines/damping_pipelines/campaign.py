@@ -232,7 +232,7 @@ def _show(answer: Campaign, out: Path) -> None:
     for mode in answer.modes:
         for at in mode.places:
             ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio] if at.ratio else ["-"] * 3
-            largest = max(at.response, key=lambda response: response.band[0], default=None)
+            largest = at.largest
             peak = [number_whole(part, 3, "#") for part in largest.band] if largest else ["-"] * 3
             sensor = f"{largest.sensor} ({largest.unit})" if largest else "-"
             error = number_whole(100.0 * at.ratio_error, 2) if at.ratio_error else "-"

@@ -208,10 +208,8 @@ def describe_ratio(at: At, unit: str) -> str:
 
 
 def describe_largest(at: At) -> str:
-    """The largest peak at a place with its sensor: of its first unit, if sensors have several."""
-    peaks = [peak for peak in at.response if peak.unit == at.response[0].unit]
-    largest = max(peaks, key=lambda peak: peak.band[0], default=None)
-    return "{peak} ({band}) at {sensor}".format(**_describe_peak(largest)) if largest else "no answer"
+    """The largest peak at a place with its sensor."""
+    return "{peak} ({band}) at {sensor}".format(**_describe_peak(at.largest)) if at.largest else "no answer"
 
 
 #: A frequency in five digits: a resonance moves little from level to level.

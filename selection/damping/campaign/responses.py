@@ -102,17 +102,17 @@ def describe_turned(tested: Sequence[At], drive_unit: str) -> str:
     """A caution if from the lowest to the highest level a peak grows more, or less, than that of the largest sensor."""
     first, last = tested[0], tested[-1]
     grown = {a.sensor: b.band[0] / a.band[0] for a, b in zip(first.response, last.response, strict=False)}
-    if len(grown) < 2:
+    largest = first.largest
+    if largest is None or len(grown) < 2:
         return ""
-    largest = max(first.response, key=lambda one: one.band[0]).sensor
-    apart = {sensor: log(times / grown[largest]) for sensor, times in grown.items()}
+    apart = {sensor: log(times / grown[largest.sensor]) for sensor, times in grown.items()}
     most = max(apart, key=lambda sensor: abs(apart[sensor]))
     if abs(apart[most]) <= _TURNED:
         return ""
     by = f"{100.0 * abs(exp(apart[most]) - 1.0):.2g} % {'more' if apart[most] > 0.0 else 'less'}"
     return (
         f"from {first.input:.3g} to {last.input:.3g} {drive_unit} the peak of {most!r} grows by {by} than that of "
-        f"{largest!r}: the shape turns with the level, and bands beyond the test assume that it stays"
+        f"{largest.sensor!r}: the shape turns with the level, and bands beyond the test assume that it stays"
     )
 
 

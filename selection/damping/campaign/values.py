@@ -1,8 +1,11 @@
 """Values of a campaign's results: a mode at a level, the peak of a sensor, a notch, a prediction and its outcome."""
 
 from dataclasses import dataclass
+from math import isfinite, pi
 
 import numpy as np
+
+from damping.formats.quantity import find_powers, unit
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,17 @@ class At:
     def input(self) -> float:
         """The input at the mode."""
         return self.level if self.reached is None else self.reached
+
+    @property
+    def largest(self) -> Response | None:
+        """The response of the largest motion: in several units, as displacement, v/omega and a/omega^2."""
+        omega = 2.0 * pi * self.frequency if isfinite(self.frequency) else 1.0
+
+        def measure(response: Response) -> float:
+            powers = find_powers(response.unit)
+            return response.band[0] * (unit(response.unit).factor * omega ** powers[2] if powers else 1.0)
+
+        return max(self.response, key=measure, default=None)
 
 
 @dataclass(frozen=True)
