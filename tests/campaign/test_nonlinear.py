@@ -247,6 +247,7 @@ def slip_between(f, force):
     return -(w**2) * np.array([free[0] * (force - pull), free[1] * pull])
 
 
+@pytest.mark.slow
 def test_peaks_of_tested_levels_are_the_readings_where_a_joint_turns_the_shapes(tmp_path, few_draws):
     """Sensors had the shape of all levels, or that of a fit which misses the rows: up to 9 % off, without a word."""
     f = np.concatenate([np.arange(18.0, 19.8, 0.2), np.arange(19.8, 22.6, 0.025), np.arange(22.6, 24.0, 0.2)])
