@@ -404,6 +404,7 @@ def rubbing(f: np.ndarray, force: float) -> np.ndarray:
     return 1.0 / (spring + 1j * (loss + constant / A))
 
 
+@pytest.mark.slow
 def test_peaks_of_a_mode_with_friction_lie_within_their_bands(tmp_path, few_draws):
     """Half the force of the lowest level is friction: damping is far from a line in the amplitude within a sweep."""
     f, rng, levels = np.linspace(50.0, 64.0, 600), np.random.default_rng(1), (0.5, 1.0, 2.0, 4.0)

@@ -196,6 +196,7 @@ def balance(f, force):
     return -(w**2) * x
 
 
+@pytest.mark.slow
 def test_bands_hold_where_dampers_couple_the_modes(tmp_path, few_draws):
     """Two modes 8 % apart, each damper in both: the damping of one grows with the motion of the other, and shapes turn.
 
