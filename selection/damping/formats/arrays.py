@@ -174,14 +174,19 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     for role, name in names.items():
         if role in UNIT_OF:
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
-        shape = " x ".join(str(n) for n in arrays[name][0].shape) or "1"
-        many = f"{len(arrays[name])} of " if len(arrays[name]) > 1 else ""
-        source = "stated" if role in stated.columns else "by its name"
-        summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", source)
+        _add_array(role, name, arrays[name], stated, summary)
     texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
     angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     facts = FileFacts(units=list_units(texts, stated), angles=angles)
     return _list_each(names, arrays, facts, Path(path).stem, summary)
+
+
+def _add_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, summary: Summary) -> None:
+    """Say in the summary which array has a role, and its shape."""
+    shape = " x ".join(str(n) for n in arrays[0].shape) or "1"
+    many = f"{len(arrays)} of " if len(arrays) > 1 else ""
+    source = "stated" if role in stated.columns else "by its name"
+    summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", source)
 
 
 def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
