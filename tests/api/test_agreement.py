@@ -102,7 +102,7 @@ def test_both_say_where_they_disagree(disagreeing):
         ("neither ranking nor diagnosis explains the rows", False),
     ],
 )
-def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first):
+def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first, no_layout):
     """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
     against = Disagreement(on_loads=(said,)) if first else Disagreement(on_rows=(said,))
     diagnosis = replace(diagnosed, against=against)
