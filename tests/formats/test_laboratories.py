@@ -16,7 +16,7 @@ from damping.formats import read_file
 from damping.formats.conversion import time_histories
 from damping.formats.headers import ROLES, parse_header, refuse_decibels
 from damping.formats.series import Stated
-from damping_pipelines.options import import_
+from damping_pipelines.commands import import_
 
 CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)

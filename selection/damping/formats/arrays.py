@@ -47,8 +47,9 @@ def read_arrays(
     """Read the arrays ``names`` of a file, as far as it has them, and list its contents.
 
     Args:
-        path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last every channel is read,
-            of ``tdms`` if none is named.
+        path: the file.
+        kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last every channel is read, of ``tdms`` if none
+            is named.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
         max_size: largest file read, bytes; None: any, for reading in blocks.
         rows: first sample and end (exclusive) of the range read of every channel, and of every array of an HDF5 file

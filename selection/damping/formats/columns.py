@@ -145,7 +145,8 @@ def read_columns(
         known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
             tables (``headers.recognise``).
         delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
-        skip: lines before the header. decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
+        skip: lines before the header.
+        decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
 
     InputError: no text, no header, a missing mapped column, a ragged row, text in place of a number (an empty cell or
     NaN means no measurement, but is an error in a time history), or no rows.
