@@ -29,25 +29,6 @@ from tests.gap.limited import limited
 
 #: One group: what was integrated is shared with other files.
 pytestmark = pytest.mark.usefixtures("no_folds")
-#: What other causes are compared with where the largest part of the library is far behind: explanations of the whole
-#: library within 12 in ln p of the leading one, by the cause that none of them names.
-RIVALS = {
-    "power": (
-        *("displacement", "displacement-velocity", "velocity-squared", "quadratic-displacement"),
-        *("viscous-coefficient", "planar-coupling", "phase-lag"),
-    ),
-    "inertia": (
-        *("stiffness-softening", "stiffness-hardening", "residual-modes", "second-mode", "drift"),
-        *("background", "phase-lag", "time-delay"),
-    ),
-    "mass": ("amplitude-scale", "natural-frequency", "level-offset", "drift", "force-dropout", "second-mode"),
-    "modes": ("residual-modes", "second-mode", "planar-coupling", "phase-lag", "amplitude-scale", "drift"),
-    "force": ("level-offset", "coulomb-friction", "background", "drift", "sensor-saturation", "force-dropout"),
-    "clearance": (
-        *("quadratic-displacement", "velocity-squared", "displacement-velocity", "coulomb-friction"),
-        *("level-offset", "viscous-coefficient"),
-    ),
-}
 THETA = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
 
 
@@ -87,7 +68,7 @@ def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(
 
     states = [("a", lab.bench(levels=4, points=24).rows, 0.0)]
     record = make_record(lab, states, lambda A, omega: 1j * loss * A, third, floor=0.0005)
-    found = limited(RIVALS["power"], explain, record, lab.mode())
+    found = explain(record, lab.mode())
     assert found.in_library < 0.5
     assert any("another power of velocity or displacement explains" in caution for caution in found.cautions)
 
@@ -157,8 +138,7 @@ def test_inertia_that_varies_is_no_spring_that_softens(lab, added):
 
     rows = lab.bench(levels=4, points=24).rows
     states = [("a", rows, 0.0), *[("b", rows, 0.25 * lab.mass)] * added]
-    record = make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third)
-    found = limited(RIVALS["inertia"], explain, record, lab.mode())
+    found = explain(make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third), lab.mode())
     assert "stiffness-softening" in found.leading.effects
     assert found.hypotheses[0].probability < 0.95
     assert any("a mass that varies with the motion explains" in caution for caution in found.cautions)
@@ -169,8 +149,7 @@ def test_added_mass_that_is_not_as_stated_is_told(lab):
     """A quarter of the mass, 1.1 times as much in the record: in closed form of a linear mode."""
     rows = lab.bench(levels=3, points=24).rows
     states = [("a", rows, 0.0), ("b", rows, 0.25 * lab.mass)]
-    record = make_record(lab, states, lambda A, omega: 0.0 * A, stated=1.1)
-    found = limited(RIVALS["mass"], explain, record, lab.mode())
+    found = explain(make_record(lab, states, lambda A, omega: 0.0 * A, stated=1.1), lab.mode())
     assert found.in_library < 0.5
     assert any(
         "an added mass that differs from the stated one explains the record better" in caution
@@ -189,7 +168,7 @@ def test_a_damper_beyond_a_clearance_is_no_damping_with_the_square_of_displaceme
 
     rows = lab.bench(levels=4, points=30).rows
     states = [("a", rows, 0.0), ("b", rows, 0.25 * lab.mass)]
-    found = limited(RIVALS["clearance"], explain, make_record(lab, states, loss), lab.mode())
+    found = explain(make_record(lab, states, loss), lab.mode())
     assert found.leading.effects
     assert found.hypotheses[0].probability < 0.95
     assert found.in_library < 0.5
@@ -278,8 +257,7 @@ def test_two_close_modes_are_no_two_causes(lab, sign):
             1.0 / (1.0 / own + 0.4 / mode(omega, 1.0 + 2.0 * loss) + sign * 0.4 / mode(omega, 1.0 - 1.25 * loss)) - own
         )
 
-    record = make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness)
-    found = limited(RIVALS["modes"], explain, record, lab.mode())
+    found = explain(make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness), lab.mode())
     assert found.in_library < 0.5
     assert any("a close mode on each side of the simulated one explains" in caution for caution in found.cautions)
 
@@ -288,7 +266,7 @@ def test_a_force_cell_that_is_not_linear_is_told(lab):
     """The largest of four forces is 15 % above its reading, others by the square of the force: closed form."""
     rows = lab.bench(levels=4, points=20).rows
     gain = 1.0 + 0.15 * (rows.force / rows.force.max()) ** 2
-    found = limited(RIVALS["force"], explain, lab.record(rows, lab.linear(rows, gain=gain), 3), lab.mode())
+    found = explain(lab.record(rows, lab.linear(rows, gain=gain), 3), lab.mode())
     assert found.in_library < 0.5
     sentence = "a force that is read wrong in proportion to a power of itself explains"
     assert any(sentence in caution for caution in found.cautions)
