@@ -1,6 +1,6 @@
 """A free decay through a window of some periods: even sampling, band pass, analytic signal and out-of-band noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
+FLATTENED = 0.005  #: third harmonic from which flattened peaks are said: clipping or compression of some 1 %
+_IN_STEP = 0.9  # least share of the third harmonic in step with the motion; a mode near it is in no step
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,11 @@ class Window:
         return dt * float(np.sum(self.weights) ** 2 / np.sum(self.weights**2))
 
     def analytic(self, x: FloatArray) -> ComplexArray:
-        """Analytic signal z where the window lies inside x."""
+        """Analytic signal z where the window lies inside x; that of a constant is 0."""
         from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
         kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
+        kernel -= self.weights * (np.sum(kernel) / np.sum(self.weights))
         return np.asarray(oaconvolve(x, kernel[::-1], mode="valid"))
 
     def gain(self, s: complex) -> complex:
@@ -123,6 +126,37 @@ def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
     return float(min(np.median(tail), np.median(floor)))
+
+
+def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
+    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
+
+    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
+    does. The change of free motion over a quarter of a period stays below half of its largest for a sixth of a period
+    at a time: if it takes longer to reach half, there was rest, be it at zero or pulled aside.
+    """
+    largest, quarter = int(np.argmax(np.abs(z))), round(0.25 / cycles)
+    change = x.copy()
+    change[quarter:] -= x[:-quarter]
+    near = np.abs(change[largest : largest + len(window.offsets)])
+    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
+    return min(max(largest, release), len(z) - 1)
+
+
+def describe_flat(window: Window, x: FloatArray, z: ComplexArray, fall: float) -> list[str]:
+    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``fall``: of its frequency, relative.
+
+    A sensor at its limit turns cos a into cos a - r cos 3a + ..., r > 0: z_3 conj(z)^3 is negative throughout, weighted
+    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r. A spring
+    that softens, and the frequency by ``fall``, has r < ``fall`` in acceleration, and less in displacement.
+    """
+    turned = replace(window, omega_0=3.0 * window.omega_0).analytic(x) * np.conj(z) ** 3
+    flat = -float(np.sum(turned.real))
+    third = flat / float(np.sum(np.abs(z) ** 4))
+    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + fall:
+        return []
+    why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
+    return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
 
 
 def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
