@@ -32,6 +32,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
+from damping.signals.windows import even_times
 
 M, omega_n = 2.0, 10.0
 K = M * omega_n**2
@@ -374,6 +375,20 @@ def broken(change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarr
 def test_what_is_no_decay(change, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         decay(*broken(change))
+
+
+@pytest.mark.parametrize("decimals", [2, 3])
+def test_times_printed_to_few_decimals_are_even(decimals: int) -> None:
+    """512 samples per second: 1 or 4 decimals of a step of 1.95 ms, the first with equal neighbours."""
+    t, zeta, omega = np.arange(6000) / 512.0, 0.01, 2 * np.pi * 12.0
+    x = np.exp(-zeta * omega * t) * np.cos(omega * t)
+    found = ring_down(np.round(t, decimals), x, order=0, mass=M, frequency=12.0)
+    assert any("are printed to" in note for note in found.notes)
+    exact = ring_down(t, x, order=0, mass=M, frequency=12.0)
+    for name in ("amplitude", "frequency", "decay_rate"):  # the rate by the line through the times, to 0.01/(12 n^.5)
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=3e-5)
+    missing = np.delete(1e-3 * np.arange(len(t)), 3000)  # steps of one digit, and one of two: no rounding
+    assert not any("are printed to" in note for note in even_times(missing, x[1:], 12.0)[3])
 
 
 @pytest.mark.parametrize("wanders", [False, True])
