@@ -299,8 +299,10 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
         to = conversion(known)
         if to.per_force:
             raise InputError("a time history is no ratio to force", expected="--response acceleration")
-        require_finite(row.label, row.abscissa + row.response)
-        signal = np.asarray(row.response, dtype=np.float64) * to.response
+        for values in (row.abscissa, row.response):
+            require_finite(row.label, values)
+        signal = np.asarray(row.response, dtype=np.float64)
+        signal = signal if to.response == 1.0 else signal * to.response  # of a large file, without a copy
         label = stated.labels[k] if stated.labels else row.label
         force = None if row.force is None else np.asarray(row.force, dtype=np.float64)
         histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order, force))

@@ -14,7 +14,7 @@ UNEVEN = 0.02  #: largest deviation from even times, over a step, that counts as
 _ROUNDED = 0.6  # largest deviation of rounded times from even ones, in the last digit: half, and the error of the line
 _LIKE_WHOLE = 1e-3  # largest deviation from whole last digits: that of binary numbers
 _ALTERNATE = 0.01  # least share of each of two steps: a sample that is missing gives one larger step
-_TOGETHER = 1_000_000  # samples that are compared together
+_TOGETHER = 1_000_000  # samples that are worked on together
 _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
@@ -48,7 +48,9 @@ class Window:
 
         kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
         kernel -= self.weights * (np.sum(kernel) / np.sum(self.weights))
-        return np.asarray(oaconvolve(x, kernel[::-1], mode="valid"))
+        starts = range(0, max(len(x) - len(kernel) + 1, 1), _TOGETHER)
+        parts = (x[start : start + _TOGETHER + len(kernel) - 1] for start in starts)
+        return np.concatenate([oaconvolve(part, kernel[::-1], mode="valid") for part in parts])
 
     def gain(self, s: complex) -> complex:
         """Gain of z for the real part of exp(s t); its image at the conjugate of s averages out over a level."""
