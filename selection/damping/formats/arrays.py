@@ -96,8 +96,8 @@ def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict
             raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=whole)
         answer, arrays = json.loads(head), dict[str, list[Samples]]()
         for name, form, shape in answer["loaded"]:
-            values = np.empty(math.prod(shape), dtype=np.complex128 if form == "complex" else np.float64)
-            output.readinto(memoryview(values).cast("B"))  # type: ignore[attr-defined]
+            dtype = np.complex128 if form == "complex" else np.float64
+            values = np.fromfile(output, dtype=dtype, count=math.prod(shape))
             arrays.setdefault(name, []).append(values.reshape(shape))
     if answer["problem"]:
         expected = f"{whole}, not compressed" if "warrants" in answer["problem"] else whole

@@ -42,19 +42,24 @@ class Window:
         dt = float(self.offsets[1] - self.offsets[0])
         return dt * float(np.sum(self.weights) ** 2 / np.sum(self.weights**2))
 
+    @property
+    def kernel(self) -> ComplexArray:
+        """The weights turned by the centre, less what they give of a constant."""
+        turned = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
+        return np.asarray(turned - self.weights * (np.sum(turned) / np.sum(self.weights)))
+
     def analytic(self, x: FloatArray) -> ComplexArray:
-        """Analytic signal z where the window lies inside x; that of a constant is 0."""
+        """Analytic signal z where the window lies inside x."""
         from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
-        kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
-        kernel -= self.weights * (np.sum(kernel) / np.sum(self.weights))
+        kernel = self.kernel
         starts = range(0, max(len(x) - len(kernel) + 1, 1), _TOGETHER)
         parts = (x[start : start + _TOGETHER + len(kernel) - 1] for start in starts)
         return np.concatenate([oaconvolve(part, kernel[::-1], mode="valid") for part in parts])
 
     def gain(self, s: complex) -> complex:
         """Gain of z for the real part of exp(s t); its image at the conjugate of s averages out over a level."""
-        return complex(0.5 * self.weights @ np.exp((s - 1j * self.omega_0) * self.offsets))
+        return complex(0.5 * self.kernel @ np.exp(s * self.offsets))
 
 
 def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, float, list[str]]:
