@@ -262,6 +262,14 @@ def test_a_decay_too_short_for_a_level_is_said() -> None:
         decay(t[:360], np.concatenate([np.zeros(240), x[:120]]))  # 12 periods of rest, 6 of motion
 
 
+def test_a_mode_file_of_another_mode_is_said() -> None:
+    """Half the frequency, or twice the sampling rate, of the motion: the window holds no decay."""
+    t, _ = exponential(0.01, 120)
+    x = np.cos(omega_n * t) / (1.0 + 0.1 * omega_n * t)  # as with quadratic damping
+    with pytest.raises(AnalysisError, match=rf"strongest at {HERTZ:.4g}\d* Hz, the mode is at {HERTZ / 2:.4g} Hz"):
+        decay(t, x, frequency=HERTZ / 2)
+
+
 def test_a_blow_before_the_one_that_is_used_is_said() -> None:
     t, x = exponential(0.01, 120)
     step = t[1] - t[0]

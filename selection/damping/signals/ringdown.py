@@ -31,6 +31,7 @@ from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
 from damping.signals.windows import (
     Window,
+    describe_elsewhere,
     describe_flat,
     describe_lost,
     even_times,
@@ -132,10 +133,12 @@ def ring_down(
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
     noise = noise_beside(window, x, z)
     first = 0 if start is not None else find_release(x, z, window, frequency * dt)
-    low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
-    last = first + int(low[0]) if len(low) else len(z)
+    last = first + int(next(iter(np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)), len(z) - first))
     _refuse_growth(times[first:last], np.abs(z[first:last]))
-    kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+    try:
+        kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+    except AnalysisError as error:
+        raise AnalysisError(f"{error}{describe_elsewhere(x, dt, frequency)}") from None
     size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
     lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
     before = np.abs(z[: max(first - len(window.offsets), 0)])
@@ -147,8 +150,8 @@ def ring_down(
         lost.append(
             f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
         )
-    fall = 1.0 - float(kept["omega"].iloc[0] / kept["omega"].iloc[-1])
-    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], max(fall, 0.0))
+    fall = max(1.0 - float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]), 0.0)
+    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], fall)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 

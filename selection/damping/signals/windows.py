@@ -20,6 +20,7 @@ _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
 FLATTENED = 0.005  #: third harmonic from which flattened peaks are said: clipping or compression of some 1 %
+_NEAR = 0.15  # largest distance of a motion from its mode, relative: half the main lobe of a window of 6 periods
 _IN_STEP = 0.9  # least share of the third harmonic in step with the motion; a mode near it is in no step
 
 
@@ -202,6 +203,16 @@ def describe_flat(window: Window, x: FloatArray, z: ComplexArray, fall: float) -
         return []
     why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
     return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
+
+
+def describe_elsewhere(x: FloatArray, dt: float, frequency: float) -> str:
+    """Where a motion x (n,) is strongest, if not near the mode at ``frequency``; '' if it is."""
+    spectrum = np.abs(np.fft.rfft(x * np.hanning(len(x))))
+    strongest = float(np.argmax(spectrum)) / (len(x) * dt)
+    if abs(strongest / frequency - 1.0) < _NEAR:
+        return ""
+    where = f"strongest at {strongest:.4g} Hz, the mode is at {frequency:.4g} Hz"
+    return f"; the motion is {where}: are the mode and --rate right?"
 
 
 def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
