@@ -338,6 +338,15 @@ def test_names_of_sensors_keep_their_last_word(text):
     assert parse_header(text).name == text.removesuffix(" [g]")
 
 
+def test_lines_about_the_test_with_as_many_cells_as_the_table(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Operator;A. B.\nRate;512 Hz\n\nTime;Accel\ns;g\n" + "".join(f"0,{k};{k},5\n" for k in range(9)))
+    (one,) = read_file(path, Stated())[0]
+    np.testing.assert_allclose(one.abscissa, 0.1 * np.arange(9), rtol=1e-12)
+    np.testing.assert_allclose(one.response, np.arange(9) + 0.5, rtol=1e-12)
+    assert one.facts.units["response"] == "g"
+
+
 def test_rows_under_names_of_no_role_are_no_missing_rows(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("sweep,speed,load,motion\na,24,1,2\n")

@@ -67,19 +67,27 @@ def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | 
 
 
 def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layout:
-    """Layout of a table that begins with its header, or with lines about the test, which have other numbers of cells.
+    """Layout of a table that begins with its header, or with lines about the test.
 
-    In the second case the header is the first line with as many cells as the last line, none of them a number.
+    In the second case the header is the first line with as many cells as the last line, none of them a number; if it
+    names no role (``Operator,A.B.`` above two columns), the first such line that names an abscissa.
     """
     rows = [_list_cells(line, mark) for _, line in content]
     width, whole = len(rows[-1]), content[0][1].count('"') % 2 == 0  # else its cells continue on the next line
-    fitting = (k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row))
-    at = 0 if len(rows[0]) == width or not whole else next(fitting, 0)
+    fitting = [k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row)]
+    at = 0 if len(rows[0]) == width or not whole else next(iter(fitting), 0)
+    if whole and not _list_roles(rows[at]):
+        at = next((k for k in fitting if not _list_roles(rows[k]).isdisjoint(_SETTING)), at)
     line, names = content[at][0] + 1, rows[at]
     merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
     if merged is None:
         return Layout(mark, point, tuple(names), line, False, False)
     return Layout(mark, point, tuple(merged), content[at + 1][0] + 1, False, False, units=True)
+
+
+def _list_roles(cells: Sequence[str]) -> set[str]:
+    """Roles that cells name if they are headers."""
+    return set(recognise([parse_header(cell) for cell in cells])[0])
 
 
 def _list_cells(line: str, delimiter: str) -> list[str]:
