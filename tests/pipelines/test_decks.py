@@ -53,8 +53,14 @@ def deck(damping, tmp_path):
 
 
 def read_tabdmp1(text: str) -> dict[int, list[tuple[float, float]]]:
-    """TABDMP1 entries in large fields, by number: 16 characters a field, four a line (MSC Quick Reference Guide)."""
+    """TABDMP1 entries in large fields, by number: 16 characters a field, four a line (MSC Quick Reference Guide).
+
+    The lines of an entry are halves of lines in small fields: Straus7 reads none with an odd number of them.
+    """
     tables: dict[int, list[tuple[float, float]]] = {}
+    entries = re.findall(r"^TABDMP1.*\n(?:\*.*\n)*", text, re.MULTILINE)
+    assert entries
+    assert all(entry.count("\n") % 2 == 0 for entry in entries)
     for line in text.splitlines():
         fields = [line[8 + 16 * i : 24 + 16 * i].strip() for i in range(4)]
         if line.startswith("TABDMP1*"):
