@@ -403,7 +403,9 @@ def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
     assert '"format": "gap/1"' in good["gap_form"]
     assert (tmp_path / "out" / good["report"].replace(".html", "-gap.html")).is_file()
     assert other["status"] == "failed"
+    assert other["reason"].startswith("b/data.csv: ")  # of a hundred folders each holds a data.csv
     assert "different modes" in other["reason"]
+    assert "a/model.toml" in (tmp_path / "out" / good["report"]).read_text()
 
 
 def test_chains_where_they_are_asked_for(tmp_path, one_law):

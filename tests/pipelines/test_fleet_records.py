@@ -139,7 +139,7 @@ def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, mon
     write_case(tmp_path / "model", table, write_model())
     row = analyse_only(tmp_path / "model").row
     assert row["status"] == "partial"
-    assert row["reason"].startswith("rank and extrapolate: data.csv: level-offset (refuse)")
+    assert row["reason"].startswith("rank and extrapolate: c1/data.csv: level-offset (refuse)")
     assert row["effects"] == ["level-offset"]
     assert row["rank_form"] is row["loads_form"] is None
     (factor,) = json.loads(row["gap_form"])["parameters"]["level-offset"].values()

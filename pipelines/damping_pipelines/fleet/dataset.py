@@ -90,8 +90,7 @@ class FleetTask:
     @property
     def inputs(self) -> dict[str, str]:
         """SHA-256 of both files, by the user's names for them."""
-        names = ("data.csv", "model.toml") if self.is_model else (f"{self.name}.csv", f"{self.name}.toml")
-        return dict(zip(names, self.digests, strict=True))
+        return dict(zip(name_files(self.name, is_model=self.is_model), self.digests, strict=True))
 
     @property
     def stem(self) -> str:
@@ -128,6 +127,11 @@ def find_cases(folder: Path) -> list[FleetCase]:
     return sorted(cases, key=lambda case: (case.name, case.is_model))
 
 
+def name_files(name: str, *, is_model: bool) -> tuple[str, str]:
+    """Record and mode of a case as messages name them, which a reader finds under the folder of records."""
+    return (f"{name}/data.csv", f"{name}/model.toml") if is_model else (f"{name}.csv", f"{name}.toml")
+
+
 def list_skipped(folder: Path, cases: Collection[FleetCase]) -> list[str]:
     """Names in a folder that look like records or modes and are no case: modes alone, .CSV, folders of folders."""
     taken = {case.entry for case in cases} | {case.model.name for case in cases}
@@ -147,8 +151,9 @@ def describe_shown(name: str) -> str:
 def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:
     """Tasks one by one; the files of a record are read on demand."""
     for case in cases:
-        record, first = _content(case.record, settings.max_size)
-        model, second = _content(case.model, settings.max_size)
+        names = name_files(case.name, is_model=case.is_model)
+        record, first = _content(case.record, names[0], settings.max_size)
+        model, second = _content(case.model, names[1], settings.max_size)
         hashed = hashlib.sha256()
         for part in (settings.digest, os.fsencode(case.entry), case.is_model, record, model):
             content = part if isinstance(part, bytes) else repr(part).encode()
@@ -163,12 +168,12 @@ def seed_of(seed: int, key: str) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed} {key}".encode()).digest()[:4], "big") >> 1
 
 
-def _content(path: Path, max_size: int) -> tuple[bytes | None, str]:
-    """The bytes of a file, or None with the reason."""
+def _content(path: Path, name: str, max_size: int) -> tuple[bytes | None, str]:
+    """The bytes of a file, or None with the reason, which names it."""
     try:
         return read_bytes(path, max_size), ""
     except InputError as error:
-        return None, f"{describe_shown(path.name)}: {error.message}"
+        return None, f"{name}: {error.message}"
 
 
 #: Stem of the model file while it is read; a mode without a name gets that of the record instead.
