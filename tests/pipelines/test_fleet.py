@@ -41,7 +41,16 @@ from damping_pipelines.fleet.dataset import (
     seed_of,
     tasks_of,
 )
-from damping_pipelines.fleet.page import COLUMNS, _tabulate_records, collect_facts, list_copies, tabulate_outliers
+from damping_pipelines.fleet.page import (
+    COLUMNS,
+    _build_lists,
+    _tabulate_records,
+    collect_facts,
+    describe_force,
+    list_copies,
+    list_drives,
+    tabulate_outliers,
+)
 from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
@@ -576,6 +585,17 @@ def test_amplitudes_on_the_page_have_their_units():
     assert list(frame["unit"]) == ["in", "m", ""]
 
 
+def test_the_page_has_the_damping_of_every_record():
+    table = pd.DataFrame(index=range(2), columns=list(COLUMNS)).assign(
+        name=["a", "b"], report="r.html", status=["done", "failed"], median=[1.1, np.nan]
+    )
+    values = {"damping_ratio": 0.0125, "damping_ratio_low": 0.011, "frequency": 17.5, "design_force": 30.0}
+    rows = _tabulate_records(table.assign(units_force=["N", None], **values)).rows
+    texts = [cell.text for cell in rows[0]]
+    assert {"1.25 %", "1.10 %", "17.50", "30 N"} <= set(texts)
+    assert "30" not in " ".join(cell.text for cell in rows[1])  # no prediction was made
+
+
 def test_a_key_counts_once(tmp_path):
     task = next(iter(tasks_of(find_cases(_one(tmp_path)), settings())))
     kept = FleetDataSet(tmp_path / "set")
@@ -655,12 +675,37 @@ def test_copies_are_told_and_laws_that_lead_alike_are_all_named(few, tmp_path, c
     ],
 )
 def test_the_card_names_every_law_that_leads(laws, name, text):
-    table = pd.DataFrame({"law": laws})
+    table = pd.DataFrame({"law": laws, "damping_ratio": np.nan})
     assert (name, text) in collect_facts(table, table, np.array([])).items
 
 
 @pytest.mark.parametrize(("count", "said"), [(4, "in all of them"), (40, "in nine records of ten")])
 def test_few_records_have_a_range_and_no_tenths(count, said):
-    table = pd.DataFrame({"law": ["viscous"] * count})
-    said = f"linear over median amplitude, {said}"
-    assert said in [text for _, text in collect_facts(table, table, np.linspace(5.0, 30.0, count)).items]
+    table = pd.DataFrame({"law": "viscous", "damping_ratio": np.linspace(0.01, 0.02, count)})
+    texts = [text for _, text in collect_facts(table, table, np.linspace(5.0, 30.0, count)).items]
+    assert f"linear over median amplitude, {said}" in texts
+    assert f"of critical damping at the design load, {said}" in texts
+
+
+def test_a_design_force_is_told_where_records_have_several_units():
+    """One number is newtons of one record, pounds of another and an acceleration of a third: no answer compares."""
+    table = pd.DataFrame({"units_force": ["N", "N", "lbf", "m/s²", None]})
+    assert list_drives(table, (2.0, 3.0)) == [
+        "a design force is taken in the unit of each record: N (2 records), lbf (1 record) and m/s² (1 record)"
+    ]
+    assert describe_force(table, (2.0, 3.0)) == "the largest design force, 3"
+    assert not list_drives(table, ())  # multiples of each record's own force
+    assert not list_drives(table[:2], (3.0,))
+    assert describe_force(table[:2], (2.0, 3.0)) == "the largest design force, 3 N"
+
+
+def test_records_in_doubt_are_told_on_the_page_of_the_fleet():
+    """A law that does not fit and a finding of the audit stand beside the record; what every design load says not."""
+    cautions = [["beyond the test: 2.00 times", "no law fits: why"], ["it fits poorly: why"], ["beyond the test"], None]
+    table = pd.DataFrame(index=range(4), columns=list(COLUMNS)).assign(
+        name=list("abcd"), report="r.html", status=["done"] * 3 + ["failed"], cautions=cautions
+    )
+    table["audit"] = [None, "outlier (caution): a row", "", None]
+    found = _build_lists(table)["doubts"].frame
+    assert list(found["why"]) == ["no law fits: why", "it fits poorly: why; outlier (caution): a row"]
+    assert "doubts" not in _build_lists(table[2:].reset_index(drop=True))

@@ -15,7 +15,7 @@ from damping.records import require_checks
 from damping.report import count, format_joined
 from damping_pipelines.fleet import dataset
 from damping_pipelines.fleet.analyse import BY_CHANCE, analyse_each
-from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, shorten
+from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, list_drives, shorten
 from damping_pipelines.manifest import digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import progress, tell
@@ -192,9 +192,7 @@ def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
 def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettings) -> None:
     """Write the page of the fleet and the manifest of every file of the run, and print the summary."""
     table = kept.read((*COLUMNS, "model_sha256"))
-    multiple = f"{max(dataset.MULTIPLES):g} times the largest tested force"
-    asked = "the largest design force" if settings.forces else multiple
-    page = describe_fleet_page(table, settings, asked)
+    page = describe_fleet_page(table, settings)
     stems = [f"reports/{Path(report).stem}" for report in table["report"]]
     pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
     parts = [path.relative_to(out).as_posix() for path in kept.files()]
@@ -210,7 +208,7 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
     counts = table["status"].value_counts()
     outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
     tell(f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written")
-    for said in list_copies(table):
+    for said in (*list_drives(table, settings.forces), *list_copies(table)):
         tell(f"Caution: {said}.")
     lost = table.loc[table["status"] == "failed", "reason"]
     if len(lost):

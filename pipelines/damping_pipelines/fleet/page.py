@@ -1,6 +1,7 @@
 """The page of a fleet: leading laws, overprediction of linear damping, outliers, failures, and all records."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,18 @@ from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
 from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, law_style, styled, to_svg
-from damping.report import count, format_joined, format_percent, format_share, format_signed, number
+from damping.ranking.verdict import MISFITS
+from damping.report import (
+    count,
+    format_joined,
+    format_percent,
+    format_percent_ratio,
+    format_share,
+    format_signed,
+    number,
+)
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
-from damping_pipelines.fleet.dataset import FleetSettings
+from damping_pipelines.fleet.dataset import MULTIPLES, FleetSettings
 
 #: Laws that lead in as many records are named up to this many.
 MOST_TIED = 3
@@ -71,12 +81,12 @@ COLUMNS = (
     *("name", "key", "status", "reason", "report", "law", "weight", "average_absolute_percent", "held_out_error"),
     *("load_law", "median", "low", "high", "linear_overprediction_percent", "linear_overprediction_low"),
     *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions", "record_sha256"),
-    "units_length",
+    *("units_length", "units_force", "design_force", "frequency", "damping_ratio", "damping_ratio_low", "audit"),
 )
 #: Rows of a table of the page; the data set holds the rest.
 MOST_ROWS = 200
 #: Tables that are cut there.
-_CUT = ("outliers", "failures", "left")
+_CUT = ("outliers", "doubts", "failures", "left")
 #: Records of a list of the page.
 MOST_LISTED = 1000
 #: Robust standard deviations from the median of the fleet from which on a record is an outlier.
@@ -84,12 +94,9 @@ OUTLYING = 3.5
 _OVER = "linear_overprediction_percent"
 
 
-def describe_fleet_page(table: pd.DataFrame, settings: FleetSettings, asked: str) -> str:
-    """The page as HTML of ``COLUMNS`` by record; equal arguments give equal text.
-
-    ``settings``: of the run. ``asked``: the force of the loads.
-    """
-    good = table[table["status"] != "failed"]
+def describe_fleet_page(table: pd.DataFrame, settings: FleetSettings) -> str:
+    """The page as HTML of ``COLUMNS`` by record; equal arguments give equal text. ``settings``: of the run."""
+    good, asked = table[table["status"] != "failed"], describe_force(table, settings.forces)
     over = table[[_OVER, "linear_overprediction_low", "linear_overprediction_high"]].astype(float)
     over = over.set_axis(["percent", "low", "high"], axis=1).loc[np.isfinite(over.to_numpy()).all(axis=1)]
     predicted = good[_OVER].to_numpy(float)
@@ -106,7 +113,7 @@ def describe_fleet_page(table: pd.DataFrame, settings: FleetSettings, asked: str
         parts["overprediction"] = FigureBlock(svg, "")
     values = {
         "asked": asked,
-        "copies": list_copies(table),
+        "before": [*list_drives(table, settings.forces), *list_copies(table)],
         "method": settings.method,
         "level": f"{100 * settings.level:g}",
         "refused": len(good) - len(predicted),
@@ -156,6 +163,24 @@ def tabulate_outliers(table: pd.DataFrame) -> pd.DataFrame:
     return chosen.assign(why=["; ".join(reasons[row]) for row in rows])
 
 
+def describe_force(table: pd.DataFrame, forces: Sequence[float]) -> str:
+    """The force of the loads, of ``forces`` that were asked for: in its unit where all records have one."""
+    if not forces:
+        return f"{max(MULTIPLES):g} times the largest tested force"
+    units = table["units_force"].dropna().unique()
+    unit = f" {units[0]}" if len(units) == 1 and units[0] else ""
+    return f"the largest design force, {max(forces):g}{unit}"
+
+
+def list_drives(table: pd.DataFrame, forces: Sequence[float]) -> list[str]:
+    """A sentence where the design forces, numbers alone, are forces of several units or accelerations of a base."""
+    units = _count(table["units_force"].dropna().replace("", "no unit named"))
+    if not forces or len(units) < 2:
+        return []
+    drives = format_joined(f"{unit} ({count(n, 'record')})" for unit, n in units.items())
+    return [f"a design force is taken in the unit of each record: {drives}"]
+
+
 def list_copies(table: pd.DataFrame) -> list[str]:
     """Records with byte-for-byte equal files, one sentence per group; ``table``: ``name, status, record_sha256``."""
     read = table[table["status"] != "failed"]
@@ -181,6 +206,12 @@ def _list_links(table: pd.DataFrame) -> list[Link]:
 def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> Facts:
     """The key numbers: records, the laws that lead most of them, and the overprediction of linear damping."""
     facts = [(str(len(good)), f"of {len(table)} records analysed")]
+    ratios = good["damping_ratio"].dropna().to_numpy(float)
+    if len(ratios):
+        low, high, place = _range(ratios)
+        facts.append(
+            (f"{number(100 * low)} to {number(100 * high)} %", f"of critical damping at the design load, {place}")
+        )
     leading = _count(good["law"])
     first = leading[leading == leading.max()]
     if len(first):
@@ -189,12 +220,17 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
             (names, f"leads in {first.iloc[0]} of them" if len(first) == 1 else f"lead in {first.iloc[0]} each")
         )
     if len(over):
-        few = len(over) < RECORDS_OF_TEN
-        low, high = np.quantile(over, [0.0, 1.0] if few else [0.05, 0.95])
+        low, high, place = _range(over)
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
-        place = "in all of them" if few else "in nine records of ten"
         facts.append((f"{format_signed(low)} to {format_signed(high)}", f"linear over median amplitude, {place}"))
     return Facts(facts)
+
+
+def _range(values: FloatArray) -> tuple[float, float, str]:
+    """The range of nine values of ten, or of all where they are few, and which."""
+    few = len(values) < RECORDS_OF_TEN
+    low, high = np.quantile(values, [0.0, 1.0] if few else [0.05, 0.95])
+    return float(low), float(high), "in all of them" if few else "in nine records of ten"
 
 
 def _count(values: pd.Series) -> pd.Series:
@@ -224,11 +260,14 @@ def _build_laws(led: pd.DataFrame) -> dict[str, Block]:
 def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
     """Tables of outliers, failures, and explanations of gaps with their residuals, as far as there are any."""
     outliers, failures = tabulate_outliers(table), table[table["status"] != "done"]
+    why = _describe_doubts(table)
+    doubts = table[(why != "").to_numpy()]
     diagnosed = table[table["effects"].notna()]
     named = diagnosed["effects"].map(lambda effects: " + ".join(effects) or "no effect")
     counts, left = _count(named), diagnosed[diagnosed["unexplained"].astype(bool)]
     frames = {
         "outliers": {"record": _list_links(outliers), "law": outliers["law"], "why": outliers["why"]},
+        "doubts": {"record": _list_links(doubts), "why": why[why != ""].to_numpy()},
         "failures": {"record": _list_links(failures), "status": failures["status"], "reason": failures["reason"]},
         "gaps": {"explanation": counts.index, "records": counts.to_numpy()},
         "left": {"record": _list_links(left), "explanation": named.loc[left.index]},
@@ -237,10 +276,25 @@ def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
     return {name: Table(frame, "") for name, frame in tables.items() if len(frame)}
 
 
+def _describe_doubts(table: pd.DataFrame) -> pd.Series:
+    """Why the numbers of each record are in doubt: its leading law does not fit, or its audit has findings."""
+    said = [
+        [text for text in (() if texts is None else texts) if any(misfit in text for misfit in MISFITS)]
+        for texts in table["cautions"]
+    ]
+    audits = table["audit"].fillna("")
+    return pd.Series(["; ".join(filter(None, [*misfit, audit])) for misfit, audit in zip(said, audits, strict=True)])
+
+
 def _tabulate_records(table: pd.DataFrame) -> Table:
     ordered = table.sort_values(_OVER, ascending=False, kind="stable", na_position="last").head(MOST_LISTED)
-    numbers = {name: ordered[name].astype(float) for name in ("weight", "median", "low", "high")}
-    numbers["unit"] = ordered["units_length"].fillna("").where(ordered["median"].notna(), "")
+    known = ordered["median"].notna()
+    names = ("weight", "damping_ratio", "damping_ratio_low", "frequency", "median", "low", "high")
+    numbers = {name: ordered[name].astype(float) for name in names}
+    numbers["unit"] = ordered["units_length"].fillna("").where(known, "")
+    force = ordered["design_force"].map("{:.4g}".format) + " " + ordered["units_force"].fillna("")
     columns = {"record": _list_links(ordered), "status": ordered["status"], "law": ordered["law"], **numbers}
-    frame = pd.DataFrame(columns | {"linear over": ordered[_OVER].astype(float)})
-    return Table(frame, "", {"weight": format_share, "linear over": format_signed})
+    columns |= {"linear over": ordered[_OVER].astype(float), "at force": force.where(known, "")}
+    ratio = format_percent_ratio
+    formats = {"weight": format_share, "linear over": format_signed, "damping_ratio": ratio, "damping_ratio_low": ratio}
+    return Table(pd.DataFrame(columns), "", formats, {"damping_ratio_low": "low end", "frequency": "frequency (Hz)"})

@@ -26,6 +26,8 @@ from damping.infer.observations import Observations
 from damping.ranking.candidates import NOISE_RANGE
 
 Verdict = Literal["fits", "poor", "none fits"]
+#: What the sentence of a verdict says where no law fits, and where the leading one does not.
+MISFITS = ("no law fits", "fits poorly")
 #: Probability below which a law does not fit.
 UNLIKELY = 0.01
 #: Draws of the scatters: the p-value is then known to 1.6 % at a half and to 0.2 % at ``UNLIKELY``.
@@ -79,10 +81,11 @@ class FitVerdict:
     def sentence(self) -> str:
         """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
         by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
+        none, poorly = MISFITS
         verdicts = {
             "fits": "",
-            "poor": f"the leading law, {self.law}, fits poorly: it {by}; a law of less weight fits",
-            "none fits": f"no law fits: the leading law, {self.law}, {by}",
+            "poor": f"the leading law, {self.law}, {poorly}: it {by}; a law of less weight fits",
+            "none fits": f"{none}: the leading law, {self.law}, {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: is the stated noise right?"
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))
