@@ -323,6 +323,14 @@ def test_changed_and_removed_records(tmp_path, one_law):
     assert after[0] == before[0]
     assert after[1]["key"] != before[1]["key"]
     assert {Path(row["report"]).name for row in after} == {path.name for path in (out / "reports").iterdir()}
+    page = out / after[0]["report"]
+    written = page.read_bytes()
+    page.unlink()  # by whom ever: the page of the fleet leads there
+    with pytest.raises(InputError, match="holds 2 results"):
+        fleet(source, out, **run | {"force": (1.0,)})
+    assert rows_of(out) == after
+    fleet(source, out, **run)
+    assert (page.read_bytes(), rows_of(out)) == (written, after)
     task = next(tasks_of(find_cases(source), settings()))
     for change in (
         {"seed": 6},

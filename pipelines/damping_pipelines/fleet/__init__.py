@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pandas as pd
+
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import check_loads
 from damping.progress import Advance
@@ -64,9 +66,9 @@ def fleet(
         for path in kept.set_broken_aside():
             note = f"{path.stem} could not be read: kept as {path.name}, its records are computed again"
             print(f"damping: {note}", file=sys.stderr)
-        book = _Book(kept, out, _final(kept))
         if not replace:
             _refuse_loss(kept, dataset.tasks_of(cases, settings))
+        book = _Book(kept, out, _final(kept, out))
         if skipped := dataset.list_skipped(records, cases):
             names = format_joined(shorten(skipped))
             print(f"damping: {records}: not read, as neither NAME.csv nor NAME/data.csv: {names}", file=sys.stderr)
@@ -153,14 +155,30 @@ class _Book:
         self.results, self.written = [], time.monotonic()
 
 
-def _final(kept: dataset.FleetDataSet) -> set[str]:
-    """Keys of rows that stay, without records that failed for external reasons."""
-    table = kept.read(["reason"])
-    chance = table["reason"].fillna("").str.startswith(BY_CHANCE)
-    final = set(table.loc[~chance, "key"])
-    if chance.any():
+def _final(kept: dataset.FleetDataSet, out: Path) -> set[str]:
+    """Keys of rows that stay, without records that failed for external reasons or whose pages are gone."""
+    table = kept.read(["reason", "report", "effects"])
+    needed = [
+        _list_pages(report)[: 1 if effects is None else 2]
+        for report, effects in zip(table["report"], table["effects"], strict=True)
+    ]
+    there = [all((out / page).is_file() for page in pages) for pages in needed]
+    again = _find_chance(table) | ~pd.Series(there, dtype=bool)
+    final = set(table.loc[~again, "key"])
+    if again.any():
         kept.keep(final)
     return final
+
+
+def _find_chance(table: pd.DataFrame) -> pd.Series:
+    """Which rows failed for external reasons."""
+    return table["reason"].fillna("").str.startswith(BY_CHANCE)
+
+
+def _list_pages(report: str) -> list[str]:
+    """Pages of a row by its ``report``, that of the record and that of its diagnosis, where there is one."""
+    stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
+    return [f"reports/{stem}{ending}" for ending in (".html", "-gap.html")]
 
 
 def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask]) -> None:
@@ -170,8 +188,8 @@ def _refuse_loss(kept: dataset.FleetDataSet, tasks: Iterable[dataset.FleetTask])
         names.add(task.name)
         contents.add((task.name, *task.digests))
         keys.add(task.key)
-    table = kept.read(["record_sha256", "model_sha256"])
-    other = table[~table["key"].isin(keys)]
+    table = kept.read(["record_sha256", "model_sha256", "reason"])
+    other = table[~table["key"].isin(keys) & ~_find_chance(table)]
     contained = list(zip(other["name"], other["record_sha256"], other["model_sha256"], strict=True))
     lost = [content[0] for content in contained if content[0] not in names or content in contents]
     if lost:
@@ -183,9 +201,8 @@ def _drop(out: Path, wanted: set[str], kept: dataset.FleetDataSet) -> None:
     """Remove rows that are no longer requested, and their pages, and nothing else in the folder."""
     table = kept.read(["report"])
     for report in table.loc[~table["key"].isin(wanted), "report"]:
-        stem = Path(report).stem  # a name alone: a row that was tampered with leads nowhere else
-        for name in (f"{stem}.html", f"{stem}-gap.html"):
-            (out / "reports" / name).unlink(missing_ok=True)
+        for page in _list_pages(report):
+            (out / page).unlink(missing_ok=True)
     kept.keep(wanted)
 
 
@@ -193,8 +210,7 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
     """Write the page of the fleet and the manifest of every file of the run, and print the summary."""
     table = kept.read((*COLUMNS, "model_sha256"))
     page = describe_fleet_page(table, settings)
-    stems = [f"reports/{Path(report).stem}" for report in table["report"]]
-    pages = [f"{stem}{ending}" for stem in stems for ending in (".html", "-gap.html")]
+    pages = itertools.chain.from_iterable(map(_list_pages, table["report"]))
     parts = [path.relative_to(out).as_posix() for path in kept.files()]
     sources = table[["name", "record_sha256", "model_sha256"]].to_numpy()
     publish(
