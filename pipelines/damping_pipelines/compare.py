@@ -69,6 +69,8 @@ def _open_study(folder: Folder, name: str) -> StudySummary:
     if "campaign.json" in folder.manifest.outputs:
         expected = f"the folder that damping study {folder.path / 'study.toml'} writes"
         raise InputError("results of a campaign, not of a study", file=folder.path, expected=expected)
+    if "summary.json" not in folder.manifest.outputs:
+        raise InputError("holds no study", file=folder.path, expected="a folder that damping study wrote")
     content = folder.read("summary.json")
     form = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
     records = {

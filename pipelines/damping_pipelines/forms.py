@@ -192,6 +192,13 @@ class DampedMode(FormPart):
     at: list[DampedRow]
 
 
+class FindingForm(FormPart):
+    """A finding of the audit."""
+
+    check: str
+    what: str
+
+
 class DampingForm(FormPart):
     """Any of the three forms that hold damping ratios."""
 
@@ -204,6 +211,8 @@ class DampingForm(FormPart):
     units: dict[str, str] = {}
     level_name: str = "level"
     level_unit: str = ""
+    cautions: list[str] = []
+    audit: list[FindingForm] = []
 
 
 class PeakForm(FormPart):

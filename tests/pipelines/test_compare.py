@@ -265,6 +265,10 @@ def test_results_of_a_campaign_name_the_study_to_run(tmp_path, damping):
     run = damping("compare", tmp_path / "sine", study(tmp_path / "b", summary()), "--out", tmp_path / "page.html")
     assert run.code == 2
     assert f"not of a study; expected the folder that damping study {tmp_path}/sine/study.toml writes" in run.err
+    publish(tmp_path / "fleet", {"fleet.html": b"-"}, seed=1, versions={}, inputs={"a": "0" * 64})
+    run = damping("compare", tmp_path / "fleet", tmp_path / "b", "--out", tmp_path / "page.html")
+    assert run.code == 2
+    assert f"{tmp_path}/fleet: holds no study; expected a folder that damping study wrote" in run.err
 
 
 def test_posteriors_that_are_none(tmp_path, damping):

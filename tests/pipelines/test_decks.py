@@ -104,6 +104,16 @@ def test_a_level_without_a_prediction_is_named(damping, tmp_path: Path, code):
         assert f"{COMMENTS[code]} left out: {named}" in (tmp_path / "deck.txt").read_text()
 
 
+@pytest.mark.parametrize("code", COMMENTS)
+def test_a_deck_keeps_the_cautions_of_its_form(deck, code):
+    """Who opens the deck has not seen the terminal: what holds for the whole answer stands before the numbers."""
+    finding = {"check": "outlier", "verdict": "caution", "what": "a row apart", "advice": "look", "sweeps": ["a"]}
+    units = {"force": "N", "length": "m", "time": "s"}
+    text = deck({**FORM, "units": units, "cautions": ["no law fits: why\nand"], "audit": [finding]}, code)
+    for said in ("caution: outlier: a row apart", "caution: no law fits: why and"):
+        assert text.index(f"{COMMENTS[code]} {said}\n") < text.index("median")
+
+
 def test_nastran_deck_of_a_campaign_has_the_modes_by_frequency(deck):
     tables = read_tabdmp1(deck(CAMPAIGN, "nastran"))
     assert [f for f, _ in tables[1]] == [16.0, 32.0, 58.0, 116.0]
