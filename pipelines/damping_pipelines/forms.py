@@ -193,10 +193,11 @@ class DampedMode(FormPart):
 
 
 class FindingForm(FormPart):
-    """A finding of the audit."""
+    """A finding of the audit; ``mode``: of a campaign's mode."""
 
     check: str
     what: str
+    mode: str = ""
 
 
 class DampingForm(FormPart):
