@@ -572,16 +572,18 @@ def test_outliers_are_what_stands_apart():
 
 
 def test_what_is_not_read_is_named(tmp_path):
-    """A mode without its record, a name in capitals, a broken link and a folder of records below the folder."""
+    """A mode without its record, a name in capitals, links that lead nowhere and a folder of records below it."""
     records = _one(tmp_path)
     write_record(records / "further", "two", 1)
     (records / "ALSO.CSV").write_text(record_text(2))
     (records / "alone.toml").write_text(MODE)
     (records / "broken.csv").symlink_to("nowhere.csv")
+    for name in ("loop", "loop.csv"):
+        (records / name).symlink_to(name)
     (records / "notes.txt").write_text("of the test")
     cases = find_cases(records)
     assert [case.name for case in cases] == ["one"]
-    assert list_skipped(records, cases) == ["ALSO.CSV", "alone.toml", "broken.csv", "further"]
+    assert list_skipped(records, cases) == ["ALSO.CSV", "alone.toml", "broken.csv", "further", "loop.csv"]
 
 
 def test_amplitudes_on_the_page_have_their_units():

@@ -115,11 +115,11 @@ def find_cases(folder: Path) -> list[FleetCase]:
         raise InputError("no such folder", file=folder, expected="a folder of records")
     cases = []
     for entry in os.scandir(folder):
-        path = Path(entry.path)
+        path = Path(entry.path)  # whose questions, unlike those of the entry, a link to itself answers with no
         data, model = path / "data.csv", path / "model.toml"
-        if entry.is_dir() and (data.exists() or model.exists()):
+        if path.is_dir() and (data.exists() or model.exists()):
             cases.append(FleetCase(describe_shown(entry.name), entry.name, data, model, True))
-        elif entry.name.endswith(".csv") and entry.is_file():
+        elif entry.name.endswith(".csv") and path.is_file():
             cases.append(FleetCase(describe_shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
     if not cases:
         expected = "NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
@@ -138,7 +138,7 @@ def list_skipped(folder: Path, cases: Collection[FleetCase]) -> list[str]:
     skipped = []
     for entry in os.scandir(folder):
         seems = Path(entry.name).suffix.lower() in (".csv", ".toml")
-        if entry.name not in taken and (seems or (entry.is_dir() and any(Path(entry.path).glob("*.csv")))):
+        if entry.name not in taken and (seems or any(Path(entry.path).glob("*.csv"))):
             skipped.append(describe_shown(entry.name))
     return sorted(skipped)
 
