@@ -243,6 +243,23 @@ def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: S
     assert not re.search("– (to|in|%)", page)
 
 
+@pytest.mark.parametrize(("levels", "said"), [((), "{}"), (("0.4 g", "0.8 g"), "0.8 g")])
+def test_an_answer_for_less_than_the_largest_design_force_says_so(study: StudyResult, levels, said: str) -> None:
+    """The largest was refused: its reason comes before the numbers of the next one are used as those of the design."""
+    peaks = study.records[0]
+    cut = {name: getattr(peaks.design.average, name).copy() for name in ("median", "low", "high")}
+    for values in cut.values():
+        values[1] = np.nan
+    design = replace(peaks.design, average=replace(peaks.design.average, **cut))
+    design = replace(design, cautions=((), ("no prediction beyond 50 lb: few levels", "beyond the test: 4 times")))
+    result = replace(peaks, posteriors=(), design=design, design_levels=levels)
+    page = " ".join(re.sub("<[^>]+>", " ", render(replace(study, records=(result,), exhibits=())).html).split())
+    before = page.index(
+        f"At {said.format(format_force_text(design.force[1], 'lb'))}: no prediction beyond 50 lb: few levels"
+    )
+    assert page.index("Before use") < before < page.index("One damping ratio holds")
+
+
 @pytest.mark.parametrize(("decay", "said"), [(False, "3 force levels"), (True, "2 amplitude levels of free decay")])
 def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, said: str) -> None:
     """Amplitudes of 1.229, 1.439 and 1.567 in: the last two within a tenth, whose forces are 16 % apart."""

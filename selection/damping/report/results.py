@@ -13,7 +13,7 @@ from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.draws import LEAST_WEIGHT, NextLevel
-from damping.extrapolation.prediction import BEYOND_TEST, Loads
+from damping.extrapolation.prediction import BEYOND_TEST, REFUSAL, Loads
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law
@@ -24,7 +24,7 @@ from damping.records.record import Record
 from damping.records.text import AGREED, Disagreement
 from damping.records.view import Finding
 from damping.regression.fit import PowerLaw
-from damping.report import count
+from damping.report import count, format_force_text
 from damping.report.page import Block, Section, write_blocks
 
 
@@ -136,6 +136,17 @@ def find_largest(loads: Loads | None) -> int | None:
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
 
 
+def list_refused(result: RecordResult) -> list[str]:
+    """Why the largest design force has no prediction, if a smaller one has: the answer is then for another force."""
+    i, design = find_largest(result.design), result.design
+    if design is None or i is None or design.force.max() <= design.force[i]:
+        return []
+    last = int(np.argmax(design.force))
+    force = format_force_text(design.force[last], result.mode.units.force)
+    at = f"at {result.design_levels[last] if result.design_levels else force}: "
+    return [at + caution for caution in design.cautions[last] if caution.startswith(REFUSAL)]
+
+
 #: Cautions of a record or mode above the fold at most, the gravest first.
 MOST_CAUTIONS = 3
 
@@ -162,8 +173,8 @@ def build_cautions(study: StudyResult) -> list[Block]:
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
-    """Disagreements with the diagnosis, findings of the audit, cautions of laws with weight, checks and predictions."""
-    yield from (*result.against, *map(str, result.findings))
+    """Refusals, disagreements with the diagnosis, findings of the audit, cautions of laws, checks and predictions."""
+    yield from (*list_refused(result), *result.against, *map(str, result.findings))
     for candidate in result.ranking.weighted(LEAST_WEIGHT):
         yield from candidate.cautions
     rough = [s for s in result.posteriors if s.leave_one_out.caution]

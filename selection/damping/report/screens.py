@@ -21,7 +21,15 @@ from damping.report import tables
 from damping.report.figures import build_loads_explorer, describe_misfit
 from damping.report.forms import PART_NAMES
 from damping.report.page import Block, FigureBlock, Format, Section, Table, write_sections
-from damping.report.results import RecordResult, StudyResult, Svgs, collect_holders, find_largest, keep_gravest
+from damping.report.results import (
+    RecordResult,
+    StudyResult,
+    Svgs,
+    collect_holders,
+    find_largest,
+    keep_gravest,
+    list_refused,
+)
 
 #: Laws with less weight are folded away.
 LEAST_SHOWN = 0.02
@@ -146,7 +154,8 @@ def _tabulate_answers(study: StudyResult) -> Table:
 
 def _list_gravest(result: RecordResult) -> list[str]:
     """The gravest cautions of a record."""
-    cautions = [*result.against, *filter(None, [result.ranking.fit.sentence]), *map(str, result.findings)]
+    cautions = [*list_refused(result), *result.against, *filter(None, [result.ranking.fit.sentence])]
+    cautions += map(str, result.findings)
     i = find_largest(result.design)
     if result.design is not None:
         cautions += result.design.cautions[-1 if i is None else i]
