@@ -26,7 +26,7 @@ from benchmarks._structures import simulated_levels, structures
 from damping.errors import AnalysisError, InputError
 from damping.infer.law import Law
 from damping.records.text import read_bytes
-from damping.report import format_length_band, format_percent_ratio
+from damping.report import format_force_text, format_length_band, format_percent_ratio
 from damping_pipelines import fleet as command
 from damping_pipelines.fleet import fleet, runners
 from damping_pipelines.fleet.analyse import analyse, failed
@@ -254,6 +254,7 @@ def test_the_page_of_a_record_says_damping_and_what_its_numbers_are(alone):
     assert format_percent_ratio(row["damping_ratio_low"]) in text
     assert f"({format_length_band(row['low'], row['high'], row['units_length'])}, 90 % predictive band)" in text
     assert "A coefficient is a posterior median." in text
+    assert f"At {format_force_text(row['design_force'], row['units_force'])}: beyond the test: 2.00 times" in text
     assert "with the 90 % predictive interval" in html.unescape((alone / "fleet.html").read_text())
 
 

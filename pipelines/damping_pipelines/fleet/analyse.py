@@ -31,6 +31,7 @@ from damping.report import forms, page
 from damping.report.figures import draw_design_loads
 from damping.report.gap import describe_diagnosis, tabulate_hypotheses
 from damping.report.gap_page import render_gap_page
+from damping.report.results import collect_holders
 from damping.report.screens import describe_load
 from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
@@ -246,6 +247,7 @@ def record_page(record: FleetRecord) -> str:
         "best": ranking.ranking.weighted()[0] if ranking else None,
         "load": describe_load(loads.loads, loads.curve, units) if loads else {},
         "cautions": dict.fromkeys(cautions),
+        "at_forces": _list_cautions(loads.loads, units) if loads else [],
     }
     parts: dict[str, page.Block] = {"summary": SUMMARY}
     if ranking:
@@ -274,10 +276,15 @@ def _tabulate_laws(ranking: Ranking, units: Units) -> page.Table:
     return list_laws(frame)
 
 
+def _list_cautions(design: Loads, units: Units) -> list[tuple[str, list[str]]]:
+    """Each caution of design forces once, with the forces."""
+    forces = [report.format_force_text(force, units.force) for force in design.force]
+    return collect_holders(zip(forces, design.cautions, strict=True))
+
+
 def _build_loads(record: FleetRecord, design: Loads, curve: Curve) -> dict[str, page.Block]:
     name, data, units = record.task.name, record.prepared.all_rows, record.prepared.mode.units
     frame = tabulate_design(design, curve, units)
-    frame["cautions"] = ["; ".join(caution) for caution in design.cautions]
     headings = {"band": f"{100 * design.level:g} % predictive band"}
     laws = tabulate_by_model(design, units.force).rename(columns={"model": "law"})
     laws.insert(1, "weight", [band.weight for band in design.by_model])
