@@ -741,6 +741,18 @@ def test_memory_is_a_spring_behind_a_dashpot():
     np.testing.assert_allclose(H, 1.0 / stiffness, rtol=1e-5, atol=0.0)  # (omega/w)^2, times the stiffness over loss
 
 
+def test_a_sensor_on_a_mount_moves_with_it():
+    """Two equations solved: a sensor far lighter than the structure, on a spring and dashpot of 1.02 times its mode."""
+    omega, light, w, d = OMEGA * np.linspace(0.9, 1.1, 30), 1e-9 * MASS, 1.02 * OMEGA, 0.01
+    tie = light * (w**2 + 2j * d * w * omega)
+    own = MASS * (OMEGA**2 - omega**2) + 1j * VISCOUS * omega
+    Z = np.moveaxis(np.array([[own + tie, -tie], [-tie, tie - light * omega**2]]), -1, 0)
+    table = {"size": 0.5 / d, "ratio": 1.02, "damping": d, "angle": 0.5 * np.pi}
+    H = receptance(omega, FOREIGN["sensor-mount"].simulate(TERMS, table))
+    read = np.linalg.solve(Z, np.array([[1.0], [0.0]]))[:, 1, 0]
+    np.testing.assert_allclose(H, read, rtol=1e-5, atol=0.0)  # its mass over both losses
+
+
 def test_a_partner_is_the_second_of_two_coupled_equations():
     """Against the generator's circuit, whose push is solved from its own two equations."""
     omega = OMEGA * np.linspace(0.9, 1.1, 30)  # none exactly at resonance
