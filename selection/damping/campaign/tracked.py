@@ -144,7 +144,7 @@ class Source:
         """The run of motions against time without a drive: a free decay."""
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
-        run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
+        run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)))
         return self.leave_clipped(limits, run)
 
     def leave_flat(self, run: CampaignRun) -> CampaignRun:

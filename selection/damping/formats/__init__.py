@@ -29,6 +29,7 @@ from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shor
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "wav", "xlsx", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_LOOKED_AT = 2100  # first bytes of a file, by which its format is known
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 #: In-phase and quadrature readings, and the redundant magnitude and angle.
 _TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
@@ -154,27 +155,29 @@ def _heeded(stated: Stated, kind: str) -> None:
             raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
 
 
+def detect_format(path: str | Path) -> str:
+    """The format by the first bytes of a file: as of `find_format`, ``csv`` of one that is none of the others."""
+    start = read_start(path, _LOOKED_AT)
+    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
+    is_hdf = any(start.startswith(_HDF5, place) for place in (0, 512, 1024, 2048))
+    begins = {
+        "mat5": start.startswith(b"MATLAB 5.0"),
+        "mat73": is_hdf and start.startswith(b"MATLAB 7.3"),
+        "hdf5": is_hdf,
+        "uff": first == b"-1",
+        "tdms": start.startswith(b"TDSm"),
+        "wav": start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE",
+        "xlsx": start.startswith(b"PK\x03\x04") and is_workbook(path),
+        "lvm": first.startswith(b"LabVIEW Measurement"),
+    }
+    return next((kind for kind, is_it in begins.items() if is_it), "csv")
+
+
 def find_format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``wav``, ``xlsx``, ``csv`` or ``lock-in``."""
-    start = read_start(path, 2100)
-    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
-    if start.startswith(b"MATLAB 5.0"):
-        text = "mat5"
-    elif any(start.startswith(_HDF5, place) for place in (0, 512, 1024, 2048)):
-        text = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
-    elif first == b"-1":
-        text = "uff"
-    elif start.startswith(b"TDSm"):
-        text = "tdms"
-    elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
-        text = "wav"
-    elif start.startswith(b"PK\x03\x04") and is_workbook(path):
-        text = "xlsx"
-    elif first.startswith(b"LabVIEW Measurement"):
-        text = "lvm"
-    else:
-        text = "csv"
-    if stated.format == "auto" and text == "csv" and is_binary(start):
+    text = detect_format(path)
+    text = "mat73" if (stated.format, text) == ("mat", "hdf5") else text
+    if stated.format == "auto" and text == "csv" and is_binary(read_start(path, _LOOKED_AT)):
         expected = "a file of one of these, WAV or XLSX (save MAT of version 4 again with -v7, XLS as XLSX)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):

@@ -219,7 +219,7 @@ def _places(
             by_name.pop("angle", None)
         _require_single(by_name, headers, line)
         return by_name, response
-    places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
+    places = {role: find_stated(name, headers, line) for role, name in mapped.items()}
     taken, setting = set(places.values()), not set(_SETTING) & set(places)
     undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is not an amplitude
     unphased = "amplitude" in places and not set(PHASES) & set(places)
@@ -259,8 +259,11 @@ def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]
     return free | by_role, response
 
 
-def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
-    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name."""
+def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = None) -> int:
+    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name.
+
+    InputError: none or several, with the ``line`` of the header if known.
+    """
     matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
     exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
     if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
