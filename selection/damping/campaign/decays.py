@@ -26,12 +26,13 @@ from damping.campaign.answer import (
     read_curve,
 )
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
-from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
+from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
 from damping.campaign.values import At, Response
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units

@@ -24,15 +24,16 @@ from damping.campaign.runs import (
 )
 from damping.campaign.sensors import EXPLAINED, SCALINGS
 from damping.campaign.tables import find_peak_factor, read_table_runs
-from damping.campaign.tracked import Source, is_of_time, list_headers, read_table
+from damping.campaign.tracked import Source, is_of_time, read_table
 from damping.errors import InputError, naming
 from damping.formats import check, detect_format
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
+from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
 from damping.formats.quantity import unit
 from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary
-from damping.records.text import name_apart, read_start
+from damping.records.text import is_binary, name_apart, read_start
 from damping.signals.windows import UNEVEN
 
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -110,7 +111,8 @@ def _read(source: Source) -> list[CampaignRun]:
     if kind == "uff":
         return list_function_runs(source)
     start = read_start(source.file, LOOKED_AT)
-    return [read_table(source, start)] if is_of_time(list_headers(start)) else read_table_runs(source)
+    table = open_table(start) if kind == "csv" and start.strip() and not is_binary(start) else None
+    return [read_table(source, table)] if table and is_of_time(table.headers) else read_table_runs(source)
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:

@@ -93,7 +93,7 @@ def basis(x: FloatArray, size: int, at: FloatArray | None = None) -> FloatArray:
     inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, len(inner)) * span)
     knots = np.concatenate([[inner[0]] * 2, inner, [inner[-1]] * 2])
     place = np.clip(x if at is None else at, inner[0], inner[-1])
-    return np.asarray(BSpline.design_matrix(place, knots, 2).toarray().T)
+    return np.ascontiguousarray(BSpline.design_matrix(place, knots, 2).toarray().T)
 
 
 def motion(fit: ModelFit) -> FloatArray:
