@@ -229,16 +229,8 @@ def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArra
             residues[:, k], local[k] = coefficients[:, 2 + k], coefficients
             residues_sd[:, k] = deviation[[s * width + 2 + k for s in range(sensors)]]
             pole_sd[:, k] = deviation[sensors * width + place + np.array([len(cluster), 0])]
-    return ModalFit(
-        **vars(poles),
-        frequency_sd=pole_sd[0],
-        ratio_sd=pole_sd[1],
-        residues=residues,
-        residues_sd=residues_sd,
-        local=local,
-        noise=noise,
-        delay=np.array(delays),
-    )
+    parameters = (poles.frequency, poles.ratio, poles.slope, poles.friction, poles.sign, poles.drive)
+    return ModalFit(*parameters, pole_sd[0], pole_sd[1], residues, residues_sd, local, noise, np.array(delays))
 
 
 def _stack_derivatives(
