@@ -12,7 +12,7 @@ help:
 	@echo "make slow    what takes too long for every change: repeated kills, statistics of many trials"
 	@echo "make coverage the tests with the lines of the library that none of them runs"
 	@echo "make guard   coverage of the bands and the blind diagnosis in small, against committed floors"
-	@echo "make speed   commands beside the tree at the tag set last: none 1.5 times slower"
+	@echo "make speed   commands beside an earlier tree (the last tag's): none 1.5 times slower"
 	@echo "make docs    the documentation: docs/_build/index.html"
 	@echo "make package wheel and sdist, tried in empty environments"
 	@echo "make lowest  a part of the tests with the lowest versions of everything that is needed"

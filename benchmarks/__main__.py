@@ -29,9 +29,7 @@ def main() -> None:
     options.add_argument(
         "--page", action="store_true", help="make the page of the tables that are there, measure nothing"
     )
-    options.add_argument(
-        "--guard", action="store_true", help="fail where a command is 1.5 times slower than at the last tag"
-    )
+    options.add_argument("--guard", action="store_true", help="fail where a command is 1.5 times slower than it was")
     options.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SPEED))
     chosen = options.parse_args()
     if chosen.guard:

@@ -106,7 +106,8 @@ _PAGE = """# Speed
 By `make bench` (`python -m benchmarks [NAME ...]`; each name is a module of `benchmarks/`, which says what is done and
 how the peer is used). Ours and the peer run in one process, or in processes one after the other, with one thread each.
 Ratios are of processor time. Where wall times are far longer, the machine was busy. `python -m benchmarks --guard`
-runs commands by turns with the tree at the tag set last, and fails where one has become 1.5 times slower.
+runs commands by turns with the tree at the tag set last (without a tag, with the one that these times are of), and
+fails where one has become 1.5 times slower.
 
 | work | peer | ours | peer | ratio | goal | met | on the wall | |
 |---|---|---|---|---|---|---|---|---|

@@ -2,7 +2,8 @@
 
 Run ``python -m benchmarks.commands``. Each command and the import of numpy, pandas and scipy.stats run by turns, in
 processes of their own, with what a bare install has. ``python -m benchmarks --guard`` runs them by turns with the tree
-at the tag set last, and fails where one has become 1.5 times slower.
+at the tag set last (without a tag, with the one whose times are published), and fails where one has become 1.5 times
+slower.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ COMMAND = [sys.executable, "-c", f"{BARE}; from damping_pipelines.cli import mai
 STACK = [sys.executable, "-c", f"{BARE}; import numpy, pandas, scipy.stats"]
 PEER = "importing numpy, pandas and scipy.stats"
 REPEATS = 3
-#: A command that takes this times as long as at the tag is slower.
+#: Of the tree that they were measured with: what the guard compares with where nothing is tagged.
+PUBLISHED = "results/benchmarks/commands.csv"
+#: A command that takes this times as long as before is slower.
 SLOWER = 1.5
 #: One that takes at most this times as long in a first turn is not: processor times of equal work differ by a tenth.
 CLEARLY = 1.2
@@ -44,7 +47,7 @@ MOST_RANK_MB = 150.0
 class Command:
     """``words`` after ``damping``, the goal in ``times`` of the import if any, and the most memory it may take.
 
-    ``guarded``: beside the tag too, and measured as in a bare install; the study starts processes of its own.
+    ``guarded``: beside the earlier tree too, and measured as in a bare install; the study starts processes of its own.
     """
 
     work: str
@@ -93,16 +96,16 @@ def measure() -> list[Row]:
 
 
 def guard() -> bool:
-    """Time each guarded command with the tree at the tag set last and with this one by turns; whether none is slower.
+    """Time each guarded command with an earlier tree and with this one by turns; whether none is slower.
 
-    Where the first turn does not say so, the least time of ``TURNS`` on either side does. Without a tag nothing can be
-    compared: said on standard error, and passed.
+    Where the first turn does not say so, the least time of ``TURNS`` on either side does. Without history nothing can
+    be compared: said on standard error, and passed.
     """
     fast = True
     with tempfile.TemporaryDirectory() as folder:
-        before = _unpack_tag(Path(folder) / "before")
+        before = _unpack_earlier(Path(folder) / "before")
         if before is None:
-            print("SPEED NOT GUARDED: this clone has no tag to compare with (git fetch --tags)", file=sys.stderr)
+            print("SPEED NOT GUARDED: this clone has no history (git fetch --unshallow --tags)", file=sys.stderr)
             return True
         for tree in (before, ROOT):  # before anything is timed
             for house in HOUSES:
@@ -121,12 +124,12 @@ def _stays_fast(command: Command, before: Path) -> bool:
         try:
             theirs = min(theirs, _run_tree(line, before))
         except RuntimeError:
-            print(f"{command.work}: SPEED NOT GUARDED: the tagged tree cannot do it", file=sys.stderr)
+            print(f"{command.work}: SPEED NOT GUARDED: the earlier tree cannot do it", file=sys.stderr)
             return True
         ours = min(ours, _run_tree(line, ROOT))
         if ours <= CLEARLY * theirs:
             break
-    print(f"{command.work}: {ours:.2f} s, {ours / theirs:.2f} times what it was at the tag", flush=True)
+    print(f"{command.work}: {ours:.2f} s, {ours / theirs:.2f} times what it was", flush=True)
     return ours <= SLOWER * theirs
 
 
@@ -136,17 +139,21 @@ def _run_tree(line: list[str], tree: Path) -> float:
     return run_process(line, {"PYTHONPATH": packages}).time.processor
 
 
-def _unpack_tag(folder: Path) -> Path | None:
-    """The tree at the tag set last; None where there is no tag or no history."""
-    described = ["git", "describe", "--tags", "--abbrev=0"]
-    tag = subprocess.run(described, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
-    packed = subprocess.run(["git", "archive", tag], cwd=ROOT, capture_output=True, check=False) if tag else None
-    if packed is None or packed.returncode:
+def _unpack_earlier(folder: Path) -> Path | None:
+    """The tree at the tag set last; without one, at the commit that published ``PUBLISHED``; None without history."""
+    found = _git("describe", "--tags", "--abbrev=0") or _git("log", "-1", "--format=%H", "HEAD~1", "--", PUBLISHED)
+    earlier = found.decode().strip()
+    if not earlier:
         return None
-    with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as file:
+    with tarfile.open(fileobj=io.BytesIO(_git("archive", earlier))) as file:
         file.extractall(folder, filter="data")
-    print(f"beside the tag {tag}", flush=True)
+    print(f"beside {earlier}", flush=True)
     return folder
+
+
+def _git(*words: str) -> bytes:
+    """What git prints; nothing where it cannot."""
+    return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, check=False).stdout
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # each of the processes that tests start would compile everything anew: 2 s a time
@@ -349,7 +349,9 @@ def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     folder = tmp_path_factory.mktemp("reader")
     streams = [folder / "out", folder / "err"]
 
-    def run(command: list[str], env: dict[str, str], **_: object) -> subprocess.CompletedProcess[bytes]:
+    def run(
+        command: list[str], env: dict[str, str], stdout: IO[bytes], **_: object
+    ) -> subprocess.CompletedProcess[bytes]:
         python, _safe, script, *words = command
         if not started:
             environment = env | {"PYTHONPATH": str(Path(script).parent)}
@@ -357,7 +359,8 @@ def one_reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
             started.append(subprocess.Popen([python, "-c", READER], env=environment, **pipes))
         print(json.dumps([words, *map(str, streams)]), file=started[0].stdin, flush=True)
         code = int(started[0].stdout.readline())
-        return subprocess.CompletedProcess(command, code, *(stream.read_bytes() for stream in streams))
+        stdout.write(streams[0].read_bytes())
+        return subprocess.CompletedProcess(command, code, None, streams[1].read_bytes())
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("damping.formats.arrays.subprocess", SimpleNamespace(**vars(subprocess) | {"run": run}))

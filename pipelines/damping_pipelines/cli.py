@@ -23,7 +23,7 @@ from typer.exceptions import TyperException
 import damping_pipelines
 from damping import __version__
 from damping.errors import AnalysisError, InputError, Refused
-from damping_pipelines import leave_pyarrow_out, options
+from damping_pipelines import commands, leave_pyarrow_out, options
 from damping_pipelines.options import delegate
 
 
@@ -141,7 +141,7 @@ _FURTHER = (
     *("blind", "bands", "calibrate"),
 )
 for _name in _FURTHER:
-    app.command(_name.rstrip("_"))(getattr(options, _name))
+    app.command(_name.rstrip("_"))(getattr(commands, _name))
 
 #: Commands in the order of a newcomer's work: from a laboratory's file to the design load, many records, checks.
 ORDER = (

@@ -156,10 +156,7 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
 
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:
-    """Records with different data: the first of those with the same observations.
-
-    If a study stores no observations, the first of those with the same files.
-    """
+    """Records with different data: the first of those with the same observations, or files where none are stored."""
     different: dict[object, tuple[str, RecordSummary]] = {}
     for study in studies:
         for name, record in study.records.items():
@@ -200,14 +197,15 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
 
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
-    """Differences other than the data, by name."""
+    """Differences other than the data, by name. A file under a name of its own is the same where its content is."""
     differences = []
-    for what in ("input", "version"):
-        tables: list[Mapping[str, str]] = [getattr(study.manifest, f"{what}s") for study in studies]
-        names = dict.fromkeys(name for table in tables for name in table)
-        other = [name for name in names if len({table.get(name) for table in tables}) > 1]
+    manifests = [study.manifest for study in studies]
+    versions = [{name: f"{name} {version}" for name, version in own.versions.items()} for own in manifests]
+    for what, tables in (("input", [own.inputs for own in manifests]), ("version", versions)):
+        pairs = [pair for table in tables for pair in table.items()]
+        other = [n for n, value in pairs for own in tables if own.get(n, value) != value or value not in own.values()]
         if other:
-            differences.append(f"Not the same {what} in every study: {report.format_joined(other)}.")
+            differences.append(f"Not the same {what} in every study: {report.format_joined(dict.fromkeys(other))}.")
     other = [what for what in ("seed", "level") if len({getattr(study.form, what) for study in studies}) > 1]
     return [*differences, *(f"Not the same {what} in every study." for what in other)]
 

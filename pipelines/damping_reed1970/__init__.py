@@ -251,7 +251,8 @@ def write_chapter(
     """The section of a chapter from its text, a template that knows ``agreement``, ``tables`` by name and ``row``.
 
     Args:
-        named: tables of the report beside ours, by name. values: what else the template is filled with.
+        named: tables of the report beside ours, by name.
+        values: what else the template is filled with.
         figures: how each is drawn, by name.
         tables: whole tables, written as CSV and to be shown, by their names within the chapter, with ``headings``.
         shown: further tables of the page by name, or such as stand for whole ones, without captions.

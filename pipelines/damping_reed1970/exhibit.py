@@ -154,8 +154,8 @@ def source_tables(rankings: Mapping[str, Ranking], loads: Mapping[str, Loads] | 
     """Named tidy tables of the report's results beside ours.
 
     Args:
-        rankings: by the names of the report's records (``config-2-mode-1`` and so on). loads: design loads of those
-            that have them.
+        rankings: by the names of the report's records (``config-2-mode-1`` and so on).
+        loads: design loads of those that have them.
     """
     return {
         "reproduction": reproduce(),

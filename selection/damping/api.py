@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 def check(record: Record, mode: Mode | None = None) -> AuditResult:
     """Audit a record, and the mode that simulates it, as ``damping check`` does."""
     check_kind(record, Record, "record")
-    if mode is not None:
-        check_kind(mode, Mode, "mode")
+    check_kind(mode, type(None) if mode is None else Mode, "mode")
     return AuditResult(**vars(audit(record, mode)), record=record)
 
 
@@ -54,8 +53,8 @@ def rank(
     """Every candidate damping law of a record without the phase offset that an audit finds, as ``damping rank`` does.
 
     Args:
-        mode: if given, cautions name its contradictions with the record and, where no law fits, the objections of the
-            diagnosis of its simulation. progress: shows how far the work is.
+        mode: cautions name its contradictions with the record and, where no law fits, the objections of its diagnosis.
+        progress: shows how far the work is.
         despite: checks of the audit whose refusal is overridden, such as ``("phase-sign",)``.
 
     Raises:
@@ -66,12 +65,11 @@ def rank(
     laws = candidate_laws()
     with watch(progress)("ranking", len(laws)) as done:
         ranking = rank_laws(prepared.all_rows, seed, laws, done)
-    result = RankingResult(ranking, prepared)
     if mode is None or ranking.fit.verdict != "none fits":
-        return result
+        return RankingResult(ranking, prepared)
     from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-    return replace(result, against=doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit))
+    return RankingResult(ranking, prepared, doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit))
 
 
 @single_threaded
@@ -89,7 +87,8 @@ def extrapolate(
     """Resonant amplitude at each force, or the force for each amplitude, as ``damping extrapolate`` predicts it.
 
     Args:
-        forces: force amplitudes, in the unit of the record. level: content of the bands, between 0 and 1.
+        forces: force amplitudes, in the unit of the record.
+        level: content of the bands, between 0 and 1.
         amplitudes: amplitudes to find the force for, instead of ``forces``.
 
     Raises:
@@ -107,8 +106,7 @@ def extrapolate(
     check_seed(seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     predicted = predict_record(prepared, under, (1.0,), level, seed, progress=watch(progress))
-    if len(at):
-        predicted = replace(predicted, loads=predict_forces(predicted, at))
+    predicted = replace(predicted, loads=predict_forces(predicted, at)) if len(at) else predicted
     against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
     return LoadsResult(predicted, prepared, against)
 
@@ -128,7 +126,8 @@ def curve(
     """Damping ratio, Q and frequency at each amplitude and force, as ``damping curve`` lists them.
 
     Args:
-        amplitudes, forces: points of the curve; by default over the test and beyond it. level: content of the bands.
+        amplitudes, forces: points of the curve; by default over the test and beyond it.
+        level: content of the bands.
 
     Raises:
         InputError: an invalid amplitude, force or level, or an argument of a wrong type.
@@ -166,12 +165,11 @@ def diagnose(
     """Why a record departs from the simulation ``mode``, as ``damping gap`` diagnoses it.
 
     Args:
-        states: records of further states of the structure (masses added, fuel levels, ring-downs), each with its mode:
-            all states share the effects.
-        simulate: a user's simulation: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns
-            amplitude and phase lag, (n,) each; where an effect needs a mass or a frequency, ``mode`` supplies it.
-        posterior: whether to sample the strengths of the leading explanation too. compare: whether to compare the
-            result with the ranked laws.
+        states: records of further states (masses added, fuel levels, ring-downs) with their modes; effects are shared.
+        simulate: a user's simulation: ``function(force, frequency, *, name=(value, tolerance), ...)`` returns amplitude
+            and phase lag, (n,) each; where an effect needs a mass or a frequency, ``mode`` supplies it.
+        posterior: whether to sample the strengths of the leading explanation too.
+        compare: whether to compare the result with the ranked laws.
 
     Raises:
         AnalysisError: model and record are of different modes, or there are too many rows.
@@ -192,15 +190,14 @@ def diagnose(
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
-    comparable = compare and not states and not simulate
-    against = compare_with_ranking(gap.record, gap, findings, seed) if comparable else AGREED
-    audit_cautions = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
-    gap = replace(gap, cautions=(*audit_cautions, *gap.cautions))
-    sampled = None
-    if posterior:
-        with progress("posterior", 1) as done:
-            sampled = sample_effects(gap.leading.best, seed)
-            done("done")
+    against = AGREED if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
+    audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
+    gap = replace(gap, cautions=(*audited, *gap.cautions))
+    if not posterior:
+        return DiagnosisResult(gap, None, findings, against)
+    with progress("posterior", 1) as done:
+        sampled = sample_effects(gap.leading.best, seed)
+        done("done")
     return DiagnosisResult(gap, sampled, findings, against)
 
 
@@ -219,8 +216,10 @@ def regress(
     """The regression program of 1970 on any table, or on that of a record, as ``damping regress`` runs it.
 
     Args:
-        response: name of the dependent column. terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or
-            a list. select, criterion, nonnegative, t_stop: how terms are selected. source: the file, as of a record.
+        response: name of the dependent column.
+        terms: products of powers of columns, ``"A^2*omega, A^3*omega^2"`` or a list.
+        select, criterion, nonnegative, t_stop: how terms are selected.
+        source: the file, as of a record.
 
     Raises:
         InputError: terms that cannot be parsed, a selection that does not exist, a column missing or without numbers.
@@ -278,7 +277,9 @@ def sweep(
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
+        force: one amplitude or several, each a sweep.
+        frequency: Hz, rising.
+        method: ``ritz`` or ``time``.
         structure: whether to leave out effects of the rig. Effects of one test are always left out.
 
     Raises:
@@ -296,5 +297,4 @@ def sweep(
     kept = list_lasting(mode.effects, of_rig=not structure)
     swept = simulate_sweeps(replace(mode, effects=kept), levels, hertz, direction, method, watch(progress))
     left_out = tuple(name for name in mode.effects if name not in kept)
-    of_rig = tuple(name for name in kept if name not in list_lasting(kept))
-    return SweepResult(swept, mode.name, left_out, of_rig)
+    return SweepResult(swept, mode.name, left_out, tuple(name for name in kept if name not in list_lasting(kept)))

@@ -127,7 +127,7 @@ def test_forms_of_effects_are_sent_by_what_makes_them(effect):
             assert dataclasses.replace(sent, change=own.change, report=own.report, twin=own.twin) == own
 
 
-def test_a_diagnosis_is_sent_and_copied(record, mode):
+def test_a_diagnosis_is_sent_and_copied(record, mode, few_laws):
     found = dp.diagnose(record, mode)
     for again in (send(found), copy.deepcopy(found)):
         assert again.to_json() == found.to_json()

@@ -71,7 +71,7 @@ def tried(path: Path, data: bytes, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["auto", "uff", "csv", "lock-in"])
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.one_of(st.binary(max_size=300), damaged()))
 def test_bytes_as_text_formats(tmp_path: Path, kind: str, data: bytes):
     tried(tmp_path / "file", data, kind)

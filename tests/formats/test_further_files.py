@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import openpyxl
+import pandas as pd
 import pytest
 import scipy.io
 import scipy.io.wavfile
@@ -20,7 +21,7 @@ from nptdms import ChannelObject, TdmsWriter
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.conversion import TimeHistory, time_histories
-from damping.formats.series import Stated
+from damping.formats.series import Stated, Summary
 
 RATE = 200.0
 T = np.arange(400) / RATE
@@ -267,6 +268,21 @@ def test_a_table_of_a_signal_without_times(tmp_path):
     path.write_text("Time [s],Acc [m/s^2]\n0,1\n1,2\n")
     with pytest.raises(InputError, match="--rate beside a column of times"):
         histories(path, rate=RATE)
+
+
+def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
+    """A signal in volts needs its sensitivity: without one, readings pass for those of the stated unit."""
+    path = tmp_path / "a.csv"
+    pd.DataFrame({"Time [s]": T, "Acc [mV]": 10.0 * X}).to_csv(path, index=False)
+    with pytest.raises(
+        InputError, match=r"a voltage; expected --unit response=UNIT .* --scale response=VALUE of one mV"
+    ):
+        histories(path)
+    for scale, cautions in ({}, 1), ({"response": 0.1}, 0):
+        stated, summary = Stated(**SIGNAL, scale=scale), Summary()
+        (one,) = time_histories(read_file(path, stated)[0], stated, summary)
+        np.testing.assert_allclose(one.signal, 10.0 * X * scale.get("response", 1.0), rtol=1e-12)
+        assert len([note for note in summary.notes if "the file says mV and m/s^2 is stated" in note]) == cautions
 
 
 def test_points_between_thousands_are_no_decimals(tmp_path, imported):

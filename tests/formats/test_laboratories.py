@@ -16,7 +16,7 @@ from damping.formats import read_file
 from damping.formats.conversion import time_histories
 from damping.formats.headers import ROLES, parse_header, refuse_decibels
 from damping.formats.series import Stated
-from damping_pipelines.options import import_
+from damping_pipelines.commands import import_
 
 CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)
@@ -336,6 +336,15 @@ def test_a_letter_without_a_unit_says_no_type(truth, tmp_path, imported, name):
 @pytest.mark.parametrize("text", ["roof N", "roof S [g]", "roof pk", "Level 1", "accel N", "rms", "phase g"])
 def test_names_of_sensors_keep_their_last_word(text):
     assert parse_header(text).name == text.removesuffix(" [g]")
+
+
+def test_lines_about_the_test_with_as_many_cells_as_the_table(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Operator;A. B.\nRate;512 Hz\n\nTime;Accel\ns;g\n" + "".join(f"0,{k};{k},5\n" for k in range(9)))
+    (one,) = read_file(path, Stated())[0]
+    np.testing.assert_allclose(one.abscissa, 0.1 * np.arange(9), rtol=1e-12)
+    np.testing.assert_allclose(one.response, np.arange(9) + 0.5, rtol=1e-12)
+    assert one.facts.units["response"] == "g"
 
 
 def test_rows_under_names_of_no_role_are_no_missing_rows(tmp_path):

@@ -21,6 +21,7 @@ from damping.gap.weighing import COVER, INDISTINCT, PER_BEYOND, distance
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
+from tests.gap.limited import limited
 
 ROW = {"force", "frequency_low", "frequency_high", "points", "added_mass"}
 
@@ -237,7 +238,7 @@ def test_the_command_of_a_next_test_names_files_as_given_with_states_and_simulat
     assert name_command([one, two], None) == both
     assert name_command([one, two], diagnose) == f"{both} --simulator damping.gap.diagnose:diagnose"
     assert name_command([one, two], lambda force, frequency: (force, frequency)).endswith("MODULE:FUNCTION")
-    found = diagnose(lab.measured("velocity-squared"), lab.mode(), states=[two])
+    found = limited(["velocity-squared"], diagnose, lab.measured("velocity-squared"), lab.mode(), states=[two])
     assert found.states == (two,)
 
 

@@ -23,7 +23,7 @@ def structural(lab, rows, seed, added=0.0, share=1.0):
     return lab.record(rows, lab.cells(rows.force / np.abs(Y), np.angle(Y)), seed)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_structural_damping_against_a_viscous_simulation(lab, seed):
     """1/(K (1 + 2 i xi) - M w^2) is a viscous receptance turned by xi: one state cannot tell it from a phase offset."""
     found = diagnose(structural(lab, lab.bench().rows, seed), lab.mode())
@@ -45,7 +45,7 @@ def test_structural_damping_against_a_viscous_simulation(lab, seed):
     np.testing.assert_allclose(corrected.damping["displacement"]["coefficient"], loss, rtol=0.012, atol=0.0)
 
 
-@pytest.mark.parametrize("seed", [4, 5, 7])
+@pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5, 7))])
 def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
     """At a lower resonance c w is smaller and the loss of a structure is not: the test that is proposed settles it."""
     rows, added = lab.bench().rows, 0.2 * lab.mass

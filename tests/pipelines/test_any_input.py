@@ -26,7 +26,7 @@ PIECES = (
     *(b"[mode]\n", b"1979-05-27", b"true", b"\t", b"<script>", b" " * 300, b"[[a]]\n", b"a.b.c=1\n", b"\xc3\x28"),
 )
 #: Inputs of each command.
-TRIES = int(os.environ.get("DAMPING_TRIES", "40"))
+TRIES = int(os.environ.get("DAMPING_TRIES", "25"))
 tried: Counter[str] = Counter()
 
 

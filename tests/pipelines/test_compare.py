@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,11 +47,13 @@ def summary(median: float = 2.0, weight: float = 0.7, **changes: Any) -> dict[st
     return {"format": "study/1", "title": HOSTILE, "seed": 1, "level": 0.9, "records": [record]}
 
 
-def study(folder: Path, form: dict[str, Any] | str, median: float = 1.2, inputs: str = "0") -> Path:
+def study(
+    folder: Path, form: dict[str, Any] | str, median: float = 1.2, inputs: str = "0", name: str = "panel.csv"
+) -> Path:
     text = form if isinstance(form, str) else json.dumps(form)
     posteriors = POSTERIORS.format(median=median, hostile=HOSTILE)
     files = {"summary.json": text.encode(), "panel-posteriors.csv": posteriors.encode()}
-    publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={"panel.csv": inputs * 64})
+    publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={name: inputs * 64})
     return folder
 
 
@@ -63,17 +66,36 @@ def power_study(folder: Path, rows: str) -> Path:
     return folder
 
 
+def rows_of(html: str, caption: str) -> list[list[str]]:
+    """Cells of each row of the table whose caption begins so."""
+    table = html[html.index(f"<caption>{caption}") :].split("<tbody>", 1)[1].split("</tbody>")[0]
+    return [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in table.split("<tr>")[1:]]
+
+
+def as_number(written: str) -> float:
+    """8.04×10⁻⁹ as a number."""
+    mantissa, _, exponent = written.partition("×10")
+    return float(f"{mantissa}e{exponent.translate(str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-'))}")
+
+
 def test_records_are_fitted_jointly(tmp_path, damping, peaks):
     """Exponents of 1.2 and 2.2 are not one: the page says so, with the values of each."""
     F = np.geomspace(1.0, 8.0, 8)
     made = [tabulate_rows(peaks(F ** (1.0 / p), F, 10.0)).to_csv(index=False) for p in (1.2, 2.2)]
     one, two = (power_study(tmp_path / name, rows) for name, rows in zip("ab", made, strict=True))
     assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
-    text = Page((tmp_path / "page.html").read_text()).text
-    assert re.search(r" is [0-9.]+(×10[⁰¹²³⁴⁵⁶⁷⁸⁹]+)? times more probable than one law in all", text)
-    assert "odds of one value" in text
-    assert "in each alone" in text
-    assert "a: Panel" in text.partition("one value")[2]
+    html = (tmp_path / "page.html").read_text()
+    text = Page(html).text
+    assert "medians with 90 % intervals, in all records and in each alone" in text
+    labels, (odds, *values) = zip(*rows_of(html, "Joint fits with one exponent"), strict=True)
+    title = f"Panel {escape(HOSTILE)}"
+    assert labels == ("odds of one value", "one value", f"a: {title}", f"b: {title}")
+    found = re.search(r" is ([0-9.]+×10[⁰¹²³⁴⁵⁶⁷⁸⁹]+) times more probable than one law in all", text)
+    assert found
+    np.testing.assert_allclose(as_number(odds) * as_number(found[1]), 1.0, rtol=0.05)  # one of them is to two digits
+    pooled, *alone = [[float(part) for part in re.findall(r"[0-9.]+", value)] for value in values]
+    assert alone[0][1] <= 1.2 <= alone[0][2] < alone[1][1] <= 2.2 <= alone[1][2]
+    assert alone[0][0] < pooled[0] <= alone[1][0]  # a compromise of the two
     assert "run them again" not in text
     for broken, code in ((made[0].replace("1.0,", "nan,", 1), 2), (made[0].replace("force_in_phase", "x"), 0)):
         three = power_study(tmp_path / f"c{code}", broken)
@@ -136,6 +158,22 @@ def test_two_studies_side_by_side(tmp_path, damping):
     again = tmp_path / "again.html"
     damping("compare", one, two, "--out", again)
     assert again.read_text() == html
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("spring/panel.csv", "0", None),  # the same file, from another folder
+        ("panel.csv", "1", "Not the same input in every study: panel.csv."),
+        ("other.csv", "1", "Not the same input in every study: panel.csv and other.csv."),
+    ],
+)
+def test_inputs_are_the_same_where_their_contents_are(tmp_path, damping, name, content, said):
+    """The page promises to name what differs, and a path is no difference."""
+    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2), 1.5, content, name)
+    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
+    found = re.search("Not the same input.*", Page((tmp_path / "page.html").read_text()).text)
+    assert (found and found[0]) == said
 
 
 def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, damping):
@@ -257,9 +295,7 @@ def test_predictions_of_one_test_in_mm_and_in_m_are_in_one_unit(tmp_path, dampin
     rows = {}
     for other in (two, three):
         damping("compare", one, other, "--out", tmp_path / "page.html")
-        html = (tmp_path / "page.html").read_text()
-        table = html[html.index("Resonant amplitude at design forces") :].split("<tbody>", 1)[1].split("</tbody>")[0]
-        rows[other] = [re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row) for row in table.split("<tr>")[1:]]
+        rows[other] = rows_of((tmp_path / "page.html").read_text(), "Resonant amplitude at design forces")
     (_, *first), (_, *second) = rows[two]
     assert first[0] == second[0] == "N, mm"
     assert first[2:5] == second[2:5]

@@ -428,7 +428,7 @@ def test_loads_as_csv_and_parquet(tmp_path: Path) -> None:
     assert "'@far" in text
 
 
-def test_a_curve_is_the_table_that_python_gives(tmp_path: Path) -> None:
+def test_a_curve_is_the_table_that_python_gives(tmp_path: Path, few_laws: None) -> None:
     """Columns and numbers of ``CurveResult.table``; in other units forces and amplitudes move and ratios stay."""
     data = data_folder() / "saturn-v"
     record, mode = (data / folder / f"config-2-mode-1.{end}" for folder, end in (("records", "csv"), ("modes", "toml")))

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 import damping as dp
 from damping import agreement
+from damping.effects import CATALOGUE
 from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
@@ -169,6 +170,8 @@ def test_diagnoses_read_rows_as_swept_and_predictions_steady_states(frequency, s
     made = record(swept, frequency, np.random.default_rng(4))
     viscous = 2.0 * RATIO * MASS * 2.0 * np.pi * F_N
     mode = Mode(name="made", frequency=F_N, mass=MASS, damping={"viscous": {"coefficient": viscous}})
+    planes = {"planar-coupling": CATALOGUE["planar-coupling"]}
+    monkeypatch.setattr("damping.gap.diagnose.CATALOGUE", planes)
     compared = []
     monkeypatch.setattr(agreement, "compare", lambda *both: compared.append(both) or AGREED)
     loads, diagnosis = dp.extrapolate(made, mode, [2.0 * max(swept)]), dp.diagnose(made, mode)

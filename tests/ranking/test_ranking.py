@@ -255,7 +255,7 @@ def drawn(peaks):
     return data, law, np.interp([0.05, 0.5, 0.95], np.cumsum(weights[order]) / weights.sum(), values[order])
 
 
-@pytest.mark.parametrize("seed", [1, 5, 7])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5, 7))])
 def test_a_power_law_has_the_interval_of_its_posterior(drawn, seed):
     """The interval on three levels is that of draws from the prior, for any seed."""
     data, law, expected = drawn
@@ -387,12 +387,13 @@ def decays(draw, misfit=0.0):
     return observe(Record(pd.DataFrame({**columns, "force_sd": deviation * force})))
 
 
-def test_the_verdict_tests_the_fit_that_is_best_under_the_stated_deviations():
+@pytest.mark.parametrize("records", [50, pytest.param(200, marks=pytest.mark.slow)])
+def test_the_verdict_tests_the_fit_that_is_best_under_the_stated_deviations(records):
     """The law and its deviations are exact: p is uniform, as chi-square of 15 degrees of freedom makes it."""
     draw = np.random.default_rng(4)
-    p = [fit_probability(fit_law(Law(("viscous",)), data), data) for data in (decays(draw) for _ in range(200))]
-    # Kolmogorov-Smirnov: 1.63/sqrt(200) is exceeded by one in a hundred
-    assert np.max(np.abs(np.sort(p) - (np.arange(200) + 0.5) / 200)) < 1.63 / 200**0.5
+    p = [fit_probability(fit_law(Law(("viscous",)), data), data) for data in (decays(draw) for _ in range(records))]
+    # Kolmogorov-Smirnov: 1.63/sqrt(n) is exceeded by one in a hundred
+    assert np.max(np.abs(np.sort(p) - (np.arange(records) + 0.5) / records)) < 1.63 / records**0.5
     off = decays(draw, misfit=0.15)
     fits = [fit for fit in fit_laws(candidate_laws(), off) if isinstance(fit, BestFit)]
     assert judge_fit(min(fits, key=lambda fit: fit.squares), fits, off).verdict == "none fits"

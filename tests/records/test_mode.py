@@ -317,7 +317,7 @@ WORDS = st.sampled_from(
 )
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(
     content=st.one_of(
         st.binary(max_size=100),

@@ -16,6 +16,10 @@ from damping_validation.truths import OMEGA, TRUTHS, draw_truth
 
 MODE = dp.Mode(name="bracket", frequency=25.0, mass=40.0)
 STRUCTURES = 200
+#: The first half of those that must all be right, and all.
+DRAWN = pytest.mark.parametrize(
+    "structures", [STRUCTURES // 2, pytest.param(STRUCTURES, marks=pytest.mark.slow)], ids=["half", "all"]
+)
 
 
 def peaks_of(force: object, frequency: object, amplitude: object) -> dp.Record:
@@ -85,10 +89,11 @@ def draw_levels(rng: np.random.Generator) -> FloatArray:
     return np.sort(np.append(force, rng.choice(force, rng.integers(0, 4))))
 
 
-def test_no_frequency_of_a_right_structure_is_accused():
+@DRAWN
+def test_no_frequency_of_a_right_structure_is_accused(structures):
     """Frequencies that fall or rise steadily by up to a third, with a scatter of up to .1 %, and repeats of levels."""
     rng = np.random.default_rng(22)
-    for _ in range(STRUCTURES):
+    for _ in range(structures):
         force = draw_levels(rng)
         a = (force / force[-1]) ** rng.uniform(0.5, 1.0)
         slip = a / (a + rng.uniform(0.1, 1.0))
@@ -99,10 +104,11 @@ def test_no_frequency_of_a_right_structure_is_accused():
         assert check_outlier(View(peaks_of(5.0 * force, frequency, amplitude), MODE)) is None, (frequency, amplitude)
 
 
-def test_no_frequency_of_a_drawn_truth_is_accused():
+@DRAWN
+def test_no_frequency_of_a_drawn_truth_is_accused(structures):
     """Joints with a memory and springs beside every kind of damping."""
     rng = np.random.default_rng(23)
-    for _ in range(STRUCTURES):
+    for _ in range(structures):
         truth = draw_truth(str(rng.choice(sorted(TRUTHS))), rng)
         force = np.exp(rng.uniform(-1.0, 0.0)) * draw_levels(rng)
         amplitude = truth.amplitude(force)

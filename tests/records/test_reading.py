@@ -248,7 +248,7 @@ CELLS = st.sampled_from(
 LINES = st.lists(st.lists(CELLS, max_size=6).map(",".join), max_size=6).map("\n".join)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(
     content=st.one_of(st.binary(max_size=200), LINES.map(str.encode), LINES.map(lambda rows: (HEAD + rows).encode()))
 )

@@ -374,7 +374,7 @@ ROWS = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=100)
 @given(rows=ROWS)
 def test_any_record_has_finite_resonances(rows):
     table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"])

@@ -32,6 +32,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
+from damping.signals.windows import even_times
 
 M, omega_n = 2.0, 10.0
 K = M * omega_n**2
@@ -186,6 +187,33 @@ def test_rest_before_the_release_is_no_part_of_the_decay(order: int, phase: floa
     np.testing.assert_allclose(found.damping_ratio, zeta, rtol=2e-2)
 
 
+def test_what_is_pulled_aside_before_the_release_is_no_part_of_the_decay() -> None:
+    """A snap-back test read by a displacement sensor: the rest is at the largest displacement, not at zero."""
+    zeta, samples = 0.01, 20
+    t, x = exponential(zeta, 60, samples=samples)
+    found = decay(np.arange(x.size + 200) * (t[1] - t[0]), np.concatenate([np.ones(200), x]))
+    since = found.time - 200 * (t[1] - t[0])
+    np.testing.assert_allclose(found.amplitude, np.exp(-zeta * omega_n * since), rtol=2e-3)
+    np.testing.assert_allclose(found.damping_ratio, zeta, rtol=2e-2)  # as after rest at zero
+
+
+@pytest.mark.parametrize("limit", [0.4, 0.6])
+@pytest.mark.parametrize(
+    "gain", [lambda x, limit: np.clip(x, -limit, limit), lambda x, limit: limit * np.tanh(x / limit)]
+)
+def test_flattened_peaks_are_said(gain, limit: float) -> None:
+    """Clipped or compressed before noise is added, so that no value repeats; unlike a mode near three times it."""
+    t, x = exponential(0.01, 120, 2)
+    x /= np.max(np.abs(x))
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(len(t))
+    found = decay(t, gain(x, limit) + noise, order=2)
+    assert found.damping_ratio[0] < 0.8 * 0.01  # what the caution is for
+    assert any("peaks are flattened" in note for note in found.notes)
+    third = 0.3 * np.exp(-0.01 * 3.02 * omega_n * t) * np.cos(3.02 * omega_n * t + np.pi)
+    for clean in (x, x + third):
+        assert not any("flattened" in note for note in decay(t, clean + noise, order=2).notes)
+
+
 @pytest.mark.parametrize("order", [0, 2])
 def test_a_start_that_the_window_loses_is_said(order: int) -> None:
     """Half a window of 6 periods at 5 per cent: exp(-0.05 2 pi 3) = 0.39 is left, after 3 periods of 0.628 s."""
@@ -232,6 +260,14 @@ def test_a_decay_too_short_for_a_level_is_said() -> None:
     t, x = exponential(0.01, 60)
     with pytest.raises(AnalysisError, match=r"no level of the decay .*; above the noise it lasts .* s, too short"):
         decay(t[:360], np.concatenate([np.zeros(240), x[:120]]))  # 12 periods of rest, 6 of motion
+
+
+def test_a_mode_file_of_another_mode_is_said() -> None:
+    """Half the frequency, or twice the sampling rate, of the motion: the window holds no decay."""
+    t, _ = exponential(0.01, 120)
+    x = np.cos(omega_n * t) / (1.0 + 0.1 * omega_n * t)  # as with quadratic damping
+    with pytest.raises(AnalysisError, match=rf"strongest at {HERTZ:.4g}\d* Hz, the mode is at {HERTZ / 2:.4g} Hz"):
+        decay(t, x, frequency=HERTZ / 2)
 
 
 def test_a_blow_before_the_one_that_is_used_is_said() -> None:
@@ -347,6 +383,20 @@ def broken(change: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarr
 def test_what_is_no_decay(change, error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         decay(*broken(change))
+
+
+@pytest.mark.parametrize("decimals", [2, 3])
+def test_times_printed_to_few_decimals_are_even(decimals: int) -> None:
+    """512 samples per second: 1 or 4 decimals of a step of 1.95 ms, the first with equal neighbours."""
+    t, zeta, omega = np.arange(6000) / 512.0, 0.01, 2 * np.pi * 12.0
+    x = np.exp(-zeta * omega * t) * np.cos(omega * t)
+    found = ring_down(np.round(t, decimals), x, order=0, mass=M, frequency=12.0)
+    assert any("are printed to" in note for note in found.notes)
+    exact = ring_down(t, x, order=0, mass=M, frequency=12.0)
+    for name in ("amplitude", "frequency", "decay_rate"):  # the rate by the line through the times, to 0.01/(12 n^.5)
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=3e-5)
+    missing = np.delete(1e-3 * np.arange(len(t)), 3000)  # steps of one digit, and one of two: no rounding
+    assert not any("are printed to" in note for note in even_times(missing, x[1:], 12.0)[3])
 
 
 @pytest.mark.parametrize("wanders", [False, True])

@@ -71,8 +71,9 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
     Intervals: of the power law, t interval of the line; of all laws, predictive.
 
     Args:
-        ranking: of the record ``config-2-mode-1``. predicted: design loads of that record, which answer for all laws
-            where 90 lb is among them; else the weighted laws of the ranking do.
+        ranking: of the record ``config-2-mode-1``.
+        predicted: design loads of that record, which answer for all laws where 90 lb is among them; else the weighted
+            laws of the ranking do.
     """
     (F, A, _), example = resonances(1, "corrected"), PRINTED["example"]
     linear = A * F_EXAMPLE / F

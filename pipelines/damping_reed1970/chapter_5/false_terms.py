@@ -73,7 +73,8 @@ def subset_fits(columns: FloatArray, observed: FloatArray) -> ManyFits:
     """Fit every subset of the terms to every response.
 
     Args:
-        columns: (n, k), or (r, n, k) where each response has its own. observed: responses (r, n), n > k.
+        columns: (n, k), or (r, n, k) where each response has its own.
+        observed: responses (r, n), n > k.
     """
     n, k = columns.shape[-2:]
     X = columns.reshape(-1, n, k)

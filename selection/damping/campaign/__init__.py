@@ -53,9 +53,12 @@ def analyse(
 
     Args:
         design: levels to predict at, in the unit of the drive; for free decays, amplitudes of the sensor that moves
-            most. By default twice the top level. frequencies: of the modes, Hz, if they are not to be searched.
-        corrections: of the content of the files. limits: largest allowed reading, by sensor, in its unit. before:
-            predictions made before these runs. facts: columns and units of tables of steady states.
+            most. By default twice the top level.
+        frequencies: of the modes, Hz, if they are not to be searched.
+        corrections: of the content of the files.
+        limits: largest allowed reading, by sensor, in its unit.
+        before: predictions made before these runs.
+        facts: columns and units of tables of steady states.
 
     InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
     earlier predictions at levels in another unit.

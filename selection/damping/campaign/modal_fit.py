@@ -107,8 +107,11 @@ def fit_level(
     """The modes near ``starts`` (Hz), all sensors together.
 
     Args:
-        f: (n,) Hz. H: (sensors, n) accelerations per unit of drive. sign: +1 base, -1 force.
-        ratios: initial damping ratios; by default from the width of each peak. drive: amplitude (n,), in any unit.
+        f: (n,) Hz.
+        H: (sensors, n) accelerations per unit of drive.
+        sign: +1 base, -1 force.
+        ratios: initial damping ratios; by default from the width of each peak.
+        drive: amplitude (n,), in any unit.
     """
     frequency = np.array(sorted(starts), dtype=float)
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])

@@ -27,9 +27,11 @@ def find_notches(
     """The notch of each limited sensor at a mode, at a design level.
 
     Args:
-        places: levels with responses and damping ratios, from well below to the design level. top: largest tested
-            level. limits: by sensor, in its unit. swept: lowest and highest frequency of the sweep, Hz. drive_unit: of
-            levels.
+        places: levels with responses and damping ratios, from well below to the design level.
+        top: largest tested level.
+        limits: by sensor, in its unit.
+        swept: lowest and highest frequency of the sweep, Hz.
+        drive_unit: of levels.
     """
     notches = []
     for sensor, limit in limits.items():

@@ -29,7 +29,9 @@ class Projection:
         """Derivatives (sensors 2 n, parameters) of ``rest`` by parameters that move one column each.
 
         Args:
-            rates: (parameters, n) of that column. of: its place. sd: (sensors, n), of the noise.
+            rates: (parameters, n) of that column.
+            of: its place.
+            sd: (sensors, n), of the noise.
         """
         moved = stack_parts(rates / sd[:, np.newaxis])
         pushed = moved * self.coefficients[:, of, np.newaxis]

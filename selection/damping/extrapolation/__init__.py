@@ -138,11 +138,14 @@ def extrapolate_loads(
     """Predict resonant amplitudes at ``forces``; every prediction of the project comes from here.
 
     Args:
-        data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`). level: content of the bands.
+        data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`).
+        level: content of the bands.
         mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
-        laws: candidates, by default :func:`resonant_laws`. plan: if already made. all_rows: if given, laws are also
-            judged on these. estimate: of marginal likelihoods. fresh: whether to draw afresh from laws of more than
-            ``LEAST_WEIGHT`` (:func:`draw_fresh`).
+        laws: candidates, by default :func:`resonant_laws`.
+        plan: if already made.
+        all_rows: if given, laws are also judged on these.
+        estimate: of marginal likelihoods.
+        fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`).
 
     Raises:
         InputError: an invalid force or level, before any work.

@@ -149,9 +149,9 @@ def trend(data: Observations, scatter: float, expected: tuple[float, float] | No
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
-        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force. expected: scatter by
-            which a change is judged, and the degrees of freedom it is worth; by default ``scatter``, as known. (That of
-            a fit of laws is not known: the fit may take a change for scatter.)
+        scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
+        expected: scatter by which a change is judged, and the degrees of freedom it is worth; by default ``scatter``,
+            as known. (That of a fit of laws is not known: the fit may take a change for scatter.)
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
@@ -245,9 +245,11 @@ def plan_loads(
     """Choose and weigh laws for predictions beyond the test.
 
     Args:
-        data: rows near resonance (``near_resonance``). laws: candidates. done: called with each candidate's name.
-            mode: its mass shows whether the mode is bistable and whether a joint slips. estimate: of marginal
-            likelihoods and posteriors.
+        data: rows near resonance (``near_resonance``).
+        laws: candidates.
+        done: called with each candidate's name.
+        mode: its mass shows whether the mode is bistable and whether a joint slips.
+        estimate: of marginal likelihoods and posteriors.
 
     Raises:
         AnalysisError: no candidate can carry the measured forces.

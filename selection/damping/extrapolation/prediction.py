@@ -40,8 +40,10 @@ def list_cautions(
     """Cautions on the prediction at one force, the gravest first.
 
     Args:
-        amplitude: predicted amplitude, NaN if none. weights: of the averaged laws. without: probabilities of no
-            resonance at this force, because friction locks the mode and because no amplitude balances it.
+        amplitude: predicted amplitude, NaN if none.
+        weights: of the averaged laws.
+        without: probabilities of no resonance at this force, because friction locks the mode and because no amplitude
+            balances it.
     """
     refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
     cautions = [_describe_refusal(*without)] if refused else []
@@ -189,9 +191,11 @@ def predict(
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
     Args:
-        data: of the tested levels. plan: if given, its limit applies and its findings are among the cautions.
+        data: of the tested levels.
+        plan: if given, its limit applies and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude, a lower bound of the scatter.
-        spreads: draws at ``force``, if already made. each: whether to make the band of each law too.
+        spreads: draws at ``force``, if already made.
+        each: whether to make the band of each law too.
         still: count draws without a resonance below the tested forces, and at all forces of a decay, whose amplitude is
             no response to a force: as amplitude 0 if friction holds the mode, else as infinite. Where they do not
             count, a prediction is refused if too many draws have no resonance.

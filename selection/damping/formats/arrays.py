@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,8 +48,9 @@ def read_arrays(
     """Read the arrays ``names`` of a file, as far as it has them, and list its contents.
 
     Args:
-        path: the file. kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last every channel is read,
-            of ``tdms`` if none is named.
+        path: the file.
+        kind: ``mat5``, ``mat73``, ``hdf5``, ``tdms`` or ``lvm``; of the last every channel is read, of ``tdms`` if none
+            is named.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
         max_size: largest file read, bytes; None: any, for reading in blocks.
         rows: first sample and end (exclusive) of the range read of every channel, and of every array of an HDF5 file
@@ -65,48 +67,46 @@ def read_arrays(
         size = min(size, _BLOCKWISE)
     size *= _EXPANDED
     limits = (size + _WARRANTED, _WORKING + 3 * size, int(LONGEST))
-    answer, body = _run_worker(path, kind, [json.dumps(list(names)), *map(str, limits), json.dumps(rows)])
+    answer, arrays = _run_worker(path, kind, [json.dumps(list(names)), *map(str, limits), json.dumps(rows)])
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
     units = {name: text for name, text in answer["units"].items() if text}
     steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
-    arrays: dict[str, list[Samples]] = {}
-    place = 0
-    for name, form, shape in answer["loaded"]:
-        dtype = np.complex128 if form == "complex" else np.float64
-        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=place)
-        arrays.setdefault(name, []).append(values.reshape(shape))
-        place += values.nbytes
     return Arrays(arrays, units, known, steps)
 
 
-def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict[str, Any], bytes]:
-    """The answer of ``worker.py`` on a file, run in another process, and the bytes of its arrays."""
-    script = Path(__file__).with_name("worker.py")
-    try:
-        done = subprocess.run(
-            [sys.executable, "-P", str(script), kind, os.path.abspath(path), *words],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=LONGEST,
-            check=False,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "HDF5_PLUGIN_PATH": "::"},
-        )
-    except subprocess.TimeoutExpired:
-        raise InputError(f"not read within {LONGEST:g} s", file=path, expected=NAMES["whole"][kind]) from None
-    head, _, body = done.stdout.partition(b"\n")
-    if done.returncode != 0 or not head:
-        reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
-        expected = NAMES["whole"][kind]
-        raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=expected)
-    answer = json.loads(head)
+def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict[str, Any], dict[str, list[Samples]]]:
+    """The answer of ``worker.py`` on a file, run in another process, and its arrays, by a file: a pipe copies."""
+    script, whole = Path(__file__).with_name("worker.py"), NAMES["whole"][kind]
+    with tempfile.TemporaryFile() as output:
+        try:
+            done = subprocess.run(
+                [sys.executable, "-P", str(script), kind, os.path.abspath(path), *words],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.PIPE,
+                timeout=LONGEST,
+                check=False,
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "HDF5_PLUGIN_PATH": "::"},
+            )
+        except subprocess.TimeoutExpired:
+            raise InputError(f"not read within {LONGEST:g} s", file=path, expected=whole) from None
+        output.seek(0)
+        head = output.readline()
+        if done.returncode != 0 or not head:
+            reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
+            raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=whole)
+        answer, arrays = json.loads(head), dict[str, list[Samples]]()
+        for name, form, shape in answer["loaded"]:
+            dtype = np.complex128 if form == "complex" else np.float64
+            values = np.fromfile(output, dtype=dtype, count=math.prod(shape))
+            arrays.setdefault(name, []).append(values.reshape(shape))
     if answer["problem"]:
-        whole = NAMES["whole"][kind]
         expected = f"{whole}, not compressed" if "warrants" in answer["problem"] else whole
         raise InputError(f"cannot be read: {answer['problem']}", file=path, expected=expected)
     if answer["missing"]:
         needed = f"a {kind.upper()} file needs the package {answer['missing']}, which is not installed"
         raise AnalysisError(f"{path}: {needed} (pip install 'damping-selection[formats]')")
-    return answer, body
+    return answer, arrays
 
 
 def read_blocks(
@@ -261,7 +261,9 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
         start, step = _find_step(name, contents, stated)
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
         facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
-        t = np.asarray(start + step * np.arange(len(values)), dtype=np.float64)
+        t = np.arange(len(values), dtype=np.float64)
+        t *= step  # in place: a file may have many samples
+        t += start
         series.append(Series(name, t, values, is_time=True, has_phase=False, facts=facts))
     return series
 

@@ -67,19 +67,27 @@ def _find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout |
 
 
 def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layout:
-    """Layout of a table that begins with its header, or with lines about the test, which have other numbers of cells.
+    """Layout of a table that begins with its header, or with lines about the test.
 
-    In the second case the header is the first line with as many cells as the last line, none of them a number.
+    In the second case the header is the first line with as many cells as the last line, none of them a number; if it
+    names no role (``Operator,A.B.`` above two columns), the first such line that names an abscissa.
     """
     rows = [_list_cells(line, mark) for _, line in content]
     width, whole = len(rows[-1]), content[0][1].count('"') % 2 == 0  # else its cells continue on the next line
-    fitting = (k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row))
-    at = 0 if len(rows[0]) == width or not whole else next(fitting, 0)
+    fitting = [k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row)]
+    at = 0 if len(rows[0]) == width or not whole else next(iter(fitting), 0)
+    if whole and not _list_roles(rows[at]):
+        at = next((k for k in fitting if not _list_roles(rows[k]).isdisjoint(_SETTING)), at)
     line, names = content[at][0] + 1, rows[at]
     merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
     if merged is None:
         return Layout(mark, point, tuple(names), line, False, False)
     return Layout(mark, point, tuple(merged), content[at + 1][0] + 1, False, False, units=True)
+
+
+def _list_roles(cells: Sequence[str]) -> set[str]:
+    """Roles that cells name if they are headers."""
+    return set(recognise([parse_header(cell) for cell in cells])[0])
 
 
 def _list_cells(line: str, delimiter: str) -> list[str]:
@@ -172,8 +180,7 @@ def open_table(data: bytes, delimiter: str = "auto", skip: int = 0, decimal: str
     start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
     pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
     lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
-    layout = _find_layout(lines, delimiter, decimal)
-    if layout is None:
+    if (layout := _find_layout(lines, delimiter, decimal)) is None:
         raise InputError("no header", expected=f"a row of column names after {skip} lines")
     line, names, _ = _read_header(data, layout, skip)
     layout, headers = replace(layout, encoding=encoding), tuple(map(parse_header, names))
@@ -208,31 +215,26 @@ def find_roles(
 
     InputError: a missing or repeated column, or no column with a role.
     """
-    places, response = _places(table.headers, mapped, known, table.line)
-    if not set(places) - {"sweep"}:
-        raise _no_role(table)
-    return places, response
-
-
-def _places(
-    headers: Sequence[ColumnHeader], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], line: int
-) -> tuple[dict[str, int], str | None]:
-    """Index of the column of each role, stated columns first, and the response type from a column name."""
+    headers, line = table.headers, table.line
     by_name, response = _by_name(headers, known)
-    if not mapped:
-        if "amplitude" not in by_name or {"lead_deg", "lag_deg", "lead"} & set(by_name):
-            by_name.pop("angle", None)
-        _require_single(by_name, headers, line)
-        return by_name, response
     places = {role: find_stated(name, headers, line) for role, name in mapped.items()}
-    taken, setting = set(places.values()), not set(_SETTING) & set(places)
-    undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is not an amplitude
-    unphased = "amplitude" in places and not set(PHASES) & set(places)
-    wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting) | dict.fromkeys(PHASES, unphased)
-    unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
-    found = {role: place for role, place in unstated.items() if wanted.get(role)}
+    if mapped:
+        taken, setting = set(places.values()), not set(_SETTING) & set(places)
+        undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is no amplitude
+        unphased = "amplitude" in places and not set(PHASES) & set(places)
+        wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting)
+        wanted |= dict.fromkeys(PHASES, unphased)
+        unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
+        found = {role: place for role, place in unstated.items() if wanted.get(role)}
+        response = response if taken & {by_name.get("amplitude"), by_name.get("response")} else None
+    else:
+        found = dict(by_name)
+        if "amplitude" not in found or {"lead_deg", "lag_deg", "lead"} & set(found):
+            found.pop("angle", None)
     _require_single(found, headers, line)
-    return places | found, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
+    if not {*places, *found} - {"sweep"}:
+        raise _no_role(table)
+    return places | found, response
 
 
 def _require_single(found: Mapping[str, int], headers: Sequence[ColumnHeader], line: int) -> None:

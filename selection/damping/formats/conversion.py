@@ -20,6 +20,7 @@ RESPONSES: dict[str, tuple[int, bool]] = {
 }
 #: Scalings of an amplitude, with factors to the amplitude of the sine.
 SCALINGS: dict[str, float] = {"peak": 1.0, "rms": 2.0**0.5, "peak-to-peak": 0.5}
+VOLTS = ("V", "mV", "uV", "µV", "μV")  #: units of signals before they are multiplied by a sensitivity
 # Origin of a value, in the summary of an import.
 _STATED = "stated"
 _FOUND = "found in the file"
@@ -62,8 +63,20 @@ class Statements:
         return self.stated.units.get(what) or self.facts.units.get(what) or ""
 
     def add_unit(self, what: str) -> None:
-        """Add a unit and its origin to the summary."""
+        """Add a unit and its origin to the summary, and note another in the file that no factor explains."""
+        stated, found = self.stated.units.get(what), self.facts.units.get(what)
+        if stated and found and what not in self.stated.scale and not _is_same_unit(stated, found):
+            self.summary.note(
+                f"caution: the file says {found} and {stated} is stated as the unit of {what}, without --scale"
+            )
         self.summary.add(f"unit of {what}", self.unit_of(what), _STATED if self.stated.units.get(what) else _FOUND)
+
+
+def _is_same_unit(text: str, other: str) -> bool:
+    try:
+        return unit(text).agrees_with(unit(other))
+    except InputError:  # of a voltage, say
+        return text == other
 
 
 def conversion(known: Statements) -> Conversion:
@@ -99,6 +112,9 @@ def conversion(known: Statements) -> Conversion:
 
 
 def _read_unit(what: str, text: str) -> Unit:
+    if text in VOLTS:
+        expected = f"--unit {what}=UNIT of the quantity, and --scale {what}=VALUE of one {text} in it"
+        raise InputError(f"unit of {what} {text!r} is not understood: it is a voltage", expected=expected)
     return unit(text, what=f"unit of {what}", option=f"--unit {what}=UNIT")
 
 
@@ -280,8 +296,10 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
         to = conversion(known)
         if to.per_force:
             raise InputError("a time history is no ratio to force", expected="--response acceleration")
-        require_finite(row.label, row.abscissa + row.response)
-        signal = np.asarray(row.response, dtype=np.float64) * to.response
+        for values in (row.abscissa, row.response):
+            require_finite(row.label, values)
+        signal = np.asarray(row.response, dtype=np.float64)
+        signal = signal if to.response == 1.0 else signal * to.response  # of a large file, without a copy
         label = stated.labels[k] if stated.labels else row.label
         force = None if row.force is None else np.asarray(row.force, dtype=np.float64)
         histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order, force))

@@ -44,9 +44,10 @@ def to_series(
     """One series for each sweep; a table without labels is split where the frequency restarts or the force changes.
 
     Args:
-        arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps;
-            a force is one number, (k,), (n,) or of the shape of the response.
-        labels: sweep of each row (n,), or None. name: label of a single sweep.
+        arrays: array of each role. The abscissa has n values; a response is (n,), or (n, k) or (k, n) for k sweeps; a
+            force is one number, (k,), (n,) or of the shape of the response.
+        labels: sweep of each row (n,), or None.
+        name: label of a single sweep.
         peak: whether the role ``amplitude`` is that of the sine (not so for readings of an amplifier).
 
     InputError: missing or redundant roles, or incompatible shapes.

@@ -34,10 +34,14 @@ _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
     (0, 1, 0): {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": INCH_M, "inch": INCH_M},
         **{"mil": 1e-3 * INCH_M, "mils": 1e-3 * INCH_M, "ft": 12.0 * INCH_M, "meter": 1.0, "metre": 1.0},
-        **{"µm": 1e-6, "μm": 1e-6, "pm": 1e-12, "km": 1e3},
+        **{"µm": 1e-6, "μm": 1e-6, "pm": 1e-12, "km": 1e3, "micron": 1e-6, "microns": 1e-6},
     },
     (0, 0, 1): {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6},
-    (0, 1, -2): {"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2},
+    (0, 1, -1): {"ips": INCH_M},
+    (0, 1, -2): {
+        **{"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2, "mg": 1e-3 * STANDARD_GRAVITY_M_S2},
+        **{f"{micro}g": 1e-6 * STANDARD_GRAVITY_M_S2 for micro in "uµμ"},
+    },
     (1, -1, 2): {"kg": 1.0},
     (1, 1, 0): {"J": 1.0, "Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "kNm": 1e3},
 }

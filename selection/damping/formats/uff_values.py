@@ -142,7 +142,8 @@ def write_uff(
     Args:
         record: with phases, or with sweeps of one row, which is at phase resonance.
         length, force: labels of the units, up to 18 characters; '' where none is named.
-        binary: values as bytes. of_base: the column ``force`` is the acceleration of a base.
+        binary: values as bytes.
+        of_base: the column ``force`` is the acceleration of a base.
 
     AnalysisError: a sweep of several rows without phases.
     """

@@ -135,10 +135,11 @@ def rank_tests(
     Args:
         listed: the explanations that are listed, in order of probability; without a rival no test is worth it.
         fitted: all that were fitted.
-        in_library: probability that the library holds the cause. unit: of mass, for the rows; ``rows`` of a test are
-            reported as a record holds them.
-        columns: of the record; further rows fill some of them too. imitations: explanations by causes outside the
-            library that the record does not exclude; further measurements count once a test excludes them.
+        in_library: probability that the library holds the cause.
+        unit: of mass, for the rows; ``rows`` of a test are reported as a record holds them.
+        columns: of the record; further rows fill some of them too.
+        imitations: explanations by causes outside the library that the record does not exclude; further measurements
+            count once a test excludes them.
     """
     leading, rivals = listed[0].hypothesis.best, listed[1 : 1 + MOST_RIVALS]
     if not (blames := bool(listed[0].effects)):

@@ -107,7 +107,8 @@ def setting(
     """The setting of a record and the mode that simulates it; noise that is not stated is a first guess.
 
     Args:
-        states: further states of the same structure, whose effects are shared. simulate: the user's own simulation.
+        states: further states of the same structure, whose effects are shared.
+        simulate: the user's own simulation.
         shaken, groups: of each state, see `damping.gap.states.Driven`; empty where forces drive all.
 
     Raises:

@@ -120,7 +120,8 @@ def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
     """(1 + C C^T)^(-1/2) r with the symmetric root, for which entries stay closest to their rows.
 
     Args:
-        r: residuals in units of noise, (m,). C: their derivatives by deviations of sweeps in units of repeatability.
+        r: residuals in units of noise, (m,).
+        C: their derivatives by deviations of sweeps in units of repeatability.
     """
     U, S, _ = np.linalg.svd(C, full_matrices=False)
     return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))

@@ -172,7 +172,8 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
     """The candidates.
 
     Args:
-        scatter: repeatability as stated; None where it is not. bandwidth: unit of the scatter of frequency.
+        scatter: repeatability as stated; None where it is not.
+        bandwidth: unit of the scatter of frequency.
         noise_error: standard deviation of the ln of the estimated noise; 0 where the noise is stated.
         dispersion: residuals of the best explanation over noise.
     """

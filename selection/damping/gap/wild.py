@@ -53,7 +53,8 @@ def find_pattern(rows: PhasorRows, r: FloatArray, wild: BoolArray, sd_amplitude:
     record of 300.
 
     Args:
-        r: residuals (m,). sd_amplitude: noise in whose units the amplitude residuals are, relative, (n,).
+        r: residuals (m,).
+        sd_amplitude: noise in whose units the amplitude residuals are, relative, (n,).
     """
     n = len(rows)
     by_quantity, seen = wild.reshape(-1, n), rows.seen.reshape(-1, n).sum(axis=1)

@@ -22,7 +22,8 @@ def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArr
     """Coefficients >= 0 of least squares for many problems, (k, terms); NaN where none exist.
 
     Args:
-        columns: (k, rows, terms). target: (k, rows).
+        columns: (k, rows, terms).
+        target: (k, rows).
     """
     terms = columns.shape[2]
     if terms > FEW_TERMS:

@@ -143,8 +143,10 @@ def stray(
     reduces the error of band ends to a third.
 
     Args:
-        sigma: of each draw, (draws,). left: ln A of the levels less the law's, (draws, levels). noise: covariance of
-            its errors, (draws, levels, levels). at, within, beyond: ln F of the levels and of the places, rising.
+        sigma: of each draw, (draws,).
+        left: ln A of the levels less the law's, (draws, levels).
+        noise: covariance of its errors, (draws, levels, levels).
+        at, within, beyond: ln F of the levels and of the places, rising.
     """
     origin, number = float(np.mean(at)), len(sigma)
     places = np.concatenate([within, beyond])

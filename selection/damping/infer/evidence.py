@@ -55,8 +55,9 @@ def evidence(
     """Marginal likelihood of a law, with weighted draws of its posterior, drawn over balanced variables.
 
     Args:
-        fit: the law's best fit on these observations, where known. floor: ln of a marginal likelihood below which a law
-            does not matter. wanted: effective draws, by default enough for the digits that are shown.
+        fit: the law's best fit on these observations, where known.
+        floor: ln of a marginal likelihood below which a law does not matter.
+        wanted: effective draws, by default enough for the digits that are shown.
 
     Raises:
         AnalysisError: the law cannot carry the measured forces.

@@ -86,11 +86,12 @@ def importance(
     from the proposals to the density step by step.
 
     Args:
-        log_density: at points (n, d) -> (n,), ``-inf`` allowed. mode, covariance: start, (d,) and (d, d), or several
-            modes (k, d) and (k, d, d).
-        wanted: effective draws at which to stop; after ``ROUNDS``, ``LEAST_DRAWS`` are enough. floor: ln of a marginal
-            likelihood below which no further round is worth its time. least_rounds: of adaptation; more where part of
-            the posterior is far from the mode, where few draws reach it at first.
+        log_density: at points (n, d) -> (n,), ``-inf`` allowed.
+        mode, covariance: start, (d,) and (d, d), or several modes (k, d) and (k, d, d).
+        wanted: effective draws at which to stop; after ``ROUNDS``, ``LEAST_DRAWS`` are enough.
+        floor: ln of a marginal likelihood below which no further round is worth its time.
+        least_rounds: of adaptation; more where part of the posterior is far from the mode, where few draws reach it at
+            first.
     """
     proposals, proposal, sizes = [], Proposal.around(np.atleast_2d(mode), covariance), np.empty(0)
     x, log_p = np.empty((0, mode.shape[-1])), np.empty(0)

@@ -35,7 +35,9 @@ def damping_curve(
 
     Args:
         table: rows of a curve, ``amplitude, damping_ratio, damping_ratio_low, damping_ratio_high, tested``; NaN where
-            there is none. level: content of the band. tested: of each sweep, ``amplitude, damping_ratio``.
+            there is none.
+        level: content of the band.
+        tested: of each sweep, ``amplitude, damping_ratio``.
     """
     figure, panel = build_panel(3.7, describe_with_unit("resonant amplitude", unit), "damping ratio (%)", axes=axes)
     _draw_damping_ratio(panel, table, tested)
@@ -134,8 +136,11 @@ def fitted_sweeps(
     """Draw measured sweeps with the curves of one law through them, or resonances with its curve over force.
 
     Args:
-        measured: ``sweep, x, y``. fitted: the same columns, rows of a sweep in order of x. law: its name, for the
-            legend. unit: of the amplitude y. force_unit: of x where that is force; None where it is frequency in Hz.
+        measured: ``sweep, x, y``.
+        fitted: the same columns, rows of a sweep in order of x.
+        law: its name, for the legend.
+        unit: of the amplitude y.
+        force_unit: of x where that is force; None where it is frequency in Hz.
     """
     x_label = "frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit)
     y_label = describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit)
@@ -204,8 +209,10 @@ def design_loads(
 
     Args:
         band: over a grid of forces, ``force, median, low, high, linear``; NaN where no prediction is given.
-        tested: ``sweep, force, amplitude``. design: at the design forces, ``force, median, low, high, linear``.
-        level: content of the band. limit: force beyond which no prediction is given.
+        tested: ``sweep, force, amplitude``.
+        design: at the design forces, ``force, median, low, high, linear``.
+        level: content of the band.
+        limit: force beyond which no prediction is given.
     """
     x_label = describe_with_unit("force at resonance", force_unit)
     figure, panel = build_panel(3.9, x_label, describe_with_unit("resonant amplitude", length_unit), axes=axes)

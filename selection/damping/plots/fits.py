@@ -28,7 +28,9 @@ def deviations_figure(
     """Deviation (above) and per cent deviation (below) against a variable; on ``axes`` the deviation alone.
 
     Args:
-        x: the variable (n,). x_label: its name. response: name of the response.
+        x: the variable (n,).
+        x_label: its name.
+        response: name of the response.
         deviation: observed - fitted (n,), in units of the response.
         percent: 100 deviation/observed (n,), NaN where there is none.
     """
@@ -245,7 +247,8 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
     """Draw predictive intervals of resonant amplitude (per cent of the measured): one panel per sweep, one row per law.
 
     Args:
-        table: ``law, sweep, median, low, high``; 100 is the measured amplitude. level: content of the intervals.
+        table: ``law, sweep, median, low, high``; 100 is the measured amplitude.
+        level: content of the intervals.
     """
     laws = [str(law) for law in table["law"].unique()]
     sweeps = list(table["sweep"].unique())

@@ -163,8 +163,9 @@ def gap_resonances(measured: pd.DataFrame, predicted: pd.DataFrame, force: str, 
     """Draw amplitude at phase resonance over force.
 
     Args:
-        measured: ``sweep, force, amplitude, sd`` (relative). predicted: ``model, force, amplitude``; models are
-            nominal, refitted, explained. force, length: units.
+        measured: ``sweep, force, amplitude, sd`` (relative).
+        predicted: ``model, force, amplitude``; models are nominal, refitted, explained.
+        force, length: units.
     """
     figure, ax = build_panel(3.0, describe_with_unit("force", force), describe_with_unit("resonant amplitude", length))
     _draw_models(ax, predicted.sort_values("force"), "force", "amplitude")

@@ -55,7 +55,10 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
     missed. Frequencies without a steady state (friction holds, no damping at resonance) have no roots.
 
     Args:
-        force: force with scalar parameters. F: force amplitude. omega: frequencies, rad/s, (n,). M, omega_n: mode.
+        force: force with scalar parameters.
+        F: force amplitude.
+        omega: frequencies, rad/s, (n,).
+        M, omega_n: mode.
     """
     omega = np.asarray(omega, dtype=float)
     blocks = [_roots(force, F, omega, start, M, omega_n) for start in range(0, omega.size, _BLOCK)]

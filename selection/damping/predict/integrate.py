@@ -193,7 +193,10 @@ def steady_state_in_time(
     """The stable steady state reached from ``start`` (default: rest) under F sin(omega t).
 
     Args:
-        force: force with scalar parameters. F: force amplitude. omega: drive, rad/s. M, omega_n: mode.
+        force: force with scalar parameters.
+        F: force amplitude.
+        omega: drive, rad/s.
+        M, omega_n: mode.
         start: state of an earlier result, such as that of the neighbouring frequency in a sweep.
 
     AnalysisError: no steady state is reached, or a part of the force has no law in time.

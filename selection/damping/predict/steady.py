@@ -49,7 +49,8 @@ def bracketed_newton(
 
     Args:
         function: value and derivative at an array of the shape of ``low``; each value changes sign in its bracket.
-        low, high: ends of the brackets. start: first points, within the brackets; ``high`` by default.
+        low, high: ends of the brackets.
+        start: first points, within the brackets; ``high`` by default.
         rising: whether each value is known to rise from below zero to zero or above.
     """
     side = np.True_ if rising else function(high)[0] >= 0.0
@@ -124,8 +125,9 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
 
     Args:
         force: damping force; its parameters may be arrays, such as posterior draws of shape (draws, 1).
-        F: force amplitude(s) > 0. omega: frequency at resonance, rad/s. near: amplitude(s) where the search begins, NaN
-            if unknown; the result does not depend on it.
+        F: force amplitude(s) > 0.
+        omega: frequency at resonance, rad/s.
+        near: amplitude(s) where the search begins, NaN if unknown; the result does not depend on it.
     """
     shape = np.broadcast_shapes(np.shape(force.quadrature(1.0, omega)), np.shape(F), np.shape(omega))
     if len(shape) == 2 and shape[0] > (most := max(1, _AT_ONCE // max(1, shape[1]))):

@@ -65,8 +65,10 @@ def envelope(
     frequency.
 
     Args:
-        frequency: Hz (n,), in the order swept. force, mass: modal. natural: f_n in Hz. ratio, growth: damping ratio
-            ratio (1 + growth |a|).
+        frequency: Hz (n,), in the order swept.
+        force, mass: modal.
+        natural: f_n in Hz.
+        ratio, growth: damping ratio ratio (1 + growth |a|).
     """
     per_second = rate * log(2.0) / 60.0 * (1.0 if frequency[-1] >= frequency[0] else -1.0)
     w_n = RAD_S_PER_HZ * natural
@@ -137,7 +139,8 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
     errors of 0 means that no departure from steady states is found.
 
     Args:
-        frequency: initial frequency of the mode, Hz. upwards: direction of the sweeps.
+        frequency: initial frequency of the mode, Hz.
+        upwards: direction of the sweeps.
     """
     sweeps = []
     for _, rows in record.frame.groupby("sweep", sort=False):
@@ -213,7 +216,8 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     known to a fifth.
 
     Args:
-        mass: generalized mass. frequency: of the mode, Hz.
+        mass: generalized mass.
+        frequency: of the mode, Hz.
     """
     if not record.has_phase:
         return record, ()

@@ -131,8 +131,10 @@ def rank_laws(
     """Fit and rank candidates.
 
     Args:
-        laws: the candidates; by default :func:`candidate_laws`. done: called with each candidate's name.
-        estimate: of the marginal likelihood. hold_out: whether to compute held-out errors; else they are NaN.
+        laws: the candidates; by default :func:`candidate_laws`.
+        done: called with each candidate's name.
+        estimate: of the marginal likelihood.
+        hold_out: whether to compute held-out errors; else they are NaN.
         power_draws: effective draws for the coefficient of a power law; 0: those of its evidence.
 
     Raises:

@@ -33,6 +33,9 @@ FAR_BELOW = 0.75
 OF_LOWER = 0.35
 
 
+TOGETHER = 1_000_000  #: samples of a signal that are looked at together, so that it needs no memory of its size
+
+
 @dataclass(frozen=True)
 class Excess:
     """Mass near the top of a run over that in its wings, and its relative standard error."""
@@ -243,5 +246,6 @@ def _find_limit(ends: dict[float, tuple[int, int]]) -> float | None:
 def find_limit(x: FloatArray) -> float | None:
     """Absolute value of the limit at which x (n,) stands again and again; None if there is none."""
     limits = Limits()
-    limits.note(x[np.newaxis])
+    for start in range(0, len(x), TOGETHER):
+        limits.note(x[np.newaxis, start : start + TOGETHER])
     return limits.found[0]

@@ -55,8 +55,9 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
     """Rows of a test whose drive is a sine of any slowly changing frequency.
 
     Args:
-        blocks: consecutive samples (channels, n) of any n. drive: index of the drive's channel; the others are
-            responses in their order. step: between samples, s.
+        blocks: consecutive samples (channels, n) of any n.
+        drive: index of the drive's channel; the others are responses in their order.
+        step: between samples, s.
 
     InputError: samples that are not finite. AnalysisError: no window of the drive is a sine that can be tracked.
     """

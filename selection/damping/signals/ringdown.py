@@ -29,7 +29,18 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
-from damping.signals.windows import Window, describe_lost, even_times, find_return, flat_window, noise_beside, thinned
+from damping.signals.windows import (
+    Window,
+    describe_elsewhere,
+    describe_flat,
+    describe_lost,
+    even_times,
+    find_release,
+    find_return,
+    flat_window,
+    noise_beside,
+    thinned,
+)
 
 PERIODS = 6.0  #: periods of the window: it rejects frequencies farther away than some 2/periods of that of the mode
 APART = 2.0  #: least length of a window that separates two modes, over 1/(their distance)
@@ -121,11 +132,13 @@ def ring_down(
     z = window.analytic(x)
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
     noise = noise_beside(window, x, z)
-    first = 0 if start is not None else _find_release(x, z, window, frequency * dt)
-    low = np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)
-    last = first + int(low[0]) if len(low) else len(z)
+    first = 0 if start is not None else find_release(x, z, window, frequency * dt)
+    last = first + int(next(iter(np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)), len(z) - first))
     _refuse_growth(times[first:last], np.abs(z[first:last]))
-    kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+    try:
+        kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+    except AnalysisError as error:
+        raise AnalysisError(f"{error}{describe_elsewhere(x, dt, frequency)}") from None
     size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
     lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
     before = np.abs(z[: max(first - len(window.offsets), 0)])
@@ -137,20 +150,9 @@ def ring_down(
         lost.append(
             f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
         )
+    fall = max(1.0 - float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]), 0.0)
+    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], fall)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
-
-
-def _find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
-    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
-
-    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
-    does. Free motion stays below half of its largest for a sixth of a period at a time: if x takes longer to reach
-    half, there was rest.
-    """
-    largest = int(np.argmax(np.abs(z)))
-    near = np.abs(x[largest : largest + len(window.offsets)])
-    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
-    return min(max(largest, release), len(z) - 1)
 
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:

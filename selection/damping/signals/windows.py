@@ -1,6 +1,6 @@
 """A free decay through a window of some periods: even sampling, band pass, analytic signal and out-of-band noise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,10 +11,17 @@ ENOUGH = 32  #: sufficient samples per period: denser records are averaged in gr
 _BESIDE = 4.5  # where noise is measured, in 1/length above the mode: outside the main lobe of the window used there
 _LARGEST_GAP = 2.5  # largest step between samples with jitter, over the mean step; a larger one is a gap
 UNEVEN = 0.02  #: largest deviation from even times, over a step, that counts as rounding of printed times
+_ROUNDED = 0.6  # largest deviation of rounded times from even ones, in the last digit: half, and the error of the line
+_LIKE_WHOLE = 1e-3  # largest deviation from whole last digits: that of binary numbers
+_ALTERNATE = 0.01  # least share of each of two steps: a sample that is missing gives one larger step
+_TOGETHER = 1_000_000  # samples that are worked on together
 _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
+FLATTENED = 0.005  #: third harmonic from which flattened peaks are said: clipping or compression of some 1 %
+_NEAR = 0.15  # largest distance of a motion from its mode, relative: half the main lobe of a window of 6 periods
+_IN_STEP = 0.9  # least share of the third harmonic in step with the motion; a mode near it is in no step
 
 
 @dataclass(frozen=True)
@@ -36,44 +43,86 @@ class Window:
         dt = float(self.offsets[1] - self.offsets[0])
         return dt * float(np.sum(self.weights) ** 2 / np.sum(self.weights**2))
 
+    @property
+    def kernel(self) -> ComplexArray:
+        """The weights turned by the centre, less what they give of a constant."""
+        turned = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
+        return np.asarray(turned - self.weights * (np.sum(turned) / np.sum(self.weights)))
+
     def analytic(self, x: FloatArray) -> ComplexArray:
         """Analytic signal z where the window lies inside x."""
         from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
-        kernel = self.weights * np.exp(-1j * self.omega_0 * self.offsets)
-        return np.asarray(oaconvolve(x, kernel[::-1], mode="valid"))
+        kernel = self.kernel
+        starts = range(0, max(len(x) - len(kernel) + 1, 1), _TOGETHER)
+        parts = (x[start : start + _TOGETHER + len(kernel) - 1] for start in starts)
+        return np.concatenate([oaconvolve(part, kernel[::-1], mode="valid") for part in parts])
 
     def gain(self, s: complex) -> complex:
         """Gain of z for the real part of exp(s t); its image at the conjugate of s averages out over a level."""
-        return complex(0.5 * self.weights @ np.exp((s - 1j * self.omega_0) * self.offsets))
+        return complex(0.5 * self.kernel @ np.exp(s * self.offsets))
 
 
 def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, float, list[str]]:
     """Times and motion at an even spacing that resolves the mode, the step, and notes.
 
-    Times with jitter but no gap are resampled evenly by a cubic spline. With n samples per period its error is
-    (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that grow or shrink along the record by more than
-    their scatter are not jitter but a stretch, which would look like a change of frequency: such times are refused.
+    Even times printed to few decimals are taken as even. Times with jitter but no gap are resampled evenly by a cubic
+    spline. With n samples per period its error is (2 pi/n)^4/384 of the amplitude: 1e-3 at 8, 2e-5 at 20. Steps that
+    grow or shrink along the record by more than their scatter are not jitter but a stretch, which would look like a
+    change of frequency: such times are refused.
     """
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only free decays need it
-
-    step, notes = np.diff(t), []
+    notes: list[str] = []
     dt = float((t[-1] - t[0]) / (len(t) - 1))
-    even = t[0] + dt * np.arange(len(t))
-    off = float(np.max(np.abs(t - even))) if np.isfinite(t).all() else np.inf
-    gap = min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_OF_DECAY * frequency))
-    if np.isfinite(off) and off > UNEVEN * dt and np.all(step > 0.0) and np.max(step) <= gap:
-        parts = np.array_split(step, _PARTS)
-        stretched = max(abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in parts if len(part))
-        if stretched <= _STRETCHED * np.std(step):
-            notes = [f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"]
-            t, x, off = even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), 0.0
+    off = _find_deviation(t, t[0], dt)
+    if off > UNEVEN * dt and (digit := _find_last_digit(t)):
+        slope, first = np.polyfit(np.arange(len(t)), t, 1)
+        if _find_deviation(t, first, slope) <= _ROUNDED * digit:
+            notes = [f"times are printed to {digit:g} s: taken as even, every {slope:.6g} s"]
+            t, dt, off = first + slope * np.arange(len(t)), float(slope), 0.0
+    if np.isfinite(off) and off > UNEVEN * dt:
+        t, x, off, notes = _resample(t, x, dt, off, frequency)
     if not (dt > 0.0 and off <= UNEVEN * dt):
         raise InputError(describe_uneven(t), expected="one step throughout, rising")
     if not frequency * dt <= 1.0 / _FEWEST_OF_DECAY:
         message = f"{1.0 / (frequency * dt):.3g} samples a period of {frequency:g} Hz"
         raise InputError(message, expected=f"at least {_FEWEST_OF_DECAY}")
     return t, x, dt, notes
+
+
+def _find_deviation(t: FloatArray, first: float, dt: float) -> float:
+    """Largest deviation of times (n,) from even ones; infinite if one is no number. In parts, to need little memory."""
+    starts = range(0, len(t), _TOGETHER)
+    parts = ((k, t[k : k + _TOGETHER]) for k in starts)
+    off = max(float(np.max(np.abs(part - (first + dt * np.arange(k, k + len(part)))))) for k, part in parts)
+    return off if np.isfinite(off) else np.inf
+
+
+def _find_last_digit(t: FloatArray) -> float:
+    """The unit, s, to which even times (n,) were rounded: two neighbouring steps then alternate; 0 if they do not."""
+    since = t - t[0]
+    for digit in 10.0 ** -np.arange(1.0, 8.0):
+        counts = np.rint(since / digit)
+        if np.max(np.abs(since / digit - counts)) < _LIKE_WHOLE:
+            steps = np.diff(counts)
+            larger = float(np.mean(steps == np.max(steps)))
+            return float(digit) if np.ptp(steps) == 1.0 and _ALTERNATE < larger < 1.0 - _ALTERNATE else 0.0
+    return 0.0
+
+
+def _resample(
+    t: FloatArray, x: FloatArray, dt: float, off: float, frequency: float
+) -> tuple[FloatArray, FloatArray, float, list[str]]:
+    """Even times, the motion there, the deviation left and a note; all as they are if the times do not just jitter."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and only free decays need it
+
+    step, gap = np.diff(t), min(_LARGEST_GAP * dt, 1.0 / (_FEWEST_OF_DECAY * frequency))
+    parts = [part for part in np.array_split(step, _PARTS) if len(part)]
+    stretched = max(abs(np.mean(part) - dt) * np.sqrt(len(part)) for part in parts)
+    if not (np.all(step > 0.0) and np.max(step) <= gap and stretched <= _STRETCHED * np.std(step)):
+        return t, x, off, []
+    even = t[0] + dt * np.arange(len(t))
+    note = f"times jitter by up to {100.0 * off * frequency:.2g} % of a period: resampled every {dt:.6g} s"
+    return even, np.asarray(CubicSpline(t, x)(even), dtype=np.float64), 0.0, [note]
 
 
 def describe_uneven(t: FloatArray) -> str:
@@ -123,6 +172,47 @@ def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
     return float(min(np.median(tail), np.median(floor)))
+
+
+def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
+    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
+
+    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
+    does. The change of free motion over a quarter of a period stays below half of its largest for a sixth of a period
+    at a time: if it takes longer to reach half, there was rest, be it at zero or pulled aside.
+    """
+    largest, quarter = int(np.argmax(np.abs(z))), round(0.25 / cycles)
+    change = x.copy()
+    change[quarter:] -= x[:-quarter]
+    near = np.abs(change[largest : largest + len(window.offsets)])
+    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
+    return min(max(largest, release), len(z) - 1)
+
+
+def describe_flat(window: Window, x: FloatArray, z: ComplexArray, fall: float) -> list[str]:
+    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``fall``: of its frequency, relative.
+
+    A sensor at its limit turns cos a into cos a - r cos 3a + ..., r > 0: z_3 conj(z)^3 is negative throughout, weighted
+    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r. A spring
+    that softens, and the frequency by ``fall``, has r < ``fall`` in acceleration, and less in displacement.
+    """
+    turned = replace(window, omega_0=3.0 * window.omega_0).analytic(x) * np.conj(z) ** 3
+    flat = -float(np.sum(turned.real))
+    third = flat / float(np.sum(np.abs(z) ** 4))
+    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + fall:
+        return []
+    why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
+    return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
+
+
+def describe_elsewhere(x: FloatArray, dt: float, frequency: float) -> str:
+    """Where a motion x (n,) is strongest, if not near the mode at ``frequency``; '' if it is."""
+    spectrum = np.abs(np.fft.rfft(x * np.hanning(len(x))))
+    strongest = float(np.argmax(spectrum)) / (len(x) * dt)
+    if abs(strongest / frequency - 1.0) < _NEAR:
+        return ""
+    where = f"strongest at {strongest:.4g} Hz, the mode is at {frequency:.4g} Hz"
+    return f"; the motion is {where}: are the mode and --rate right?"
 
 
 def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
