@@ -13,7 +13,7 @@ from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.runs import DesignLevel, read_corrections
 from damping.campaign.values import SensorPrediction
 from damping.errors import InputError, naming
-from damping.formats.columns import read_columns
+from damping.formats.columns import find_roles, open_table
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
 from damping.formats.quantity import unit
@@ -128,14 +128,16 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
     with naming(path):
-        table = read_columns(read_bytes(path), {}, named)
-        missing = [name for name in named if name not in table.numbers]
+        table = open_table(read_bytes(path))
+        places, _ = find_roles(table, {}, named)
+        missing = [name for name in named if name not in places]
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
-        of_frequency, of_level = (table.headers[name] for name in named)
+        of_frequency, of_level = (table.headers[places[name]] for name in named)
+        numbers, _ = table.read(places)
         hertz = find_abscissa_factor("frequency", of_frequency.unit)
     peak = SCALINGS[of_level.scaling or "peak"]
-    return DesignLevel(hertz * table.numbers["frequency"], peak * table.numbers["level"]), of_level.unit
+    return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"]), of_level.unit
 
 
 def _require_units(texts: Sequence[str], drive: str) -> None:

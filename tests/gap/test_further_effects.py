@@ -595,9 +595,9 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     assert any("velocity-squared of the mode file is ignored" in caution for caution in found.cautions)
 
 
-def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0):
+def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0, held=0.0):
     drive = SimpleNamespace(omega=np.asarray(omega), F=F * np.ones(len(omega)), sweep=np.asarray(sweep))
-    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun), drive)
+    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun, held), drive)
 
 
 def test_a_dwell_remembers_nothing():
@@ -640,8 +640,31 @@ def test_a_motion_does_not_follow_a_force_in_no_time():
     """Rows read twice on the way, with a force that wanders: the motion J F is the same both times."""
     detuning = np.repeat(np.linspace(-3.0, 4.0, 15), 2)
     F = 1.0 + 0.03 * np.sin(7.0 * np.arange(30))
-    motion = F * remembered(1.0 + 1j * detuning, np.full(30, 0.5), 100.0 + detuning, np.zeros(30), F=F)
-    np.testing.assert_allclose(motion[3::2], motion[2::2], rtol=1e-9)
+    for held in (0.0, 1.0):
+        motion = F * remembered(1.0 + 1j * detuning, np.full(30, 0.5), 100.0 + detuning, np.zeros(30), F=F, held=held)
+        np.testing.assert_allclose(motion[3::2], motion[2::2], rtol=1e-9)
+
+
+def test_a_force_that_wanders_changes_evenly_between_rows_or_is_that_of_the_row_reached():
+    """(J F)' = F(t) - p J F integrated row by row for both, which differ by more than 1 %."""
+    alpha, detuning = 0.3, np.linspace(-4.0, 4.0, 41)
+    F, step = 1.0 + 0.03 * np.sin(7.0 * np.arange(41)), (detuning[1] - detuning[0]) / alpha
+    motions = {}
+    for held in (0.0, 1.0):
+        true = [F[0] / (1.0 + 1j * detuning[0])]
+        for k in range(40):
+
+            def slope(t, y, k=k, held=held):
+                force = F[k + 1] - (1.0 - held) * (F[k + 1] - F[k]) * (1.0 - t / step)
+                return force - (1.0 + 1j * (detuning[k] + alpha * t)) * y
+
+            true.append(solve_ivp(slope, (0.0, step), true[-1:], rtol=1e-9, atol=1e-12).y[0, -1])
+        p = 1.0 + 1j * detuning
+        motion = F * remembered(p, np.full(41, alpha), 100.0 + detuning, np.zeros(41), 1.0, F, held)
+        # what changes between two rows is taken at its mean: below a third of a sigma of 1 %
+        np.testing.assert_allclose(motion, true, rtol=3e-3)
+        motions[held] = motion
+    assert np.abs(motions[1.0] / motions[0.0] - 1.0).max() > 0.01
 
 
 def test_ways_of_a_sweep_do_not_remember_each_other():
@@ -716,6 +739,18 @@ def test_memory_is_a_spring_behind_a_dashpot():
     stiffness = MASS * (OMEGA**2 - omega**2) + 1j * VISCOUS * omega - MASS * push
     H = receptance(omega, FOREIGN["memory"].simulate(TERMS, {"stiffness": 0.2 * MASS * OMEGA**2, "time": tau}))
     np.testing.assert_allclose(H, 1.0 / stiffness, rtol=1e-5, atol=0.0)  # (omega/w)^2, times the stiffness over loss
+
+
+def test_a_sensor_on_a_mount_moves_with_it():
+    """Two equations solved: a sensor far lighter than the structure, on a spring and dashpot of 1.02 times its mode."""
+    omega, light, w, d = OMEGA * np.linspace(0.9, 1.1, 30), 1e-9 * MASS, 1.02 * OMEGA, 0.01
+    tie = light * (w**2 + 2j * d * w * omega)
+    own = MASS * (OMEGA**2 - omega**2) + 1j * VISCOUS * omega
+    Z = np.moveaxis(np.array([[own + tie, -tie], [-tie, tie - light * omega**2]]), -1, 0)
+    table = {"size": 0.5 / d, "ratio": 1.02, "damping": d, "angle": 0.5 * np.pi}
+    H = receptance(omega, FOREIGN["sensor-mount"].simulate(TERMS, table))
+    read = np.linalg.solve(Z, np.array([[1.0], [0.0]]))[:, 1, 0]
+    np.testing.assert_allclose(H, read, rtol=1e-5, atol=0.0)  # its mass over both losses
 
 
 def test_a_partner_is_the_second_of_two_coupled_equations():

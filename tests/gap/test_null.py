@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
 
 from damping.effects import CATALOGUE
 from damping.gap.directed import basis, directed_tests, unexplained
@@ -96,13 +95,13 @@ def test_parameters_far_beyond_tolerance_are_named(lab, name, unit, side):
 
 @pytest.mark.parametrize("size", [4, 6, 7])
 @pytest.mark.parametrize("places", [np.linspace(0.0, 2.0, 30) ** 2, np.repeat([1.0, 3.0], 4)])
-def test_splines_of_directed_tests_are_those_of_scipy(size, places):
-    """Also where knots at quantiles all but coincide; between the places and beyond them."""
-    inner = np.quantile(places, np.linspace(0.0, 1.0, size - 1))
-    inner = np.maximum.accumulate(inner + np.linspace(0.0, 1e-6, size - 1) * max(np.ptp(places), 1e-12))
-    at = np.concatenate([places, np.linspace(-1.0, 5.0, 40)])
-    knots, inside = np.repeat(inner, [3, *[1] * (size - 3), 3]), np.clip(at, inner[0], inner[-1])
-    wanted = BSpline.design_matrix(inside, knots, 2).toarray().T
-    # a few roundings of numbers up to 1
-    np.testing.assert_allclose(basis(places, size, at), wanted, rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(basis(places, size, at).sum(axis=0), 1.0, rtol=1e-14)
+def test_splines_of_directed_tests_hold_every_parabola(size, places):
+    """Also where knots at quantiles all but coincide. Beyond the places they stay as at the ends."""
+    at = np.concatenate([places, np.linspace(places.min(), places.max(), 40)])
+    splines, powers = basis(places, size, at), np.column_stack([np.ones_like(at), at, at**2])
+    fitted = splines.T @ np.linalg.lstsq(splines.T, powers)[0]
+    np.testing.assert_allclose(fitted, powers, rtol=0.0, atol=1e-12)  # roundings of numbers up to 16
+    near, far = (basis(places, size, np.array(beyond)) for beyond in ([-1.0, 5.0], [-9.0, 90.0]))
+    np.testing.assert_array_equal(near, far)
+    assert splines.min() >= 0.0
+    np.testing.assert_allclose(splines.sum(axis=0), 1.0, rtol=1e-14)

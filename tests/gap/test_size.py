@@ -197,6 +197,18 @@ def test_a_level_held_out_chooses_nothing(lab):
     assert spoilt.after > 50.0 * clean.after  # 10 sigma in every value, which was 1
 
 
+def test_what_one_level_has_the_others_cannot_predict(lab):
+    """An offset of one level: held out, the others show none of it, and the scheme says that they cannot."""
+    rows, effects = lab.bench().rows, {"level-offset": CATALOGUE["level-offset"]}
+    table = lab.record(rows, lab.linear(rows), 2).table
+    table.loc[table["sweep"] == "B", "amplitude"] *= 1.1
+    known, search = search_hypotheses(setting(Record(table), lab.mode()), effects)
+    held = hold_levels_out(known, search, search.ranked()[0].best)
+    assert search.ranked()[0].effects == ("level-offset",)
+    assert held.shrinkage < 0.5
+    assert held.scheme.endswith("; what level-offset changes in one level, the others cannot predict")
+
+
 def test_one_level_can_hold_nothing_out(lab):
     rows = lab.bench(levels=1).rows
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode())

@@ -12,17 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.campaign.answer import (
-    LEAST_SPREAD,
-    NORMAL_90,
-    Campaign,
-    ModeAnswer,
-    join_cautions,
-    list_laws,
-    predict_mode,
-    rank_first,
-    read_curve,
-)
+from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
 from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -142,8 +132,8 @@ def _forecast(
     asked = [*tested, *wanted]
     if limited:
         asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    predicted, prepared = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
-    loads, apart = predicted.loads, predicted.plan.fit.level_caution
+    prediction = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
+    loads, prepared = prediction.predicted.loads, prediction.prepared
     curve = trace_loads(loads, prepared.backbone, prepared.data)
     fitted = zip(levels, tested, loads.average.median, mode.frequency, mode.ratio, strict=False)
     steady = [_find_steady(prepared, lev.name, of_force * F, A, float(f), float(z)) for lev, F, A, f, z in fitted]
@@ -158,16 +148,14 @@ def _forecast(
             errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
         else:
             frequency, ratio, errors = read_curve(curve, k)
-        cautions = (*join_cautions(prepared, apart, () if measured else curve.cautions[k]), *mode.cautions)
+        cautions = (*prediction.cautions(() if measured else curve.cautions[k]), *mode.cautions)
         shown.append(levels[k] if measured and (all(moved) or not moved[k]) else straight[-1])
         stated, reached = float(levels[k].run.level or 0.0) if measured else level, None
         if stated != level:
             cautions, reached = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}"), level
         known = ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
         places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
-    forces = tuple(float(of_force * level) for level in wanted)
-    fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
-    answer = ModeAnswer(rank_first(prepared, seed), tuple(places), *fields)
+    answer = prediction.answer(places, mode.left_out, [float(of_force * level) for level in wanted])
     return Forecast(mode, answer, tuple(shown), is_steady=not prepared.measured.notes)
 
 

@@ -62,25 +62,38 @@ class ModeAnswer:
         return audit(self.record, self.mode).findings
 
 
-def predict_mode(
-    record: Record, mode: Mode, forces: Sequence[float], seed: int
-) -> tuple[Extrapolation, PreparedRecord]:
+@dataclass(frozen=True)
+class PredictedMode:
+    """A mode with its record, ``prepared``, and what the laws of its levels predict; ``law``: see `ModeAnswer`."""
+
+    record: Record
+    mode: Mode
+    prepared: PreparedRecord
+    predicted: Extrapolation
+    law: str
+
+    def cautions(self, row: Sequence[str] = ()) -> tuple[str, ...]:
+        """Notes on preparation, the caution on levels that lie apart unless it is in the ``row``, and the row's own."""
+        apart = self.predicted.plan.fit.level_caution
+        known = not apart or any(apart in caution for caution in row)
+        return (*self.prepared.notes, *([] if known else [apart]), *row)
+
+    def answer(self, places: Sequence[At], left_out: dict[str, str], forces: Sequence[float]) -> ModeAnswer:
+        """The mode at its ``places``; ``forces``: modal, of the design levels."""
+        plan, laws = self.predicted.plan, tuple((law.name, law.weight) for law in self.predicted.plan.laws)
+        fields = (left_out, self.record, self.mode, tuple(forces), (), plan.fit.level_caution, laws)
+        return ModeAnswer(self.law, tuple(places), *fields)
+
+
+def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int) -> PredictedMode:
     """Amplitude at phase resonance at each modal force, averaged over laws with the draws of their evidence.
 
     AnalysisError: the levels do not allow a prediction.
     """
     prepared = prepare_record(record, mode, audit(record, mode))
-    return predict_record(prepared, np.array(forces, dtype=float), (), LEVEL, seed, fresh=False), prepared
-
-
-def rank_first(prepared: PreparedRecord, seed: int) -> str:
-    """The first law of the ranking on every row, as in ``damping rank``."""
-    return weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
-
-
-def list_laws(predicted: Extrapolation) -> tuple[tuple[str, float], ...]:
-    """The laws that predictions average, each with its weight."""
-    return tuple((law.name, law.weight) for law in predicted.plan.laws)
+    predicted = predict_record(prepared, np.array(forces, dtype=float), (), LEVEL, seed, fresh=False)
+    law = weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
+    return PredictedMode(record, mode, prepared, predicted, law)
 
 
 def read_curve(curve: Curve, row: int) -> tuple[float, tuple[float, float, float], tuple[float, float]]:
@@ -88,13 +101,6 @@ def read_curve(curve: Curve, row: int) -> tuple[float, tuple[float, float, float
     f, zeta = curve.frequency.form(row), curve.damping_ratio.form(row)
     errors = tuple((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
     return f["median"], (zeta["median"], zeta["low"], zeta["high"]), (errors[0], errors[1])
-
-
-def join_cautions(prepared: PreparedRecord, apart: str, row: Sequence[str] = ()) -> tuple[str, ...]:
-    """Notes on preparation, the caution ``apart`` on a level unless it is in the ``row``, and cautions of the row."""
-    known = not apart or any(apart in caution for caution in row)
-    notes = prepared.notes
-    return (*notes, *row) if known else (*notes, apart, *row)
 
 
 @dataclass(frozen=True)

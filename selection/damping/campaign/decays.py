@@ -13,25 +13,15 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.campaign.answer import (
-    LEAST_SPREAD,
-    LEVEL,
-    NORMAL_90,
-    Campaign,
-    ModeAnswer,
-    join_cautions,
-    list_laws,
-    predict_mode,
-    rank_first,
-    read_curve,
-)
+from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
-from damping.campaign.runs import ORDERS, CampaignRun, Channel, DesignLevel
+from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
 from damping.campaign.values import At, Response
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
@@ -206,19 +196,18 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
     asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
-    predicted, prepared = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
-    law, apart = rank_first(prepared, seed), predicted.plan.fit.level_caution
-    places = [replace(at, cautions=(*at.cautions, *join_cautions(prepared, apart))) for at in places]
-    curve = trace_loads(predict_forces(predicted, asked, each=False), backbone, prepared.data)
+    prediction = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
+    places = [replace(at, cautions=(*at.cautions, *prediction.cautions())) for at in places]
+    loads = predict_forces(prediction.predicted, asked, each=False)
+    curve = trace_loads(loads, backbone, prediction.prepared.data)
     for k, level in enumerate(beyond):
         frequency, ratio, errors = read_curve(curve, k)
-        cautions = (*mode.cautions, *join_cautions(prepared, apart, curve.cautions[k]))
+        cautions = (*mode.cautions, *prediction.cautions(curve.cautions[k]))
         response = tuple(_list_shaped(run, mode, level))
         known = (ratio, response, cautions, None, *errors) if np.isfinite(ratio).all() else (None, response, cautions)
         places.append(At(level, False, frequency, *known))
-    forces = tuple(float(force) for force in curve.force.median if np.isfinite(force))
-    fields = (mode.left_out, mode.record, mode.mode, forces, (), apart, list_laws(predicted))
-    return ModeAnswer(law, tuple(places), *fields)
+    forces = [float(force) for force in curve.force.median if np.isfinite(force)]
+    return prediction.answer(places, mode.left_out, forces)
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:

@@ -12,9 +12,11 @@ solved for at every step (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 from scipy.signal import find_peaks
 
@@ -238,28 +240,22 @@ def _stack_derivatives(
     f: FloatArray, columns: ComplexArray, coefficients: FloatArray, sd: FloatArray, cluster: Sequence[int], poles: Poles
 ) -> FloatArray:
     """Derivatives by all coefficients, then by ln z, f (relative), s and t of the modes in the cluster."""
-    sensors, width, n = *coefficients.shape, len(f)
     moved = [(trial.columns(f) - columns) / step for trial, step in _list_steps(poles, cluster)]
-    jacobian = np.zeros((2 * sd.size, sensors * width + len(moved)))
-    for s in range(sensors):
-        block = columns / sd[s][:, None]
-        extra = np.array([(change @ coefficients[s]) / sd[s] for change in moved]).T
-        for part, of_part in ((0, "real"), (1, "imag")):
-            rows = slice((2 * s + part) * n, (2 * s + part + 1) * n)
-            jacobian[rows, s * width : (s + 1) * width] = getattr(block, of_part)
-            jacobian[rows, sensors * width :] = getattr(extra, of_part)
-    return jacobian
+    of_coefficients = [stack_parts(columns.T / row).T for row in sd]
+    of_poles = [
+        stack_parts(np.array([change @ own for change in moved]) / row)
+        for own, row in zip(coefficients, sd, strict=True)
+    ]
+    return np.hstack([block_diag(*of_coefficients), np.hstack(of_poles).T])
 
 
 def _list_steps(poles: Poles, cluster: Sequence[int]) -> Iterator[tuple[Poles, float]]:
     """The poles with one parameter of one mode changed, and the step: ratios (ln), frequencies (relative), slopes, and
     friction if it is not 0.
     """
-    names = ("ratio", "frequency", "slope", "friction")
-    for which, step in zip(names, (1e-4, 1e-6, 1e-3, 1e-3), strict=True):
-        for k in cluster:
-            if which == "friction" and not poles.friction[k]:
-                continue
-            stepped = {name: getattr(poles, name).copy() for name in names}
-            stepped[which][k] = stepped[which][k] * (1.0 + step) if step < 1e-3 else stepped[which][k] + step
-            yield Poles(**stepped, sign=poles.sign, drive=poles.drive), step
+    for which, step in {"ratio": 1e-4, "frequency": 1e-6, "slope": 1e-3, "friction": 1e-3}.items():
+        for k in (k for k in cluster if which != "friction" or poles.friction[k]):
+            stepped = getattr(poles, which).copy()
+            stepped[k] = stepped[k] * (1.0 + step) if step < 1e-3 else stepped[k] + step
+            changed: dict[str, Any] = {which: stepped}
+            yield replace(poles, **changed), step

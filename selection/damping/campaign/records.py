@@ -16,9 +16,10 @@ from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
 from damping.campaign.merged import describe_excess, split_merged
 from damping.campaign.modal_fit import LEAST_T, Level, evaluate_sd, find_peaks_of, fit_level
-from damping.campaign.runs import ORDERS, CampaignRun
+from damping.campaign.runs import CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
 from damping.errors import AnalysisError, InputError
+from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record

@@ -11,8 +11,9 @@ from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, ModeAnswer
 from damping.campaign.modal_fit import Level, ModalFit, evaluate_sd
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode
-from damping.campaign.runs import LABEL_AGREES, ORDERS
+from damping.campaign.runs import LABEL_AGREES
 from damping.campaign.values import At, Response
+from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 
 _SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths

@@ -26,6 +26,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError, describe_nearest
+from damping.formats.headers import ORDERS
 from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
@@ -124,8 +125,7 @@ def _read_channel(channel: TomlTable) -> ChannelCorrection:
     return ChannelCorrection(role, text, -scale if channel.truth("reverse") else scale)
 
 
-ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}  #: order of the time derivative of displacement
-_MOTIONS = {(0, 1, 0): "displacement", (0, 1, -1): "velocity", (0, 1, -2): "acceleration"}
+_MOTIONS = {(0, 1, -order): name for name, order in ORDERS.items()}
 
 
 @dataclass(frozen=True)
@@ -163,10 +163,14 @@ class CampaignRun:
     x: FloatArray
     drive: Samples | None
     channels: tuple[Channel, ...]
-    is_time: bool = False
     rate: FloatArray | None = None
     left_out: Mapping[str, str] = field(default_factory=dict)
     delay: float = 0.0
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a free decay."""
+        return self.drive is None
 
     @property
     def is_base_driven(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import BoolArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, Level
 from damping.campaign.runs import Channel
 from damping.errors import InputError
@@ -181,11 +181,9 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
     names = levels[0].run.names
     if len(levels) < 2 or len(names) < 3:
         return {}
-    r = np.abs([level.fit.residues for level in levels])  # (levels, sensors, modes)
-    sd = np.array([level.fit.residues_sd for level in levels])
-    seen = np.all(r > LEAST_T * sd, axis=0)
+    r, seen = _list_residues(levels)
     with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.where(seen, np.log(r), np.nan)
+        size = np.where(seen, np.log(np.abs(r)), np.nan)
     known = np.count_nonzero(seen, axis=0) >= 3
     if not known.any():
         return {}
@@ -205,11 +203,16 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
     return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {reading}"}
 
 
+def _list_residues(levels: Sequence[Level]) -> tuple[FloatArray, BoolArray]:
+    """Residues (levels, sensors, modes), and which stand out of the noise at every level (sensors, modes)."""
+    r = np.array([level.fit.residues for level in levels])
+    sd = np.array([level.fit.residues_sd for level in levels])
+    return r, np.all(np.abs(r) > LEAST_T * sd, axis=0)
+
+
 def _find_changed_signs(levels: Sequence[Level]) -> dict[str, str]:
     """Sensors that move the other way at one level, in every mode that they show at all levels."""
-    r = np.array([level.fit.residues for level in levels])  # (levels, sensors, modes)
-    sd = np.array([level.fit.residues_sd for level in levels])
-    seen = np.all(np.abs(r) > LEAST_T * sd, axis=0)
+    r, seen = _list_residues(levels)
     against = np.sign(r) * np.sign(np.sum(np.sign(r), axis=0) + 0.5 * np.sign(r[0])) < 0.0
     shown = seen.any(axis=1)
     turned = np.all(against | ~seen, axis=2) & shown  # (levels, sensors)

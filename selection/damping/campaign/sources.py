@@ -24,15 +24,16 @@ from damping.campaign.runs import (
 )
 from damping.campaign.sensors import EXPLAINED, SCALINGS
 from damping.campaign.tables import find_peak_factor, read_table_runs
-from damping.campaign.tracked import Source, is_of_time, list_headers, read_table
+from damping.campaign.tracked import Source, is_of_time, read_table
 from damping.errors import InputError, naming
-from damping.formats import check
+from damping.formats import check, detect_format
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
+from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
 from damping.formats.quantity import unit
 from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary
-from damping.records.text import name_apart, read_start
+from damping.records.text import is_binary, name_apart, read_start
 from damping.signals.windows import UNEVEN
 
 SAMPLES = 2_000_000  #: samples of all channels that are read together
@@ -99,19 +100,19 @@ def _compare_labels(runs: Sequence[CampaignRun], summary: Summary) -> None:
 
 
 def _read(source: Source) -> list[CampaignRun]:
-    start = read_start(source.file, LOOKED_AT)
-    kind = "tdms" if start.startswith(b"TDSm") else "hdf5" if start.startswith(b"\x89HDF") else ""
-    if kind:
+    kind = detect_format(source.file)
+    if kind in ("tdms", "hdf5"):
         contents = read_arrays(source.file, kind, [], None, rows=(0, 1))
         if contents.steps:
             source.refuse_columns()
             return _list_channel_runs(source, kind, contents)
         is_table = kind == "tdms" or source.facts.columns
         return read_table_runs(source) if is_table else _list_group_runs(source, contents)
-    if start.lstrip()[:2] != b"-1":
-        headers = list_headers(start)
-        return [read_table(source, start)] if is_of_time(headers) else read_table_runs(source)
-    return list_function_runs(source)
+    if kind == "uff":
+        return list_function_runs(source)
+    start = read_start(source.file, LOOKED_AT)
+    table = open_table(start) if kind == "csv" and start.strip() and not is_binary(start) else None
+    return [read_table(source, table)] if table and is_of_time(table.headers) else read_table_runs(source)
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:

@@ -24,12 +24,12 @@ from damping.campaign.runs import (
     split_ratio,
 )
 from damping.errors import AnalysisError, InputError
-from damping.formats.columns import DELIMITERS, Layout, find_layout, read_columns
-from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, parse_header
+from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
+from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
-from damping.records.text import describe_cell, describe_shortened, is_binary, read_bytes, recode
+from damping.records.text import describe_cell, describe_shortened, read_bytes
 from damping.signals.histories import track_sine
 from damping.signals.windows import UNEVEN, describe_uneven
 
@@ -144,7 +144,7 @@ class Source:
         """The run of motions against time without a drive: a free decay."""
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
-        run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)), is_time=True)
+        run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)))
         return self.leave_clipped(limits, run)
 
     def leave_flat(self, run: CampaignRun) -> CampaignRun:
@@ -174,18 +174,6 @@ class Source:
 BLOCK = 8_000_000  #: characters of a table that are read together
 
 
-def _find_layout(start: bytes) -> Layout | None:
-    text, encoding = recode(start)
-    layout = find_layout(text.decode("utf-8-sig", errors="replace").splitlines(), "auto", "auto")
-    return None if layout is None else replace(layout, encoding=encoding)
-
-
-def list_headers(start: bytes) -> list[ColumnHeader]:
-    """The headers of a text table by the first bytes of its file; none of another file."""
-    layout = None if is_binary(start) else _find_layout(start)
-    return [parse_header(name.strip()) for name in layout.names] if layout else []
-
-
 def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
     """Whether a table is of motions against time: it has a time beside them, and no frequency."""
     names = [header.name.lower() for header in headers if header.text]
@@ -194,31 +182,33 @@ def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
     return not has_frequency and len(names) > 1 and bool(set(ROLE_NAMES["time"]) & set(names))
 
 
-def read_table(source: Source, start: bytes) -> CampaignRun:
-    """The run of a table of motions against time: tracked if a column is the drive, else a free decay."""
+def read_table(source: Source, start: TextTable) -> CampaignRun:
+    """The run of a table of motions against time: tracked if a column is the drive, else a free decay.
+
+    ``start``: the beginning of the table, with its headers.
+    """
     source.refuse_columns()
-    layout, headers = _find_layout(start), list_headers(start)
-    time = next(header for header in headers if header.name.lower() in ROLE_NAMES["time"])
+    headers = start.headers
+    time = next(k for k, header in enumerate(headers) if header.name.lower() in ROLE_NAMES["time"])
+    columns = [k for k, header in enumerate(headers) if header.text and k != time]
+    units = [(headers[k].name, headers[k].unit) for k in columns]
+    factor = find_abscissa_factor("time", headers[time].unit)
     drive = next((header.name for header in headers if source.stated.is_drive(header.name)), None)
-    if layout and drive:
-        return _track_table(source, layout, headers, time, drive)
-    data = read_bytes(source.file, source.most)
-    sensors = [header for header in headers if header is not time and header.text]
-    roles = [f"sensor {k}" for k in range(len(sensors))]
-    mapped = {"time": time.text} | dict(zip(roles, (header.text for header in sensors), strict=True))
-    numbers = read_columns(data, mapped, {}).numbers
-    units = [(header.name, header.unit) for header in sensors]
-    t = numbers["time"] * find_abscissa_factor("time", time.unit)
-    return source.make_decay(source.file.stem, t, units, [numbers[role] for role in roles])
+    if drive:
+        blocks = _list_table_blocks(source, start.layout, [time, *columns])
+        return _track_table(source, units, drive, factor, blocks)
+    whole = open_table(read_bytes(source.file, source.most))
+    numbers, _ = whole.read({"time": time} | {str(k): k for k in columns})
+    return source.make_decay(source.file.stem, numbers["time"] * factor, units, [numbers[str(k)] for k in columns])
 
 
 def _track_table(
-    source: Source, layout: Layout, headers: Sequence[ColumnHeader], time: ColumnHeader, drive: str
+    source: Source, units: Sequence[NamedUnit], drive: str, factor: float, blocks: Iterator[FloatArray]
 ) -> CampaignRun:
-    """The run of a table of time, drive and responses. InputError for cells that are not numbers, or uneven times."""
-    columns = [k for k, header in enumerate(headers) if header.text and header is not time]
-    factor = find_abscissa_factor("time", time.unit)
-    blocks = _list_table_blocks(source, layout, [headers.index(time), *columns])
+    """The run of a table of time and channels with their ``units``; ``factor``: one unit of time in s.
+
+    InputError for cells that are not numbers, or uneven times.
+    """
     first = next(blocks, None)
     if first is None or first.shape[1] < 2:
         raise InputError("no samples", expected="rows of time, drive and responses")
@@ -234,7 +224,6 @@ def _track_table(
             start = float(block[0, -1]) * factor + step
             yield block[1:]
 
-    units = [(headers[k].name, headers[k].unit) for k in columns]
     return source.track(source.file.stem, units, drive, step, samples())
 
 

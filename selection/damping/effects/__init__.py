@@ -51,6 +51,7 @@ FOREIGN: dict[str, Effect] = {
         contact.LOOSE_DASHPOT,
         structure.NEIGHBOURS,
         received.FORCE_CELL,
+        rig.SENSOR_MOUNT,
         masses.VARYING_MASS,
         masses.OTHER_MASS,
         masses.OTHER_ADDED_MASS,

@@ -87,10 +87,10 @@ class Terms(NamedTuple):
             displacement per force. gain: ln of the reading's factor. lag: rad, added to the phase. received: ln of
             actual over recorded force. limited: the same by ln A, with its slope. detuned, weighed, damped, stated: ln
             of the factors on omega_n, M, all damping, and the simulated damping. offset: ln of the complex factor of
-            the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt in addition
-            to the known rate, rad/s^2. law: power of omega/omega_n to which the known rate is proportional. ringing:
-            reading of ringing motion, see `damping.effects.moving.hurried`. begun: start of a moving frequency, 0 long
-            before the first row of each sweep, 1 at it from a dwell.
+            the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt beyond the
+            known rate, rad/s^2. Of a moving frequency are law: power of omega/omega_n in the known rate; ringing:
+            reading, see `damping.effects.moving.hurried`; begun: start, 0 long before the first row of each sweep, 1 at
+            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached.
     """
 
     M: Floats
@@ -114,6 +114,7 @@ class Terms(NamedTuple):
     law: Floats = 0.0
     ringing: Floats = 0.0
     begun: Floats = 0.0
+    held: Floats = 0.0
 
     def plus(self, **parts: Any) -> Terms:
         """The terms with one more part in each field named: a force, a change by the drive, or an instrument."""

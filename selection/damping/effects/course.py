@@ -33,7 +33,7 @@ _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _MOST_JUMPS = 8
 #: With more sweeps only errors of the reading are tried, not of the force, which differ in second order only.
 _MANY_SWEEPS = 6
-#: Prior of ``law``, ``ringing`` and ``begun`` of `Terms`: each about 0 to 1.
+#: Prior of ``law``, ``ringing``, ``begun`` and ``held`` of `Terms`: each about 0 to 1.
 BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
 #: Rates over the squared bandwidth from which fits start; largest one, beyond which the resonance is hardly visible.
 _RATES = (0.1, 0.4, 1.5, 5.0, 15.0)

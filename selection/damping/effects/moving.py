@@ -44,7 +44,7 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     if differs(share, 0.0):
         p = p + share * ((Z - 1j * M * alpha) / (2j * M * omega) - p)
     p, alpha = np.broadcast_arrays(p, alpha)
-    memory = _Memory.of(p, alpha, terms.begun)
+    memory = _Memory.of(p, alpha, terms.begun, terms.held)
     motion = memory.lewis if np.ndim(drive.sweep) == 0 else _remembered(memory, drive)
     per = -1j * ((1.0 - share) / (2.0 * M * free) + share / (2.0 * M * omega))
     other = -1j * ((1.0 - share) / (2.0 * M * free)) * invert(join_complex(0.5 * loss, omega + free))
@@ -55,7 +55,8 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
 class _Memory(NamedTuple):
     """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` is I(p) without ringing.
 
-    ``start``: J at the first row of a sweep. ``beyond``: rows beyond resonance.
+    ``start``: J at the first row of a sweep. ``beyond``: rows beyond resonance. ``held``: see
+    `damping.effects.contract.Terms`.
     """
 
     lewis: ComplexArray
@@ -64,10 +65,11 @@ class _Memory(NamedTuple):
     beyond: BoolArray
     p: ComplexArray
     alpha: FloatArray
+    held: FloatArray
 
     @staticmethod
-    def of(p: ComplexArray, alpha: FloatArray, begun: Floats = 0.0) -> _Memory:
-        """The solutions; 1/p where the frequency hardly moves. ``begun``: see `damping.effects.contract.Terms`."""
+    def of(p: ComplexArray, alpha: FloatArray, begun: Floats = 0.0, held: Floats = 0.0) -> _Memory:
+        """The solutions; 1/p where the frequency hardly moves. ``begun``, ``held``: see `Terms`."""
         x, y, still = p.real, p.imag, invert(p)
         moving = np.abs(alpha) > _SLOW * (x * x + y * y)
         # sqrt b = (1 - i s) sqrt(|alpha|)/2, s the sign of alpha: z = (i - s) p/(2 sqrt |alpha|)
@@ -79,7 +81,7 @@ class _Memory(NamedTuple):
         ringing = 2.0 * per_root * _exp(np.minimum(-squared.real, _LOUDEST), -squared.imag)
         quiet = np.where(moving, lewis - ringing, lewis)
         start = lewis + begun * (still - lewis) if differs(begun, 0.0) else lewis
-        return _Memory(lewis, quiet, start, np.where(moving, z.imag, x) < 0.0, p, alpha)
+        return _Memory(lewis, quiet, start, np.where(moving, z.imag, x) < 0.0, p, alpha, np.broadcast_to(held, p.shape))
 
     def take(self, rows: IntArray | slice) -> _Memory:
         """The memory of some rows."""
@@ -113,7 +115,8 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     """J with all changes along each sweep, (batch, n).
 
     V is ``quiet`` between rows beyond resonance, else ``lewis``: neither rings there, and both are smooth from row to
-    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha.
+    row. The rest d = J - V follows d' = -p d - (p' - i alpha) dV/dp - alpha' dV/dalpha - V F'/F; where the force of the
+    row reached acts from the row before on (``held``), the motion there, not J, continues.
     """
     ways = np.sign(memory.alpha)
     if ways.ndim > 1 and np.any(ways != ways[:1]):  # models that sweep in different directions differ in row order
@@ -135,13 +138,14 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     decay = _exp(np.minimum(-phase_decay.real, _LOUDEST), -phase_decay.imag)
     is_small = _square(phase_decay) <= _SLOWLY**2
     share = np.where(is_small, 1.0, (1.0 - decay) * invert(np.where(is_small, 1.0, phase_decay)))
-    force = F[:-1] / F[1:]  # the force is smooth from row to row
-    moved = by_p * (row.p - last.p - 1j * (rate * time)) + by_rate * (row.alpha - last.alpha)
-    moved = moved + (0.5 * (1.0 - force)) * (V + before)
+    force = F[:-1] / F[1:]
+    evenly = by_p * (row.p - last.p - 1j * (rate * time)) + by_rate * (row.alpha - last.alpha)
+    evenly = evenly + (0.5 * (1.0 - force) * (1.0 - row.held)) * (V + before)
+    moved = evenly * share + ((1.0 - force) * row.held) * decay * before
     decay = np.where(first, 0.0, decay * force)
     motion, kept = np.empty(memory.p.shape, dtype=np.complex128), np.zeros(memory.p.shape, dtype=np.complex128)
     motion[..., 0], kept[..., 1:] = memory.start[..., 0], decay
-    motion[..., 1:] = np.where(first, row.start, V - before * decay - moved * share)
+    motion[..., 1:] = np.where(first, row.start, V - before * decay - moved)
     step = 1
     while step < len(order) and kept.any():  # the reach doubles with each step
         motion[..., step:] += kept[..., step:] * motion[..., :-step]

@@ -1,4 +1,4 @@
-"""Errors of the rig: gain, lag, delay, saturation, a background signal."""
+"""Errors of the rig: gain, lag, delay, saturation, a background signal, a sensor with a resonance of its own."""
 
 from collections.abc import Callable, Mapping
 from itertools import chain
@@ -8,6 +8,7 @@ import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Scales, Terms, add_parts
+from damping.effects.structure import spread_distance
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
@@ -209,5 +210,45 @@ BACKGROUND = Effect(
         compliance=lambda drive: table["amplitude"] * np.exp(-1j * np.asarray(table["angle"])) / drive.F
     ),
     shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
+    need="sweep",
+)
+
+
+def mount_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: the part that resonates over the motion. Shapes: distance of its frequency, damping ratio, angle."""
+    distance = spread_distance(scales, 0.2, (-1.0, 0.0, 1.0))
+    damping = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(0.0,))
+    angle = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
+
+    def side(sign: float) -> Form:
+        def report(size: Floats, distance: Floats, damping: Floats, angle: Floats) -> dict[str, Floats]:
+            return {"size": size, "ratio": 1.0 + sign * distance, "damping": damping, "angle": angle}
+
+        return SENSOR_MOUNT.form(report, 0.1, shapes=(distance, damping, angle), largest=10.0)
+
+    return side(1.0), side(-1.0)
+
+
+def simulate_mount(terms: Terms, table: Mapping[str, Floats]) -> Terms:
+    """The reading times 1 + ``size`` exp(-i ``angle``) 2 i d r^2/(1 - r^2 + 2 i d r), r = omega/(``ratio`` omega_n).
+
+    d: ``damping``. A sensor on a compliant mount has the angle pi/2 and the size 1/(2 d); others read a part of both.
+    """
+    centre, turned = terms.omega_n * table["ratio"], table["size"] * np.exp(-1j * np.asarray(table["angle"]))
+
+    def part(drive: Drive) -> Floats:
+        r = drive.omega / centre
+        loss = 2j * table["damping"] * r
+        return np.asarray(np.log(1.0 + turned * loss * r / (1.0 - r * r + loss)))
+
+    return terms.plus(offset=part)
+
+
+SENSOR_MOUNT = Effect(
+    name="sensor-mount",
+    kind="instrument",
+    sentence="a sensor whose mount or circuit resonates near the mode",
+    forms=mount_forms,
+    simulate=simulate_mount,
     need="sweep",
 )

@@ -90,7 +90,7 @@ NATURAL_FREQUENCY = Effect(
 )
 
 
-def _spread_distance(scales: Scales, least: float, starts: tuple[float, ...]) -> FormVariable:
+def spread_distance(scales: Scales, least: float, starts: tuple[float, ...]) -> FormVariable:
     """Relative distance of a close mode: ``least`` bandwidths to 1.5 reaches, or over a factor of 8 if that is more."""
     low = least * scales.bandwidth
     return FormVariable.between(low, max(1.5 * scales.reach, 8.0 * low), starts)
@@ -101,7 +101,7 @@ def planar_forms(scales: Scales) -> tuple[Form, ...]:
 
     A force that is missing in the simulation may act in the first plane only, or in both.
     """
-    distance = _spread_distance(scales, 0.2, (-1.5, -0.75, 0.0, 0.75, 1.5))
+    distance = spread_distance(scales, 0.2, (-1.5, -0.75, 0.0, 0.75, 1.5))
     return tuple(_planar_side(distance, sign, False, _planar_side(distance, sign, True)) for sign in (1.0, -1.0))
 
 
@@ -192,7 +192,7 @@ RESIDUAL_MODES = Effect(
 
 def second_forms(scales: Scales) -> tuple[Form, ...]:
     """A mode within the rows, a fraction of the bandwidth to 1.5 reaches from the first, at any mass of either sign."""
-    separation = _spread_distance(scales, 0.3, (-1.2, 0.0, 1.2))
+    separation = spread_distance(scales, 0.3, (-1.2, 0.0, 1.2))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-1.0, 0.5))
     higher, lower = (_paths(SECOND_MODE, above, separation, loss, 1.0 / scales.loss) for above in (True, False))
     return *higher, *lower
@@ -213,7 +213,7 @@ SECOND_MODE = Effect(
 
 def partner_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: coupling over the bandwidth. Shapes: distance of the partner's frequency; its damping ratio."""
-    separation = _spread_distance(scales, 0.2, (-1.0, 0.0, 1.0))
+    separation = spread_distance(scales, 0.2, (-1.0, 0.0, 1.0))
     loss = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(-0.7, 0.5))
 
     def side(sign: float) -> Form:
@@ -252,7 +252,7 @@ def pair_forms(scales: Scales) -> tuple[Form, ...]:
     Strength: its mass over that of the mode above. Shapes: the mass of that over that of the mode below; the distances
     of the two; their damping ratio.
     """
-    separation = _spread_distance(scales, 0.3, (-0.7, 0.7))
+    separation = spread_distance(scales, 0.3, (-0.7, 0.7))
     damping = FormVariable.between(0.4 * scales.bandwidth, 2.5 * scales.bandwidth, starts=(0.0,))
 
     def pair(alike: float) -> tuple[Form, Form]:

@@ -16,7 +16,7 @@ import numpy as np
 from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series, list_channels
 from damping.formats.cells import DECIMALS
-from damping.formats.columns import DELIMITERS, Layout, read_columns
+from damping.formats.columns import DELIMITERS, Layout, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
@@ -29,6 +29,7 @@ from damping.records.text import DEFAULT_MAX_SIZE, describe_meant, describe_shor
 
 FORMATS = ("auto", "uff", "mat", "hdf5", "tdms", "lvm", "wav", "xlsx", "csv", "lock-in")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_LOOKED_AT = 2100  # first bytes of a file, by which its format is known
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 #: In-phase and quadrature readings, and the redundant magnitude and angle.
 _TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
@@ -61,15 +62,17 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
 
 def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
-    columns = read_columns(data, stated.columns, known, stated.delimiter, stated.skip, stated.decimal)
+    table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
+    places, response = find_roles(table, stated.columns, known)
+    numbers, labels = table.read(places)
+    headers = {role: table.headers[place] for role, place in places.items()}
     if "auto" in (stated.delimiter, stated.decimal):
-        summary.add("table", _describe_layout(columns.layout, stated.skip), "found in the file")
-    numbers = dict(columns.numbers)
+        summary.add("table", _describe_layout(table.layout, stated.skip), "found in the file")
     if not stated.columns and kind != "csv":
         for parts, twice in _TWICE.items():
             if set(parts) <= set(numbers):
                 numbers = {role: values for role, values in numbers.items() if role not in twice}
-    for role, header in columns.headers.items():
+    for role, header in headers.items():
         if role in UNIT_OF:
             refuse_decibels(role, header.text)
         if role in numbers or role == "sweep":
@@ -79,26 +82,26 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
         if set(ABSCISSAS) & set(numbers):
             raise InputError("--rate beside a column of times or frequencies", expected="one of them")
         numbers["time"] = np.arange(len(next(iter(numbers.values())))) / stated.rate
-    headers = {role: header for role, header in columns.headers.items() if role in numbers}
+    headers = {role: header for role, header in headers.items() if role in numbers}
     if stated.rate is not None and "amplitude" not in stated.columns and "amplitude" in numbers:  # a signal
         numbers["response"], headers["response"] = numbers.pop("amplitude"), headers.pop("amplitude")
     require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)
-        require_response(texts, columns.layout.names, stated, many=is_time)
+        require_response(texts, table.layout.names, stated, many=is_time)
     scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
     force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
-        response=columns.response or None,
+        response=response or None,
         scaling=scaling,
-        peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and columns.response is not None],
+        peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and response is not None],
         force_scaling=force_scaling,
         angles={role: header.angle for role, header in headers.items() if header.angle},
     )
-    return to_series(numbers, columns.sweep, facts, Path(path).stem, summary, peak=kind == "csv")
+    return to_series(numbers, labels, facts, Path(path).stem, summary, peak=kind == "csv")
 
 
 def _describe_layout(layout: Layout, skip: int) -> str:
@@ -154,27 +157,29 @@ def _heeded(stated: Stated, kind: str) -> None:
             raise InputError(f"{option} means nothing in a file of format {kind}", expected=f"no {option}")
 
 
+def detect_format(path: str | Path) -> str:
+    """The format by the first bytes of a file: as of `find_format`, ``csv`` of one that is none of the others."""
+    start = read_start(path, _LOOKED_AT)
+    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
+    is_hdf = any(start.startswith(_HDF5, place) for place in (0, 512, 1024, 2048))
+    begins = {
+        "mat5": start.startswith(b"MATLAB 5.0"),
+        "mat73": is_hdf and start.startswith(b"MATLAB 7.3"),
+        "hdf5": is_hdf,
+        "uff": first == b"-1",
+        "tdms": start.startswith(b"TDSm"),
+        "wav": start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE",
+        "xlsx": start.startswith(b"PK\x03\x04") and is_workbook(path),
+        "lvm": first.startswith(b"LabVIEW Measurement"),
+    }
+    return next((kind for kind, is_it in begins.items() if is_it), "csv")
+
+
 def find_format(path: str | Path, stated: Stated, summary: Summary) -> str:
     """``uff``, ``mat5``, ``mat73``, ``hdf5``, ``tdms``, ``lvm``, ``wav``, ``xlsx``, ``csv`` or ``lock-in``."""
-    start = read_start(path, 2100)
-    first = next((line.strip() for line in start.replace(b"\r", b"\n").split(b"\n") if line.strip()), b"")
-    if start.startswith(b"MATLAB 5.0"):
-        text = "mat5"
-    elif any(start.startswith(_HDF5, place) for place in (0, 512, 1024, 2048)):
-        text = "mat73" if start.startswith(b"MATLAB 7.3") or stated.format == "mat" else "hdf5"
-    elif first == b"-1":
-        text = "uff"
-    elif start.startswith(b"TDSm"):
-        text = "tdms"
-    elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
-        text = "wav"
-    elif start.startswith(b"PK\x03\x04") and is_workbook(path):
-        text = "xlsx"
-    elif first.startswith(b"LabVIEW Measurement"):
-        text = "lvm"
-    else:
-        text = "csv"
-    if stated.format == "auto" and text == "csv" and is_binary(start):
+    text = detect_format(path)
+    text = "mat73" if (stated.format, text) == ("mat", "hdf5") else text
+    if stated.format == "auto" and text == "csv" and is_binary(read_start(path, _LOOKED_AT)):
         expected = "a file of one of these, WAV or XLSX (save MAT of version 4 again with -v7, XLS as XLSX)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):

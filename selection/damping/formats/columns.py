@@ -43,7 +43,7 @@ class Layout:
     encoding: str = ""  #: of the text if it is not UTF-8
 
 
-def find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | None:
+def _find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout | None:
     """The layout of a table from its first ``lines``, None if blank; ``delimiter``, ``decimal``: names, or ``auto``."""
     content = [(k, line.strip(" \r\n")) for k, line in enumerate(lines[:_LOOKED_AT]) if line.strip()]
     data = [(k, line) for k, line in content if not line.lstrip().startswith(_COMMENTS)]
@@ -127,72 +127,68 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
 
 
 @dataclass(frozen=True)
-class ColumnMap:
-    """Columns with a role."""
+class TextTable:
+    """A text table; the values of its columns are read when they are asked for."""
 
-    numbers: Mapping[str, FloatArray]  #: (n,) by role
-    sweep: tuple[str, ...] | None  #: text of the role ``sweep``
-    headers: Mapping[str, ColumnHeader]  #: by role
-    response: str | None  #: response type from a column name; '' if that is a single letter
+    data: bytes  #: in UTF-8
+    skip: int  #: lines above it
     layout: Layout
+    line: int  #: of the header
+    headers: tuple[ColumnHeader, ...]
+    is_doubtful: bool  #: points may be marks between thousands
+
+    def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
+        """Numbers (n,) of columns by role, and the text of the role ``sweep``; None if it has no place.
+
+        InputError: a ragged row, text in place of a number (an empty cell or NaN means no measurement, but is an error
+        in a time history), or no rows.
+        """
+        names, decimal = [header.text for header in self.headers], self.layout.decimal
+        _, _, rows = _read_header(self.data, self.layout, self.skip)
+        values = {role: array("d") for role in places if role != "sweep"}
+        gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
+        labels: list[str] | None = [] if "sweep" in places else None
+        thousands = Thousands(is_possible=self.is_doubtful)
+        for line, row in rows:
+            if len(row) != len(names):
+                raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
+            for role, column in values.items():
+                column.append(read_number(row[places[role]], decimal, line, names[places[role]]))
+                if role in gapless and not isfinite(column[-1]):
+                    what = describe_cell(row[places[role]])
+                    raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
+            for place in (places[role] for role in values) if thousands.is_possible else ():
+                thousands.look_at(row[place], names[place])
+            if labels is not None:
+                labels.append(unguarded(row[places["sweep"]].strip()))
+        if rows.problem is not None:
+            raise rows.problem
+        numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
+        if not numbers:
+            raise InputError("no data rows", expected="at least one row below the header")
+        thousands.require_none()
+        return numbers, None if labels is None else tuple(labels)
 
 
-def read_columns(
-    data: bytes,
-    mapped: Mapping[str, str],
-    known: Mapping[str, Iterable[str]],
-    delimiter: str = "auto",
-    skip: int = 0,
-    decimal: str = "auto",
-) -> ColumnMap:
-    """The columns of a CSV file that have a role.
+def open_table(data: bytes, delimiter: str = "auto", skip: int = 0, decimal: str = "auto") -> TextTable:
+    """The text table in a file, or in its first bytes. InputError: no header.
 
-    Args:
-        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, a
-            force beside a frequency and the phase of an amplitude are found by name if not stated; if empty, all are.
-        known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
-            tables (``headers.recognise``).
-        delimiter: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``.
-        skip: lines before the header.
-        decimal: ``point`` or ``comma``, the mark in numbers, or ``auto``.
-
-    InputError: no text, no header, a missing mapped column, a ragged row, text in place of a number (an empty cell or
-    NaN means no measurement, but is an error in a time history), or no rows.
+    ``delimiter``: a name of ``DELIMITERS`` (with ``space`` several count as one), or ``auto``. ``skip``: lines before
+    the header. ``decimal``: ``point`` or ``comma``, the mark in numbers, or ``auto``.
     """
     data, encoding = recode(data)
-    layout = replace(determine_layout(data, delimiter, skip, decimal), encoding=encoding)
-    line, names, rows = read_header(data, layout, skip)
-    mark = DELIMITERS[layout.delimiter]
-    places, response = _places(names, mapped, known, line)
-    if not set(places) - {"sweep"}:
-        raise _no_role(names, layout, line)
-    values = {role: array("d") for role in places if role != "sweep"}
-    gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
-    labels: list[str] | None = [] if "sweep" in places else None
-    thousands = Thousands(is_possible=decimal == "auto" and layout.decimal == "point" and mark != ",")
-    for line, row in rows:
-        if len(row) != len(names):
-            raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
-        for role, column in values.items():
-            column.append(read_number(row[places[role]], layout.decimal, line, names[places[role]]))
-            if role in gapless and not isfinite(column[-1]):
-                what = describe_cell(row[places[role]])
-                raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
-        for place in (places[role] for role in values) if thousands.is_possible else ():
-            thousands.look_at(row[place], names[place])
-        if labels is not None:
-            labels.append(unguarded(row[places["sweep"]].strip()))
-    if rows.problem is not None:
-        raise rows.problem
-    numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
-    if not numbers:
-        raise InputError("no data rows", expected="at least one row below the header")
-    thousands.require_none()
-    headers = {role: parse_header(names[place]) for role, place in places.items()}
-    return ColumnMap(numbers, None if labels is None else tuple(labels), headers, response, layout)
+    start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
+    pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
+    lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
+    if (layout := _find_layout(lines, delimiter, decimal)) is None:
+        raise InputError("no header", expected=f"a row of column names after {skip} lines")
+    line, names, _ = _read_header(data, layout, skip)
+    layout, headers = replace(layout, encoding=encoding), tuple(map(parse_header, names))
+    is_doubtful = decimal == "auto" and layout.decimal == "point" and layout.delimiter != "comma"
+    return TextTable(data, skip, layout, line, headers, is_doubtful)
 
 
-def read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str], CsvRows]:
+def _read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str], CsvRows]:
     """The line and the names of a header, whose quoted cells may span lines, and the rows below it.
 
     InputError: no header.
@@ -206,37 +202,39 @@ def read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str],
     return line, [unguarded(_BREAK.sub(" ", name.strip()).lstrip("#%").strip()) for name in header], rows
 
 
-def determine_layout(data: bytes, delimiter: str, skip: int, decimal: str) -> Layout:
-    """The layout from the first lines. InputError if there are none."""
-    start = data.removeprefix(b"\xef\xbb\xbf")[: 4 * _LONGEST_LINE]
-    pieces = start.replace(b"\r\n", b"\n").replace(b"\r", b"\n").split(b"\n", skip + _LOOKED_AT)
-    lines = [piece.decode(errors="replace") for piece in pieces[skip : skip + _LOOKED_AT]]
-    layout = find_layout(lines, delimiter, decimal)
-    if layout is None:
-        raise InputError("no header", expected=f"a row of column names after {skip} lines")
-    return layout
-
-
-def _places(
-    names: list[str], mapped: Mapping[str, str], known: Mapping[str, Iterable[str]], line: int
+def find_roles(
+    table: TextTable, mapped: Mapping[str, str], known: Mapping[str, Iterable[str]]
 ) -> tuple[dict[str, int], str | None]:
-    """Index of the column of each role, stated columns first, and the response type from a column name."""
-    headers = [parse_header(name) for name in names]
+    """Places of the columns that have a role, and the response type from a name; '' if that is a single letter.
+
+    Args:
+        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, a
+            force beside a frequency and the phase of an amplitude are found by name if not stated; if empty, all are.
+        known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
+            tables (``headers.recognise``).
+
+    InputError: a missing or repeated column, or no column with a role.
+    """
+    headers, line = table.headers, table.line
     by_name, response = _by_name(headers, known)
-    if not mapped:
-        if "amplitude" not in by_name or {"lead_deg", "lag_deg", "lead"} & set(by_name):
-            by_name.pop("angle", None)
-        _require_single(by_name, headers, line)
-        return by_name, response
-    places = {role: _stated_place(name, headers, line) for role, name in mapped.items()}
-    taken, setting = set(places.values()), not set(_SETTING) & set(places)
-    undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is not an amplitude
-    unphased = "amplitude" in places and not set(PHASES) & set(places)
-    wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting) | dict.fromkeys(PHASES, unphased)
-    unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
-    found = {role: place for role, place in unstated.items() if wanted.get(role)}
+    places = {role: find_stated(name, headers, line) for role, name in mapped.items()}
+    if mapped:
+        taken, setting = set(places.values()), not set(_SETTING) & set(places)
+        undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is no amplitude
+        unphased = "amplitude" in places and not set(PHASES) & set(places)
+        wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting)
+        wanted |= dict.fromkeys(PHASES, unphased)
+        unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
+        found = {role: place for role, place in unstated.items() if wanted.get(role)}
+        response = response if taken & {by_name.get("amplitude"), by_name.get("response")} else None
+    else:
+        found = dict(by_name)
+        if "amplitude" not in found or {"lead_deg", "lag_deg", "lead"} & set(found):
+            found.pop("angle", None)
     _require_single(found, headers, line)
-    return places | found, response if by_name.get("amplitude") in taken or by_name.get("response") in taken else None
+    if not {*places, *found} - {"sweep"}:
+        raise _no_role(table)
+    return places | found, response
 
 
 def _require_single(found: Mapping[str, int], headers: Sequence[ColumnHeader], line: int) -> None:
@@ -268,8 +266,11 @@ def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]
     return free | by_role, response
 
 
-def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
-    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name."""
+def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = None) -> int:
+    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name.
+
+    InputError: none or several, with the ``line`` of the header if known.
+    """
     matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
     exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
     if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
@@ -282,13 +283,14 @@ def _stated_place(name: str, headers: Sequence[ColumnHeader], line: int) -> int:
     raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
 
 
-def _no_role(names: list[str], layout: Layout, line: int) -> InputError:
-    if layout.numbered:
+def _no_role(table: TextTable) -> InputError:
+    names = [header.text for header in table.headers]
+    if table.layout.numbered:
         expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
         return InputError("the table has no header", expected=expected)
     expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
     message = f"no column has the name of a role{_describe_other_delimiter(names)}"
-    return InputError(message, line=line, expected=expected)
+    return InputError(message, line=table.line, expected=expected)
 
 
 def _describe_other_delimiter(names: list[str]) -> str:

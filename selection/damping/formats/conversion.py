@@ -100,10 +100,7 @@ def conversion(known: Statements) -> Conversion:
         known.add_unit(what)
     whole = _response_unit(name, units)
     force, length = (unit(text) for text in SYSTEMS[stated.system])
-    angular = whole.powers in (
-        (0, 0, -order),
-        (-1, -1, -order),
-    )  # a rotation in rad: its force is a moment, its mass one of inertia
+    angular = whole.powers != _powers(name)  # a rotation in rad: its force is a moment, its mass one of inertia
     if angular:
         summary.note(f"a rotation: amplitudes in rad, forces in {force.text} {length.text}")
     arm = length.factor if angular else 1.0

@@ -52,6 +52,8 @@ ROLES: dict[str, str] = NAMES["meaning"]
 #: Names of columns by role in laboratory tables.
 ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
+#: Order of the time derivative of displacement by quantity.
+ORDERS: dict[str, int] = {name: kind["order"] for name, kind in NAMES["response"].items() if not kind["per_force"]}
 #: Names of a response that is a rotation.
 _ANGULAR = NAMES["rotation"]["displacement"]
 _KNOWN_NAMES = {
@@ -267,5 +269,5 @@ def _may_be(role: str, header: ColumnHeader) -> bool:
     powers = find_powers(header.unit)
     if powers is None:  # volts: a scale may be stated
         return role != "force" and text not in ABSCISSAS["frequency"] and text not in _ANGLES
-    order = {"displacement": 0, "velocity": 1, "acceleration": 2}.get(role, 0)
+    order = ORDERS.get(role, 0)
     return powers in ((1, 0, 0), (1, 1, 0)) if role == "force" else powers in ((0, 1, -order), (-1, 1, -order))

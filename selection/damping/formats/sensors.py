@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.errors import InputError
+from damping.formats.columns import find_stated
 from damping.formats.headers import (
     NAMES,
     ColumnHeader,
@@ -66,12 +67,7 @@ def find_setting(headers: Sequence[ColumnHeader], stated: Mapping[str, str]) -> 
         if role not in SETTING:
             expected = f"--column of {', '.join(SETTING)}; sensors are found by the names of their columns"
             raise InputError(f"--column {role} of a campaign", expected=expected)
-        places = [k for k, header in enumerate(headers) if name in (header.text, header.title, header.name)]
-        places = places or ([int(name) - 1] if name.isdecimal() and 1 <= int(name) <= len(headers) else [])
-        if len(places) != 1:
-            listed = describe_shortened(", ".join(header.text for header in headers), 100)
-            raise InputError(f"{len(places)} columns are {describe_shortened(name)!r}", expected=f"one of {listed}")
-        named[role] = places[0]
+        named[role] = find_stated(name, headers)
     if {"frequency", "omega"} <= set(named):
         del named["omega"]
     return named

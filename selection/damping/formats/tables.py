@@ -14,14 +14,14 @@ import numpy as np
 from damping.errors import InputError
 from damping.formats import find_format
 from damping.formats.arrays import read_arrays
-from damping.formats.columns import determine_layout, read_columns, read_header
-from damping.formats.headers import ColumnHeader, parse_header, refuse_decibels
+from damping.formats.columns import open_table
+from damping.formats.headers import ColumnHeader, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
 from damping.formats.workbook import list_sheets
-from damping.records.text import describe_shortened, read_bytes, recode
+from damping.records.text import describe_shortened, read_bytes
 
 #: Columns by place, for the places of ``frequency`` or ``omega``, ``sweep`` and others; and the label of each row.
 Read: TypeAlias = Callable[[Mapping[str, int], Sequence[int]], tuple[Mapping[int, Samples], Sequence[str] | None]]
@@ -78,20 +78,18 @@ def _no_abscissa(names: str) -> InputError:
 
 def _lay_out(label: str, data: bytes, stated: Stated) -> SensorTable:
     """A text table."""
-    data, _ = recode(data)
-    layout = determine_layout(data, stated.delimiter, stated.skip, stated.decimal)
-    if layout.numbered:
+    table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
+    if table.layout.numbered:
         expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
         raise InputError(f"{label}: the table has no header", expected=expected)
-    headers = tuple(parse_header(name) for name in read_header(data, layout, stated.skip)[1])
 
     def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
         roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
-        mapped = {role: str(k + 1) for role, k in roles.items()}
-        columns = read_columns(data, mapped, {}, stated.delimiter, stated.skip, stated.decimal)
-        return {roles[role]: values for role, values in columns.numbers.items() if role in roles}, columns.sweep
+        numbers, labels = table.read(roles)
+        return {roles[role]: values for role, values in numbers.items()}, labels
 
-    return SensorTable(label, headers, (False,) * len(headers), find_setting(headers, stated.columns), read)
+    setting = find_setting(table.headers, stated.columns)
+    return SensorTable(label, table.headers, (False,) * len(table.headers), setting, read)
 
 
 def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[SensorTable]:

@@ -1,15 +1,15 @@
 """The diagnosis of a record: hypotheses are searched, weighed and doubted, and the answers form one result."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
-from damping.effects.contract import Effect
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import readings, size, weighing
@@ -39,23 +39,28 @@ from damping.records.record import Record
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """The hypotheses about a gap, weighed.
+class Explained:
+    """The weighed hypotheses about the gap between a simulation and a record.
 
     Attributes:
+        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. states, simulate: see `explain`.
         setting: noise and repeatability as taken. search: the finished search.
-        library: effects that were tried. hypotheses: all that were fitted, with probabilities, most probable first.
+        hypotheses: all that were fitted, with probabilities, most probable first.
         tests: directed tests of the leading hypothesis's residuals. doubts: see `weighing.describe_doubts`.
         in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
         unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
             the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
         imitations: explanations by causes outside the library that the record does not exclude.
-        cautions: limits of the record.
+        cautions: limits of record and explanation.
     """
 
+    record: Record
+    mode: Mode
+    states: tuple[State, ...]
+    simulate: Simulate | None
+    unit: float
     setting: Setting
     search: Search
-    library: Mapping[str, Effect]
     hypotheses: tuple[Explanation, ...]
     tests: tuple[Test, ...]
     doubts: FloatArray
@@ -65,21 +70,6 @@ class Weighed:
     understated: readings.RowScatter | None
     imitations: tuple[Hypothesis, ...]
     cautions: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Explained(Weighed):
-    """The weighed hypotheses about the gap between a simulation and a record.
-
-    Attributes:
-        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. states, simulate: see `explain`.
-    """
-
-    record: Record
-    mode: Mode
-    states: tuple[State, ...]
-    simulate: Simulate | None
-    unit: float
 
     @property
     def leading(self) -> Hypothesis:
@@ -185,24 +175,20 @@ def explain(
     cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"the damping {unused} of the mode file is ignored: the simulation has its own")
-    weighed = weigh_search(*search_hypotheses(start, library), library, brief=brief)
-    return Explained(
-        **(vars(weighed) | {"cautions": (*cautions, *weighed.cautions)}),
-        record=record,
-        mode=mode,
-        states=tuple(states),
-        simulate=simulate,
-        unit=driven.unit,
-    )
+    known, search = search_hypotheses(start, library)
+    compared = {"record": record, "mode": mode, "states": tuple(states), "simulate": simulate, "unit": driven.unit}
+    return _weigh_search(known, search, cautions, brief=brief, **compared)
 
 
-def weigh_search(known: Setting, search: Search, library: Mapping[str, Effect], *, brief: bool) -> Weighed:
-    """Weigh and doubt the hypotheses of a finished ``search``; ``brief``: see `explain`."""
+def _weigh_search(
+    known: Setting, search: Search, cautions: Sequence[str], *, brief: bool, **compared: Any
+) -> Explained:
+    """Weigh and doubt the hypotheses of a finished ``search``; ``compared``: see `Explained`, ``brief``: `explain`."""
     hypotheses = weighing.weigh_hypotheses(search.ranked())
     leading = hypotheses[0].hypothesis
     tests = tuple(directed_tests(leading.best))
-    understated = readings.measure_scatter(known, leading.best, tests, library)
-    in_rows = unexplained(leading.best, tests, library) or known.dispersion > 1.0
+    understated = readings.measure_scatter(known, leading.best, tests, search.effects)
+    in_rows = unexplained(leading.best, tests, search.effects) or known.dispersion > 1.0
     of_levels = bool(size.describe_repeatability(known, leading.best))
     by_scatter = readings.stands_above(understated, leading.best)
     verdict = weigh_library(
@@ -213,15 +199,15 @@ def weigh_search(known: Setting, search: Search, library: Mapping[str, Effect], 
         unexplained=of_levels or (in_rows and not by_scatter),
         brief=brief and (in_rows or of_levels),
     )
-    in_library, cautions = verdict.probability, describe_outside(verdict.outside, leading)
+    in_library, cautions = verdict.probability, [*cautions, *describe_outside(verdict.outside, leading)]
     if weighing.hides_state(leading.best):
         in_library = min(in_library, weighing.UNCONFIRMED)
         cautions.append("the effect acts on the only sweep of its state: a second sweep of that state would decide")
     blended = weighing.blend_probabilities(hypotheses, in_library, verdict.beyond)
-    return Weighed(
+    return Explained(
+        **compared,
         setting=known,
         search=search,
-        library=library,
         hypotheses=weighing.order_by_probability(blended),
         tests=tests,
         doubts=verdict.doubts,
@@ -267,7 +253,7 @@ def diagnose(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
         explanations=weighing.cover_probability(hypotheses),
         groups=weighing.group_equivalent_effects(
-            [explanation.hypothesis for explanation in hypotheses], explained.library
+            [explanation.hypothesis for explanation in hypotheses], explained.search.effects
         ),
         levels=size.list_levels(leading.best),
         gap=gap,

@@ -119,8 +119,11 @@ def setting(
         rows = [on_base(of_state, masses[of_state.row]) for of_state, masses in zip(rows, shaken, strict=True)]
     joined = join_states(list(zip(rows, (mode, *(state for _, state in states)), strict=True)))
     simulator = None if simulate is None else Simulator.read(simulate, mode)
-    swept = ("ringing", "begun", *(("law",) if mode.rig.rate else ()))  # a column of rates needs no law
-    simulation = Simulation(mode, list_of_states(joined), swept if np.any(joined.rate) else (), simulator, groups)
+    swept: tuple[str, ...] = ()
+    if np.any(joined.rate):  # a column of rates needs no law, and a force that stays no course between rows
+        wanders = any(np.ptp(joined.F[run]) > 0.0 for run in joined.runs)
+        swept = ("ringing", "begun", *["law"] * bool(mode.rig.rate), *["held"] * wanders)
+    simulation = Simulation(mode, list_of_states(joined), swept, simulator, groups)
     problem = Problem(joined, simulation, scales(joined, mode))
     stated = [is_stated(measured) for measured, _ in ((record, mode), *states)]
     given = mode.repeatability

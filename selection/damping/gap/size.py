@@ -3,6 +3,7 @@
 Also how far it shrinks on held-out levels, which neither chose nor fitted the explanation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -225,7 +226,7 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
     """The caution where an explanation closes the gap, but not on levels that did not choose it."""
     if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
         return []
-    if any(CATALOGUE[name].passing for name in leading.effects):  # no other level predicts it
+    if _list_passing(leading.effects):
         return []
     if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
         return []
@@ -235,6 +236,11 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
         chosen = f"without one of them {' or '.join(sorted(others))} is chosen"
         return [f"the explanation depends on single levels: {chosen}, which closes {closed} of the held-out gap"]
     return [f"the explanation fails on held-out levels: it closes {closed} of their gap"]
+
+
+def _list_passing(names: Sequence[str]) -> list[str]:
+    """Those of the effects that are of one test, or of one level of it."""
+    return [name for name in names if CATALOGUE[name].passing]
 
 
 def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
@@ -256,6 +262,8 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
     scheme = f"each of the {len(folds)} highest force levels predicted from all others, the highest first"
     if len(folds) == rows.level_count:
         scheme = "each force level predicted from all others, the highest first"
+    if passing := _list_passing(leading.effects):
+        scheme += f"; what {' and '.join(passing)} changes in one level, the others cannot predict"
     return HeldOut(nominal, before, after, *_interval(before, after, values), scheme, folds)
 
 

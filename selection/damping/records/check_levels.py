@@ -124,7 +124,7 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
         return []
     phased = all(leg.lag is not None for leg in view.legs)
     far = log(FAR_MASS if phased else FAR_MASS_WITHOUT_PHASE)
-    x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
+    x = _compare_masses(view, table)
     stated = view.mode is not None and view.mode.drive == "force"
     same = np.abs(x - _find_shared(x, far, 0.0 if stated else float(np.median(x)))) < far
     # a gain changes neither the offset of phases nor, without phases, the frequency, within half the bandwidth
@@ -151,10 +151,11 @@ def _is_known(leg: Leg) -> bool:
     return bool(np.isfinite(mass) and mass > 0.0 and straight and on_line)
 
 
-def _state_masses(view: View, table: pd.DataFrame) -> FloatArray:
-    """The mass that the record states for each sweep of the table, else that of the mode, else 1."""
+def _compare_masses(view: View, table: pd.DataFrame) -> FloatArray:
+    """ln of the implied mass of each sweep of the table over that of the record, else of the mode, else 1."""
     default = view.mode.mass if view.mode is not None and view.mode.drive == "force" else 1.0
-    return _list_medians(view, view.record.masses(default), table)
+    stated = _list_medians(view, view.record.masses(default), table)
+    return np.asarray(np.log(table["mass"].to_numpy(dtype=np.float64) / stated))
 
 
 def _list_medians(view: View, values: FloatArray, table: pd.DataFrame) -> FloatArray:
@@ -227,7 +228,7 @@ def _agree(view: View) -> bool:
     table = view.implied[view.implied["mass"].notna()]
     if len(table) < FEWEST_AGREE or table["force"].max() < AGREE_OVER * table["force"].min():
         return False
-    x = np.log(table["mass"].to_numpy(dtype=np.float64) / _state_masses(view, table))
+    x = _compare_masses(view, table)
     return bool(np.ptp(x) < AGREE * abs(np.median(x)))
 
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from math import pi
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
@@ -64,18 +63,6 @@ def _list_tests(column: Mapping[str, str]) -> list[Test]:
 #: The tests of each column of a record. A standard uncertainty of zero means that none is stated. Empty cells (NaN) are
 #: not tested here: the reader of the file decides whether a cell may be empty.
 COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
-
-
-def find_refused(table: pd.DataFrame) -> list[tuple[int, str, str, str]]:
-    """The first cell of each column outside its range: row, column, cell, and the range."""
-    refused = []
-    for name in filter(table.columns.__contains__, COLUMN_TESTS):
-        cells, tests = table[name].dropna(), COLUMN_TESTS[name]
-        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
-        if failing:
-            row, wanted = min(failing, key=itemgetter(0))
-            refused.append((row, name, f"{float(cells[row]):g}", wanted))
-    return refused
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)

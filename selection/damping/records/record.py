@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from os import PathLike
 from typing import NamedTuple
 
@@ -171,7 +172,13 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     Problems are force, frequency, amplitude, energy or mass <= 0, |phase| > 2 pi (degrees), a negative standard
     uncertainty (zero means none is stated), magnitudes beyond 1e-50..1e50, and rows identical in every column.
     """
-    problems = [CellProblem(*cell) for cell in keys.find_refused(table)]
+    problems = []
+    for name in filter(table.columns.__contains__, keys.COLUMN_TESTS):
+        cells, tests = table[name].dropna(), keys.COLUMN_TESTS[name]
+        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
+        if failing:
+            row, wanted = min(failing, key=itemgetter(0))
+            problems.append(CellProblem(row, name, f"{float(cells[row]):g}", wanted))
     try:
         repeats = table.duplicated().to_numpy()
     except TypeError:  # lists in a further column have no hash: compared as text
