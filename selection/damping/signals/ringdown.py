@@ -150,8 +150,8 @@ def ring_down(
         lost.append(
             f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
         )
-    fall = max(1.0 - float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]), 0.0)
-    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], fall)
+    shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
+    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 

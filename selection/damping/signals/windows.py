@@ -189,17 +189,20 @@ def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) 
     return min(max(largest, release), len(z) - 1)
 
 
-def describe_flat(window: Window, x: FloatArray, z: ComplexArray, fall: float) -> list[str]:
-    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``fall``: of its frequency, relative.
+def describe_flat(window: Window, x: FloatArray, z: ComplexArray, order: int, shift: float) -> list[str]:
+    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``shift``: of its frequency, relative.
 
     A sensor at its limit turns cos a into cos a - r cos 3a + ..., r > 0: z_3 conj(z)^3 is negative throughout, weighted
-    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r. A spring
-    that softens, and the frequency by ``fall``, has r < ``fall`` in acceleration, and less in displacement.
+    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r.
+
+    A spring does so too: the force c_1 cos a + c_3 cos 3a beside K A cos a shifts the frequency by c_1/(2 K A), and the
+    displacement has c_3/(8 K A) of cos 3a, its n-th derivative (-3)^n times that relative to cos a. As |c_3| <= |c_1|,
+    r <= -(-3)^n ``shift``/4.
     """
     turned = replace(window, omega_0=3.0 * window.omega_0).analytic(x) * np.conj(z) ** 3
     flat = -float(np.sum(turned.real))
     third = flat / float(np.sum(np.abs(z) ** 4))
-    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + fall:
+    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + max(-((-3.0) ** order) * shift / 4.0, 0.0):
         return []
     why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
     return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
