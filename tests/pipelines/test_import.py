@@ -97,7 +97,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     assert best.name == "viscous"
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(AnalysisError, match=r"lab\.csv: 'release 1': the record has 1 periods"):
-        import_file(lab, out, Stated(), mode, start=7.9)
+        import_file(lab, out, Stated(), mode, parts=[(7.9, None)])
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), mode)
     mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
