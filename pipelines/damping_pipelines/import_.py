@@ -55,6 +55,9 @@ def import_(
     if ring_down and mode is None:
         raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
     parts = pair_parts(window.pop("start", []), window.pop("end", []))
+    (start, _), (_, end) = parts[0], parts[-1]
+    if ring_down and (start, end) != (None, None):
+        options["span"] = (-math.inf if start is None else start, math.inf if end is None else end)
     import_file(file, out, Stated(**options), mode, json_out, max_size, despite, parts, **window)
 
 
