@@ -6,19 +6,20 @@ from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 from rich.console import Console
 
 from damping.errors import AnalysisError, InputError, escape_control, naming
 from damping.formats import read_file
-from damping.formats.conversion import TimeHistory, time_histories
+from damping.formats.motions import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import Series, Stated, Summary
 from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
-from damping.signals.ringdown import Decay, ring_down
+from damping.signals.ringdown import PERIODS, Decay, ring_down
 from damping_pipelines.store import check_outputs, write_json, write_text
 from damping_pipelines.terminal import PlainTable, console, parse_number, parse_pairs, report_findings
 
@@ -203,6 +204,13 @@ def _list_levels(
     history: TimeHistory, parts: Sequence[Part], known: Mapping[str, Any], file: Path, summary: Summary
 ) -> Iterator[pd.DataFrame]:
     """The levels of each part of a time history; ``known``: of its mode and window."""
+    free = history.list_free(2.0 * PERIODS / known["frequency"]) if parts[0] == (None, None) else []
+    if (part := _choose_part(history, free)) is not None:
+        parts = [part]
+        summary.add(f"start of {history.label!r}", f"{part[0]:.6g} s, where the force stops", "follows")
+    if len(free) > 1:
+        each = " ".join(f"--start {start:.6g} --end {end:.6g}" for start, end in free)
+        summary.note(f"{history.label!r}: the force stops {len(free)} times; {each} takes each")
     for k, (start, end) in enumerate(parts, 1):
         label = f"{history.label} {k}" if len(parts) > 1 else history.label
         try:
@@ -214,6 +222,12 @@ def _list_levels(
             raise AnalysisError(f"{file}: {label!r} is no free decay: the force acts on; {remedy}")
         _summarise(label, levels, summary)
         yield levels.table(label)
+
+
+def _choose_part(history: TimeHistory, free: Sequence[Part]) -> Part | None:
+    """The first of some parts that ends after the largest motion; None if there is none."""
+    largest = float(history.t[np.argmax(np.abs(history.signal - np.mean(history.signal)))])
+    return next((part for part in free if part[1] is not None and part[1] > largest), None)
 
 
 def _summarise(label: str, levels: Decay, summary: Summary) -> None:

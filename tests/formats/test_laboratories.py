@@ -14,8 +14,8 @@ from scipy.io import wavfile
 from damping.campaign import analyse
 from damping.errors import InputError
 from damping.formats import read_file
-from damping.formats.conversion import time_histories
 from damping.formats.headers import ROLES, parse_header, refuse_decibels
+from damping.formats.motions import time_histories
 from damping.formats.series import Stated
 from damping_pipelines.commands import import_
 

@@ -3,7 +3,7 @@
 Input is bytes or a path; output is a record and a summary of what was understood. Every module is pure; none evaluates
 file content or loads a pickle. ``read_file`` (here) reads any file into ``series.Series``, one sweep or time history
 each with the facts that the file states. ``steady.steady_record`` converts sweeps to a record, and
-``conversion.time_histories`` converts time histories to displacement for ``signals.ringdown``. An error asks for facts
+``motions.time_histories`` converts time histories to displacement for ``signals.ringdown``. An error asks for facts
 that neither the file nor the user states; nothing is guessed.
 """
 

@@ -32,7 +32,7 @@ def list_part_series(path: str | Path, kind: str, stated: Stated, summary: Summa
 
 
 def _find_part(row: Series, span: tuple[float, float]) -> tuple[int, int] | None:
-    """First sample and end of a span of an even motion, by its first samples; None beside a force: its peak is needed."""
+    """First sample and end of a span of an even motion, by its first samples; None beside a force: all is needed."""
     t = row.abscissa
     if not row.is_time or row.force is not None or len(t) < 2 or not t[-1] > t[0]:
         return None
