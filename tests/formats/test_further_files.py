@@ -285,6 +285,20 @@ def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
         assert len([note for note in summary.notes if "the file says mV and m/s^2 is stated" in note]) == cautions
 
 
+def test_a_motion_in_rms_is_said(tmp_path):
+    """A recorder that divides every sample by the square root of 2, or writes the rms of a second each second."""
+    path = tmp_path / "a.csv"
+    for header, cautions in ("Acc [g rms]", 1), ("Acc [g pk]", 0), ("Acc [g]", 0):
+        pd.DataFrame({"Time [s]": T, header: X}).to_csv(path, index=False)
+        for scale, expected in ({}, cautions), ({"response": 2.0**0.5}, 0):
+            stated, summary = Stated(scale=scale), Summary()
+            time_histories(read_file(path, stated)[0], stated, summary)
+            assert len([note for note in summary.notes if "says rms" in note and "response=1.414" in note]) == expected
+    pd.DataFrame({"Time [s]": T, "Acc RMS [g]": np.abs(X)}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="holds rms values against time; expected the motion itself"):
+        histories(path)
+
+
 def test_points_between_thousands_are_no_decimals(tmp_path, imported):
     """Whole numbers of a German spreadsheet: 12.345 is twelve thousand."""
     path = tmp_path / "a.csv"

@@ -7,7 +7,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.conversion import Statements, ask, conversion
+from damping.formats.conversion import SCALINGS, Statements, ask, conversion
 from damping.formats.series import Series, Stated, Summary, require_finite
 
 #: Largest rms of a force after a blow or release, over its peak: noise of a sensor has some 1 %, a random force 20 to
@@ -71,8 +71,25 @@ def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -
         for values in (row.abscissa, row.response):
             require_finite(row.label, values)
         signal = np.asarray(row.response, dtype=np.float64)
+        _warn_of_scaling(row, known)
         signal = signal if to.response == 1.0 else signal * to.response  # of a large file, without a copy
         label = stated.labels[k] if stated.labels else row.label
         force = None if row.force is None else np.asarray(row.force, dtype=np.float64)
         histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order, force))
     return histories
+
+
+def _warn_of_scaling(row: Series, known: Statements) -> None:
+    """Add a caution where the file says that samples are rms or peak-to-peak, if no factor is stated.
+
+    InputError: values that are never negative: they are no motion.
+    """
+    scaling = known.facts.scaling
+    if scaling in (None, "peak"):
+        return
+    if np.min(row.response, initial=0.0) >= 0.0:
+        raise InputError(f"{row.label!r} holds {scaling} values against time", expected="the motion itself")
+    if "response" not in known.stated.scale:
+        factor = f"--scale response={SCALINGS[scaling]:.4g}"
+        said = f"the file says {scaling}, of which a motion against time has none: its values are taken as they are"
+        known.summary.note(f"caution: {said} ({factor} if they are too small or large by it, else response=1)")
