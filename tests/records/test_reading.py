@@ -107,8 +107,8 @@ REFUSED = {
     ),
     "workbook": (
         b"PK\3\4\x14\0\6\0\10\0\0\0!\0" + bytes(range(256)),
-        ", line 1: is no text; expected text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and UFF "
-        "files)",
+        ", line 1: is no text; expected text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and "
+        "UFF files)",
     ),
     "utf-16": (
         (HEAD + ROW).encode("utf-16"),
