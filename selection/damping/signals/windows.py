@@ -188,8 +188,9 @@ def describe_flat(window: Window, x: FloatArray, z: ComplexArray, order: int, sh
     third = flat / float(np.sum(np.abs(z) ** 4))
     if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + max(-((-3.0) ** order) * shift / 4.0, 0.0):
         return []
-    why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
-    return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
+    why = "a sensor or amplifier near its limit reads the top levels and their damping too small; begin later (--start)"
+    said = f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %)"
+    return [f"{said}: {why}, or a mode stands at three times this one"]
 
 
 def describe_elsewhere(x: FloatArray, dt: float, frequency: float) -> str:
