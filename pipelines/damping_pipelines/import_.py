@@ -1,25 +1,29 @@
 """``damping import``: a laboratory's file to a record, with a table of the facts read from it."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise, zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 from rich.console import Console
 
 from damping.errors import AnalysisError, InputError, escape_control, naming
 from damping.formats import read_file
-from damping.formats.conversion import TimeHistory, time_histories
+from damping.formats.motions import TimeHistory, time_histories
 from damping.formats.quantity import SYSTEMS, unit
 from damping.formats.series import Series, Stated, Summary
 from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
-from damping.signals.ringdown import Decay, ring_down
+from damping.signals.ringdown import PERIODS, Decay, ring_down
 from damping_pipelines.store import check_outputs, write_json, write_text
 from damping_pipelines.terminal import PlainTable, console, parse_number, parse_pairs, report_findings
+
+Part: TypeAlias = tuple[float | None, float | None]  #: start and end, s, of a decay; None: that of the file
 
 
 def import_(
@@ -36,8 +40,8 @@ def import_(
 
     InputError: invalid or incomplete options, and all that :func:`import_file` raises.
     """
-    parts = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
-    window = {name: value for name, value in parts.items() if value is not None}
+    given = {name: options.pop(name) for name in ("periods", "levels", "start", "end")}
+    window = {name: value for name, value in given.items() if value not in (None, [])}
     options["scaling"], options["force_scaling"] = scalings(options["scaling"])
     options |= {
         "columns": parse_pairs("--column", options["columns"]),
@@ -51,7 +55,11 @@ def import_(
         raise InputError(f"--{name} without --ring-down", expected="both, where the file holds free decays")
     if ring_down and mode is None:
         raise InputError("--ring-down without --mode", expected="--mode MODE.toml with the frequency and mass")
-    import_file(file, out, Stated(**options), mode, json_out, max_size, despite, **window)
+    parts = pair_parts(window.pop("start", []), window.pop("end", []))
+    (start, _), (_, end) = parts[0], parts[-1]
+    if ring_down and (start, end) != (None, None):
+        options["span"] = (-math.inf if start is None else start, math.inf if end is None else end)
+    import_file(file, out, Stated(**options), mode, json_out, max_size, despite, parts, **window)
 
 
 def import_file(
@@ -62,13 +70,14 @@ def import_file(
     json_out: str | None = None,
     max_size: int = DEFAULT_MAX_SIZE,
     despite: Collection[str] = (),
+    parts: Sequence[Part] = ((None, None),),
     **window: Any,
 ) -> None:
     """Read a file, write its record and print the facts read (form ``import/1`` if requested).
 
-    ``mode_file`` is for time histories, which are free decays of that mode, evaluated in the ``window`` of
-    :func:`ring_down`; without it the file holds steady states. InputError: a file that cannot be read, or a fact that
-    neither the file nor the user states. Refused: a check refuses the record and is not among ``despite``.
+    ``mode_file`` is for time histories, which are free decays of that mode, each of their ``parts`` for itself in the
+    ``window`` of :func:`ring_down`; without it the file holds steady states. InputError: a file that cannot be read, or
+    a fact that neither the file nor the user states. Refused: a check refuses the record and is not among ``despite``.
     AnalysisError: no usable decay.
     """
     check_outputs({"--out": out, "--json": json_out}, *filter(None, (file, mode_file)))
@@ -78,7 +87,7 @@ def import_file(
         if mode_file is not None:
             _refuse_steady(stated)
             mode = read_mode(mode_file)
-            record = _decays(series, stated, mode, window, file, summary)
+            record = _decays(series, stated, mode, parts, window, file, summary)
         elif any(row.is_time for row in series):
             expected = "--ring-down --mode MODE.toml of free decays, or damping campaign where a sine drives them"
             raise InputError("the file holds time histories", expected=expected)
@@ -117,6 +126,25 @@ def _refuse_steady(stated: Stated) -> None:
                 raise InputError(f"{option} beside --ring-down", expected=expected)
 
 
+def pair_parts(starts: Sequence[float], ends: Sequence[float]) -> list[Part]:
+    """Start and end, s, of each decay in a time history; None where there is none. A decay ends where the next starts.
+
+    InputError: not an end for each start, or parts that are empty or overlap.
+    """
+    if len(starts) > 1 and not ends:
+        ends = starts[1:]
+    elif len(ends) != max(len(starts), 1) and ends:
+        expected = "as many of both, or --start alone"
+        raise InputError(f"{len(starts)} times --start and {len(ends)} times --end", expected=expected)
+    parts = list(zip_longest(starts, ends)) or [(None, None)]
+    times = [time for part in parts for time in part if time is not None]
+    wrong = next((pair for pair in pairwise(times) if not pair[0] <= pair[1]), None)
+    if wrong or any(start == end is not None for start, end in parts):
+        before, after = wrong or times[:2]
+        raise InputError(f"--start and --end: {before:g} s before {after:g} s", expected="rising, each part for itself")
+    return parts
+
+
 def scalings(words: Sequence[str]) -> tuple[str | None, str | None]:
     """Scaling of the response and of the force of ``--scaling``. InputError for a scaling given twice."""
     plain = [word for word in words if "=" not in word]
@@ -149,13 +177,20 @@ def read_band(text: str | None) -> tuple[float, float] | None:
 
 
 def _decays(
-    series: list[Series], stated: Stated, mode: Mode, window: Mapping[str, Any], file: Path, summary: Summary
+    series: list[Series],
+    stated: Stated,
+    mode: Mode,
+    parts: Sequence[Part],
+    window: Mapping[str, Any],
+    file: Path,
+    summary: Summary,
 ) -> Record:
     """The record of free decays: one sweep per level."""
     _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
-    tables = [_levels(history, mode, window, summary, file).table(history.label) for history in histories]
+    known = {"mass": mode.mass, "frequency": mode.frequency, **window}
+    tables = [table for history in histories for table in _list_levels(history, parts, known, file, summary)]
     table = pd.concat(tables, ignore_index=True)
     if len(histories) > 1:
         one = "take one (--column response=NAME), or all with damping campaign"
@@ -165,25 +200,46 @@ def _decays(
     return Record(table, str(file))
 
 
-def _levels(history: TimeHistory, mode: Mode, window: Mapping[str, Any], summary: Summary, file: Path) -> Decay:
-    known: dict[str, Any] = {"order": history.order, "mass": mode.mass, "frequency": mode.frequency}
-    try:
-        levels = ring_down(history.t, history.signal, **known, **window)
-    except AnalysisError as error:
-        raise AnalysisError(f"{file}: {history.label!r}: {error}") from error
-    if history.is_driven(float(levels.time[0]), float(levels.time[-1])):
-        remedy = "choose a part without it (--start, --end), or damping campaign where it is a sine"
-        raise AnalysisError(f"{file}: {history.label!r} is no free decay: the force acts on; {remedy}")
+def _list_levels(
+    history: TimeHistory, parts: Sequence[Part], known: Mapping[str, Any], file: Path, summary: Summary
+) -> Iterator[pd.DataFrame]:
+    """The levels of each part of a time history; ``known``: of its mode and window."""
+    free = history.list_free(2.0 * PERIODS / known["frequency"]) if parts[0] == (None, None) else []
+    if (part := _choose_part(history, free)) is not None:
+        parts = [part]
+        summary.add(f"start of {history.label!r}", f"{part[0]:.6g} s, where the force stops", "follows")
+    if len(free) > 1:
+        each = " ".join(f"--start {start:.6g} --end {end:.6g}" for start, end in free)
+        summary.note(f"{history.label!r}: the force stops {len(free)} times; {each} takes each")
+    for k, (start, end) in enumerate(parts, 1):
+        label = f"{history.label} {k}" if len(parts) > 1 else history.label
+        try:
+            levels = ring_down(history.t, history.signal, order=history.order, start=start, end=end, **known)
+        except AnalysisError as error:
+            raise AnalysisError(f"{file}: {label!r}: {error}") from error
+        if history.is_driven(float(levels.time[0]), float(levels.time[-1])):
+            remedy = "choose a part without it (--start, --end), or damping campaign where it is a sine"
+            raise AnalysisError(f"{file}: {label!r} is no free decay: the force acts on; {remedy}")
+        _summarise(label, levels, summary)
+        yield levels.table(label)
+
+
+def _choose_part(history: TimeHistory, free: Sequence[Part]) -> Part | None:
+    """The first of some parts that ends after the largest motion; None if there is none."""
+    largest = float(history.t[np.argmax(np.abs(history.signal - np.mean(history.signal)))])
+    return next((part for part in free if part[1] is not None and part[1] > largest), None)
+
+
+def _summarise(label: str, levels: Decay, summary: Summary) -> None:
     summary.add(
-        f"decay {history.label!r}",
+        f"decay {label!r}",
         f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "
         f"{levels.frequency[0]:.5g} to {levels.frequency[-1]:.5g} Hz, "
         f"damping ratio {levels.damping_ratio[0]:.3g} to {levels.damping_ratio[-1]:.3g}",
         "follows",
     )
     for note in levels.notes:
-        summary.note(f"{history.label!r}: {note}")
-    return levels
+        summary.note(f"{label!r}: {note}")
 
 
 def _same_system(mode: Mode, stated: Stated, summary: Summary) -> None:

@@ -532,7 +532,10 @@ def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path)
     ("text", "message"),
     [
         ('[channels."acc 9"]\nrole = "drive"\n', r"no channel 'acc 9'"),
-        ('[channels."acc 9"]\nrole = "out"\n', r"no channel 'acc 9'; expected such as 'accelerations\[\d\]'"),
+        (
+            '[channels."acc 9"]\nrole = "out"\n',
+            r"no channel 'acc 9'; expected such as 'accelerations\[\d\]' or accelerations\[\d\], .*control",
+        ),
         ("[runs.run_0]\nlevel = 1.0\n", "no run 'run_0'; expected such as 'run_0.*g'"),
         ('[channels.control]\nrole = "boss"\n', "line 2, column role: is 'boss'; expected sensor or drive or out"),
         ('[drive]\ncontrol = "mean"\n', "is 'mean'; expected average or maximum"),

@@ -20,7 +20,7 @@ from nptdms import ChannelObject, TdmsWriter
 
 from damping.errors import InputError
 from damping.formats import read_file
-from damping.formats.conversion import TimeHistory, time_histories
+from damping.formats.motions import TimeHistory, time_histories
 from damping.formats.series import Stated, Summary
 
 RATE = 200.0
@@ -285,6 +285,20 @@ def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
         assert len([note for note in summary.notes if "the file says mV and m/s^2 is stated" in note]) == cautions
 
 
+def test_a_motion_in_rms_is_said(tmp_path):
+    """A recorder that divides every sample by the square root of 2, or writes the rms of a second each second."""
+    path = tmp_path / "a.csv"
+    for header, cautions in ("Acc [g rms]", 1), ("Acc [g pk]", 0), ("Acc [g]", 0):
+        pd.DataFrame({"Time [s]": T, header: X}).to_csv(path, index=False)
+        for scale, expected in ({}, cautions), ({"response": 2.0**0.5}, 0):
+            stated, summary = Stated(scale=scale), Summary()
+            time_histories(read_file(path, stated)[0], stated, summary)
+            assert len([note for note in summary.notes if "says rms" in note and "response=1.414" in note]) == expected
+    pd.DataFrame({"Time [s]": T, "Acc RMS [g]": np.abs(X)}).to_csv(path, index=False)
+    with pytest.raises(InputError, match="holds rms values against time; expected the motion itself"):
+        histories(path)
+
+
 def test_points_between_thousands_are_no_decimals(tmp_path, imported):
     """Whole numbers of a German spreadsheet: 12.345 is twelve thousand."""
     path = tmp_path / "a.csv"
@@ -299,7 +313,7 @@ def test_points_between_thousands_are_no_decimals(tmp_path, imported):
         assert len(imported(path).record) == 5
 
 
-@pytest.mark.parametrize("course", ["sine", "noise", "blow", "release"])
+@pytest.mark.parametrize("course", ["sine", "noise", "blow", "release", "pull"])
 def test_a_force_that_acts_on_is_no_free_decay(course):
     random = np.random.default_rng(1)
     force = {
@@ -307,9 +321,16 @@ def test_a_force_that_acts_on_is_no_free_decay(course):
         "noise": random.normal(size=len(T)),
         "blow": np.where(T < 0.02, 100.0, 0.0) + random.normal(size=len(T)),  # a sensor's noise of 1 %
         "release": np.where(T < 0.1, 100.0, 0.0) + 3.0,  # and an offset
+        "pull": np.where(T < 1.2, 100.0, 0.0),  # held for most of the time
     }[course]
-    assert TimeHistory("a", T, X, 2, force).is_driven(0.3, 1.8) == (course in ("sine", "noise"))
+    since = 1.25 if course == "pull" else 0.3
+    history, driven = TimeHistory("a", T, X, 2, force), course in ("sine", "noise")
+    assert history.is_driven(since, 1.8) == driven
     assert not TimeHistory("a", T, X, 2).is_driven(0.3, 1.8)
+    stops = {"blow": 0.02, "release": 0.1, "pull": 1.2}
+    free = history.list_free(0.3)
+    assert [end for _, end in free] == ([] if driven else [T[-1]])
+    np.testing.assert_allclose([start for start, _ in free], [stops[course]] if free else [], rtol=0, atol=2 * T[1])
 
 
 @pytest.mark.parametrize(("name", "motion"), [("fréquence (Hz)", "accélération (m/s²)"), ("Frequence [Hz]", "deplacement [mm]")])  # fmt: skip  # noqa: E501

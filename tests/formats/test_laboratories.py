@@ -9,12 +9,13 @@ import pandas as pd
 import pytest
 import scipy.io
 from nptdms import ChannelObject, TdmsWriter
+from scipy.io import wavfile
 
 from damping.campaign import analyse
 from damping.errors import InputError
 from damping.formats import read_file
-from damping.formats.conversion import time_histories
 from damping.formats.headers import ROLES, parse_header, refuse_decibels
+from damping.formats.motions import time_histories
 from damping.formats.series import Stated
 from damping_pipelines.commands import import_
 
@@ -501,6 +502,44 @@ def decaying(k: float) -> np.ndarray:
     """An acceleration of a free decay, m/s^2."""
     t = np.arange(0.0, 4.0, 0.01)
     return np.asarray(k * np.exp(-0.3 * t) * np.cos(30.0 * t))
+
+
+def test_the_part_that_is_asked_for(tmp_path):
+    """Samples and times between two times are those of the whole file; the rest of the file does not enter memory."""
+    t = 2.0 + np.arange(50_000) / 512.0
+    x = np.random.default_rng(1).standard_normal(len(t))
+    with TdmsWriter(tmp_path / "a.tdms") as file:
+        about = {"wf_increment": 1 / 512.0, "wf_start_offset": 2.0, "unit_string": "m"}
+        file.write_segment([ChannelObject("g", "response", x, properties=about)])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"], file["response"] = t, np.array([x, 2.0 * x]).T
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["response"], file["fs"] = x, 512.0
+    with h5py.File(tmp_path / "late.h5", "w") as file:  # the first times are closer than the others
+        file["time"], file["response"] = np.where(t < 10.0, t, 10.0 + 3.0 * (t - 10.0)), x
+    scipy.io.savemat(tmp_path / "a.mat", {"time": t, "response": x})
+    wavfile.write(tmp_path / "a.wav", 512, x)
+    for name in ("a.tdms", "a.h5", "b.h5", "late.h5", "a.mat", "a.wav"):
+        stated = {"columns": {"response": "response"}} if name == "b.h5" else {}
+        stated |= {"scale": {"response": 1.0}} if name == "a.wav" else {}
+        whole, part, beyond, after = (
+            read_file(tmp_path / name, Stated(**stated, span=span))[0]
+            for span in (None, (40.0, 60.0), (1000.0, 2000.0), (40.0, np.inf))
+        )
+        assert len(part) == len(whole)
+        for of_part, of_rest, of_whole in zip(part, after, whole, strict=True):
+            for of, end in ((of_part, 60.0), (of_rest, np.inf)):
+                kept = (of.abscissa >= 40.0) & (of.abscissa <= end)
+                asked = (of_whole.abscissa >= 40.0) & (of_whole.abscissa <= end)
+                np.testing.assert_array_equal(of.response[kept], of_whole.response[asked])
+                np.testing.assert_allclose(of.abscissa[kept], of_whole.abscissa[asked], rtol=1e-12)
+            fewest = len(t) if name == "late.h5" else 20 * 512
+            assert fewest <= len(of_part.response) <= fewest + 5
+        assert len(beyond[0].response) == len(t)  # whose times the message on a wrong part names
+    with h5py.File(tmp_path / "f.h5", "w") as file:
+        file["time"], file["response"], file["force"] = t, x, np.where(t < 3.0, 1.0, 0.0)
+    (driven,) = read_file(tmp_path / "f.h5", Stated(span=(40.0, 60.0)))[0]
+    assert len(driven.response) == len(t)  # the largest force tells whether it acts on
 
 
 def test_channels_of_tdms(tmp_path):

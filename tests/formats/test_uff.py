@@ -7,6 +7,9 @@ import pytest
 import pyuff
 
 from damping.errors import InputError
+from damping.formats import read_file
+from damping.formats.motions import time_histories
+from damping.formats.series import Stated
 
 ORDERS = {"receptance": (0, 8, "m"), "mobility": (1, 11, "m/s"), "accelerance": (2, 12, "m/s^2")}
 
@@ -44,8 +47,9 @@ def test_frequency_responses_of_pyuff(truth, by_pyuff, imported, name, binary, e
     assert found.record.sweeps == ("level 1",)
 
 
-@pytest.mark.parametrize(("even", "binary"), [(1, 0), (0, 0)])
-def test_single_precision_of_text(truth, by_pyuff, imported, even, binary):
+@pytest.mark.parametrize(("even", "binary"), [(1, 0), (0, 0), (1, 1), (0, 1)])
+def test_single_precision_is_stated(truth, by_pyuff, imported, even, binary):
+    """Text of six digits; bytes, of which pyuff writes those of double precision all the same."""
     path = by_pyuff(
         ratio(truth, "receptance") | {"abscissa_spacing": even, "binary": binary, "ord_data_type": 5},
         force_double=False,
@@ -62,6 +66,24 @@ def test_several_sweeps_keep_their_levels(truth, by_pyuff, imported):
         np.testing.assert_allclose(one.column("force"), force, rtol=1e-14)
         # 6 digits of the abscissas in text
         np.testing.assert_allclose(one.column("amplitude"), np.abs(truth.H) * force, rtol=3e-5)
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("even", [0, 1])
+def test_time_histories_in_bytes(by_pyuff, even, single):
+    """A motion and the force beside it, with their units, as the samples that were written."""
+    t, x = np.arange(2000) / 512.0, np.random.default_rng(1).standard_normal((2, 2000))
+    common = {"x": t, "func_type": 1, "abscissa_spec_data_type": 17, "abscissa_axis_units_lab": "s", "binary": 1}
+    common |= {"orddenom_spec_data_type": 0, "abscissa_spacing": even, "ord_data_type": 2 if single else 4}
+    force = {"data": x[1], "id1": "hammer", "ordinate_spec_data_type": 13, "ordinate_axis_units_lab": "N"}
+    path = by_pyuff(common | {"data": x[0], "id1": "tip"}, common | force, force_double=not single)
+    stated = Stated()
+    series, summary = read_file(path, stated)
+    (motion,) = time_histories(series, stated, summary)
+    assert (motion.label, motion.order) == ("tip", 2)
+    np.testing.assert_array_equal(motion.signal, x[0])
+    np.testing.assert_array_equal(motion.force, x[1])
+    np.testing.assert_allclose(motion.t, t, rtol=5e-6)  # the step of even spacing is text of six digits
 
 
 @pytest.mark.parametrize("binary", [0, 1])

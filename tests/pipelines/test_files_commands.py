@@ -148,6 +148,25 @@ def test_a_ring_down(tmp_path, damping):
     np.testing.assert_allclose(record.column("force"), c * CENTRE * record.column("amplitude"), rtol=5e-3)
 
 
+def test_several_ring_downs_of_one_file(tmp_path, damping):
+    """Two decays from the same amplitude, of which each is a decay of its own in one record."""
+    (tmp_path / "m.toml").write_text(MODE)
+    t, zeta = np.arange(0, 16, 0.004), 0.01
+    s = CENTRE * complex(-zeta, np.sqrt(1 - zeta**2))
+    pd.DataFrame({"time": t, "response [m]": 0.01 * np.exp(s * (t % 8.0)).real}).to_csv(tmp_path / "t.csv", index=False)
+    words = ("import", tmp_path / "t.csv", "--out", tmp_path / "r.csv", "--ring-down", "--mode", tmp_path / "m.toml")
+    assert "2 times --start and 1 times --end" in damping(*words, "--start", 0, "--start", 8, "--end", 7).err
+    assert "7 s before 6 s" in damping(*words, "--start", 0, "--start", 6, "--end", 7, "--end", 16).err
+    assert damping(*words, "--start", 0, "--start", 8).code == 0
+    assert damping(*words, "--start", 0, "--end", 7.9, "--start", 8, "--end", 15.9).code == 0
+    record = read_record(tmp_path / "r.csv")
+    assert record.is_decay
+    first, second = (rows for _, rows in record.frame.groupby("decay"))
+    assert list(first["sweep"]) != list(second["sweep"])
+    np.testing.assert_allclose(first["time"] + 8.0, second["time"], rtol=0, atol=0.004)
+    np.testing.assert_allclose(first["force"], second["force"], rtol=1e-6)
+
+
 @pytest.mark.parametrize(("options", "off"), [((), ""), (("--text",), "off by up to 0.003 Hz")])
 def test_frequencies_that_text_rounds(tmp_path, damping, options, off):
     """1000.003 Hz in E13.5 is 1000.00: rows a hundredth of a hertz apart become one frequency."""

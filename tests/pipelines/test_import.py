@@ -97,7 +97,7 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     assert best.name == "viscous"
     assert best.coefficients[0].value == pytest.approx(c, rel=2e-3)
     with pytest.raises(AnalysisError, match=r"lab\.csv: 'release 1': the record has 1 periods"):
-        import_file(lab, out, Stated(), mode, start=7.9)
+        import_file(lab, out, Stated(), mode, parts=[(7.9, None)])
     with pytest.raises(InputError, match="mode is in N and the record in lbf; expected --to si"):
         import_file(lab, out, Stated(system="us"), mode)
     mode.write_text(MODE.replace('"N"', '"kg"'))  # of the size of N, and no force
@@ -125,6 +125,27 @@ def test_the_response_to_a_force_is_no_free_decay(tmp_path: Path, capsys: pytest
     scipy.io.savemat(tmp_path / "a.mat", {"time": t, "response": np.column_stack([decay, 0.3 * decay])})
     import_file(tmp_path / "a.mat", out, named, mode)
     assert "2 signals are taken as decays of one point" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_decay_begins_where_the_drive_stops(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two sine dwells in resonance that are cut off: the one before the larger motion is taken, without the dwell."""
+    path, mode, out = tmp_path / "a.csv", tmp_path / "mode.toml", tmp_path / "record.csv"
+    mode.write_text('[mode]\nname = "bench"\nfrequency = 25.0\nmass = 2.0\n')
+    t, w, zeta, stop = np.arange(0.0, 16.0, 0.002), 2 * np.pi * 25.0, 0.01, 4.0
+    since = t % 8.0 - stop
+    size = np.where(t < 8.0, 0.5, 1.0) * np.exp(-zeta * w * np.maximum(since, 0.0))
+    force = np.where(since < 0.0, 5.0 * np.cos(w * t), 0.0) + 0.01 * np.random.default_rng(1).standard_normal(len(t))
+    pd.DataFrame({"Time [s]": t, "Force [N]": force, "Disp [m]": size * np.sin(w * t)}).to_csv(path, index=False)
+    import_file(path, out, Stated(), mode)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "12 s, where the force stops" in said
+    assert "the force stops 2 times; --start 4 --end 7.998 --start 12 --end 15.998 takes each" in said
+    record = read_record(out)
+    # the end of the dwell lies within a sample; the image of the window 1e-3, and its slope over one level
+    np.testing.assert_allclose(
+        record.column("amplitude"), np.exp(-zeta * w * (record.column("time") - 12.0)), rtol=2e-2
+    )
+    np.testing.assert_allclose(record.frame["damping_ratio"], zeta, rtol=2e-2)
 
 
 def test_nothing_is_written_over_what_is_read(sweep_csv: Path, tmp_path: Path) -> None:

@@ -105,6 +105,11 @@ REFUSED = {
         HEAD.encode() + ROW.encode() + b"A,1,\0,1,1\n",
         ", line 3: a NUL byte at byte 5 of the line is not UTF-8 text; expected text in UTF-8",
     ),
+    "workbook": (
+        b"PK\3\4\x14\0\6\0\10\0\0\0!\0" + bytes(range(256)),
+        ", line 1: is no text; expected text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and "
+        "UFF files)",
+    ),
     "utf-16": (
         (HEAD + ROW).encode("utf-16"),
         f", line 1: byte 0x{'ff' if 'a'.encode('utf-16')[0] == 0xFF else 'fe'} at byte 1 of the line is not UTF-8 text "

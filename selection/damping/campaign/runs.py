@@ -87,12 +87,14 @@ class Corrections:
         return np.asarray(np.take_along_axis(stacked, np.argmax(np.abs(stacked), axis=0)[None], axis=0)[0])
 
     def require_known(self, runs: Collection[str], channels: Collection[str]) -> None:
-        """Raise InputError for a run or channel that the files do not have; it names the nearest one."""
+        """Raise InputError for a run or channel that the files do not have; it lists them, the nearest first."""
         for kind, stated, known in (("run", self.levels, runs), ("channel", self.channels, channels)):
             for name in stated:
                 if name not in known:
                     nearest = describe_nearest(name, known) or "none"
-                    raise InputError(f"no {kind} {name!r}", file=self.source or None, expected=f"such as {nearest!r}")
+                    others = ", ".join(sorted(set(known) - {nearest}))
+                    expected = f"such as {nearest!r}{' or ' * bool(others)}{describe_shortened(others, 100)}"
+                    raise InputError(f"no {kind} {name!r}", file=self.source or None, expected=expected)
 
 
 def read_corrections(path: str | Path) -> Corrections:

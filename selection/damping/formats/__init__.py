@@ -3,7 +3,7 @@
 Input is bytes or a path; output is a record and a summary of what was understood. Every module is pure; none evaluates
 file content or loads a pickle. ``read_file`` (here) reads any file into ``series.Series``, one sweep or time history
 each with the facts that the file states. ``steady.steady_record`` converts sweeps to a record, and
-``conversion.time_histories`` converts time histories to displacement for ``signals.ringdown``. An error asks for facts
+``motions.time_histories`` converts time histories to displacement for ``signals.ringdown``. An error asks for facts
 that neither the file nor the user states; nothing is guessed.
 """
 
@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from damping.errors import InputError, naming
-from damping.formats.arrays import list_array_series, list_channels
+from damping.formats.arrays import list_channels
 from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.parts import list_part_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
@@ -47,7 +48,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         kind = find_format(path, stated, summary)
         _heeded(stated, kind)
         if kind in _ARRAYS:
-            return list_array_series(path, kind, stated, summary, max_size), summary
+            return list_part_series(path, kind, stated, summary, max_size), summary
         data = read_bytes(path, max_size)
         if kind == "uff":
             return read_uff(data, summary, stated.datasets, stated.labels), summary

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ class Arrays:
     units: dict[str, str]  #: stated in the file, by name
     known: dict[str, tuple[int, ...]]  #: shape of every array in the file
     steps: dict[str, tuple[float, float]]  #: start and step in s of channels against time
+    first: int = 0  #: sample of the file with which the arrays begin
 
 
 def read_arrays(
@@ -53,8 +55,8 @@ def read_arrays(
             is named.
         names: names of variables (``structure.field``, ``cells{:,2}``) or paths of data sets (``group/name``).
         max_size: largest file read, bytes; None: any, for reading in blocks.
-        rows: first sample and end (exclusive) of the range read of every channel, and of every array of an HDF5 file
-            along its longest axis; None: all.
+        rows: first sample and end (exclusive) of the range read of every channel, and of every array along its longest
+            axis; None: all.
 
     AnalysisError: the package that reads the format is not installed. InputError: the file cannot be read, is too
     large, is not of its kind, or holds objects in place of numbers.
@@ -71,7 +73,7 @@ def read_arrays(
     known = {name: tuple(shape) for name, shape in answer["known"].items()}
     units = {name: text for name, text in answer["units"].items() if text}
     steps = {name: (start, step) for name, (start, step) in answer["steps"].items()}
-    return Arrays(arrays, units, known, steps)
+    return Arrays(arrays, units, known, steps, rows[0] if rows else 0)
 
 
 def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict[str, Any], dict[str, list[Samples]]]:
@@ -127,13 +129,16 @@ def read_blocks(
         first += count
 
 
-def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
-    """Series of a file of named arrays or channels."""
+def list_array_series(
+    path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int, rows: tuple[int, int] | None = None
+) -> list[Series]:
+    """Series of a file of named arrays or channels; ``rows`` as of ``read_arrays``."""
+    read, first = partial(read_arrays, path, kind, max_size=max_size, rows=rows), rows[0] if rows else 0
     channels = kind in ("tdms", "lvm")
     defaults = [] if channels else [name for names in NAMES["own"].values() for name in names]
-    contents = read_arrays(path, kind, list(stated.columns.values()) or defaults, max_size)
+    contents = read(list(stated.columns.values()) or defaults)
     if not channels and not contents.arrays:
-        channels = bool((contents := read_arrays(path, kind, [], max_size)).steps) if kind == "hdf5" else False
+        channels = bool((contents := read([])).steps) if kind == "hdf5" else False
     if channels and (contents.steps or stated.rate or kind == "lvm"):
         return list_channels(contents, stated, summary)
     arrays, known = contents.arrays, contents.known
@@ -145,7 +150,7 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
         if names.keys().isdisjoint(ABSCISSAS) and not stated.rate:  # an array may have the name of the role
             names |= {role: role for role in ABSCISSAS if known.get(role)}
         if len(names) > len(stated.columns):
-            arrays = arrays | read_arrays(path, kind, list(names.values()), max_size).arrays
+            arrays = arrays | read(list(names.values())).arrays
     elif not channels:
         names = {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}
         if not names:
@@ -160,17 +165,20 @@ def list_array_series(path: str | Path, kind: str, stated: Stated, summary: Summ
     require_response(names | usual, known, stated, many=kind == "hdf5")
     if names.keys().isdisjoint(ABSCISSAS):
         signal = arrays[main][0]
-        sampled = _list_sampled(path, kind, signal, main, known, max_size) if stated.rate is None else None
+        sampled = _list_sampled(path, kind, signal, main, known, max_size, first) if stated.rate is None else None
         if stated.rate is not None:
             if found := [one for one in known if last_name(one) in SAMPLING]:
                 summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(found[:4])} in the file")
             name = f"--rate {stated.rate:g}"
-            names, arrays = names | {"time": name}, arrays | {name: [np.arange(max(signal.shape)) / stated.rate]}
+            names, arrays = (
+                names | {"time": name},
+                arrays | {name: [list_times("fs", stated.rate, max(signal.shape), first)]},
+            )
         elif sampled is not None:
             role, name, values = sampled
             names, arrays = names | {role: name}, arrays | {name: [values]}
         elif usual:
-            names, arrays = names | usual, arrays | read_arrays(path, kind, list(usual.values()), max_size).arrays
+            names, arrays = names | usual, arrays | read(list(usual.values())).arrays
     for role, name in names.items():
         if role in UNIT_OF:
             refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
@@ -196,9 +204,17 @@ def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
 
 
 def _list_sampled(
-    path: str | Path, kind: str, signal: Samples, main: str, known: Mapping[str, tuple[int, ...]], max_size: int
+    path: str | Path,
+    kind: str,
+    signal: Samples,
+    main: str,
+    known: Mapping[str, tuple[int, ...]],
+    max_size: int,
+    first: int,
 ) -> tuple[str, str, FloatArray] | None:
     """Role, name and values of an even abscissa, by a number in the file near the array ``main``; None if none is.
+
+    ``first``: sample with which the signal begins.
 
     Of a complex response it is the frequency, by its increment.
     """
@@ -213,7 +229,7 @@ def _list_sampled(
     read = read_arrays(path, kind, names, max_size).arrays
     step, start = (float(read[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
     role = "frequency" if np.iscomplexobj(signal) else "time"
-    return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1))
+    return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1), first)
 
 
 def _list_each(
@@ -261,7 +277,7 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
         start, step = _find_step(name, contents, stated)
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
         facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
-        t = np.arange(len(values), dtype=np.float64)
+        t = np.arange(contents.first, contents.first + len(values), dtype=np.float64)
         t *= step  # in place: a file may have many samples
         t += start
         series.append(Series(name, t, values, is_time=True, has_phase=False, facts=facts))

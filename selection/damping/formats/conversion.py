@@ -1,18 +1,14 @@
-"""Conversion of file values to displacement and force in one system: response type, units, scaling; time histories.
+"""Conversion of file values to displacement and force in one system: response type, units, scaling.
 
 Statements of the user take precedence over the file; missing facts are asked for.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import NAMES
 from damping.formats.quantity import SYSTEMS, Unit, find_powers, unit
-from damping.formats.series import FileFacts, Series, Stated, Summary, require_finite
+from damping.formats.series import FileFacts, Stated, Summary
 
 #: Response types: order of the time derivative of displacement, and whether the response is per unit of force.
 RESPONSES: dict[str, tuple[int, bool]] = {
@@ -250,57 +246,3 @@ def deviation_factor(what: str, quantity: str, known: Statements) -> float:
         raise InputError(f"{what} in {text}", expected=expected)
     known.summary.add(f"unit of {what}", text, _FOUND)
     return own.factor / of_quantity.factor
-
-
-#: Largest rms of a force after a blow or release, over its peak: noise of a sensor has some 1 %, a random force 20 to
-#: 30 %, a sine or a chirp 70 %.
-DRIVEN = 0.1
-
-
-@dataclass(frozen=True)
-class TimeHistory:
-    """A motion against time: ``t`` (n,) in s, ``signal`` (n,) the ``order``-th time derivative of displacement.
-
-    ``force`` (n,) in the unit of the file, None if it has none.
-    """
-
-    label: str
-    t: FloatArray
-    signal: FloatArray
-    order: int
-    force: FloatArray | None = None
-
-    def is_driven(self, start: float, end: float) -> bool:
-        """Whether a force acts in a part of the time, s: its rms is more than ``DRIVEN`` of its largest value."""
-        if self.force is None:
-            return False
-        size = np.abs(self.force - np.median(self.force))
-        part = size[(self.t >= start) & (self.t <= end) & np.isfinite(size)]
-        return bool(len(part)) and float(np.sqrt(np.mean(part**2))) > DRIVEN * float(np.nanmax(size))
-
-
-def time_histories(series: Sequence[Series], stated: Stated, summary: Summary) -> list[TimeHistory]:
-    """The motions of some series.
-
-    InputError: a series that is not a time history of a motion, values that are not finite, or a type or unit that is
-    neither in the file nor stated.
-    """
-    if stated.labels and len(stated.labels) != len(series):
-        raise InputError(f"{len(stated.labels)} labels", expected=f"{len(series)}, one for each time history")
-    histories = []
-    for k, row in enumerate(series):
-        known = Statements(row.facts, stated, summary)
-        if not row.is_time:
-            raise InputError(f"{row.label!r} is no time history", expected="a signal against time")
-        ask(known, force=None)
-        to = conversion(known)
-        if to.per_force:
-            raise InputError("a time history is no ratio to force", expected="--response acceleration")
-        for values in (row.abscissa, row.response):
-            require_finite(row.label, values)
-        signal = np.asarray(row.response, dtype=np.float64)
-        signal = signal if to.response == 1.0 else signal * to.response  # of a large file, without a copy
-        label = stated.labels[k] if stated.labels else row.label
-        force = None if row.force is None else np.asarray(row.force, dtype=np.float64)
-        histories.append(TimeHistory(label, np.asarray(row.abscissa, dtype=np.float64), signal, to.order, force))
-    return histories

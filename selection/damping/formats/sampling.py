@@ -1,7 +1,7 @@
 """Names of arrays that state how another array was sampled: abscissas, rates, steps and increments, by nearness."""
 
 from collections.abc import Mapping, Sequence
-from math import prod
+from math import ceil, floor, prod
 
 import numpy as np
 
@@ -58,9 +58,18 @@ def _count_shared(path: Sequence[str], other: Sequence[str]) -> int:
     return next(unlike, min(len(path), len(other)))
 
 
-def list_times(name: str, number: float, n: int) -> FloatArray:
-    """Times (n,) from 0, in s, from a rate in Hz or a step in s. InputError: a number that is not > 0."""
+def find_rows(span: tuple[float, float], start: float, step: float, n: float) -> tuple[int, int]:
+    """First sample and end (exclusive) of the samples, of ``n``, in a ``span``, s; all if it holds fewer than two."""
+    first, last = (min(max((time - start) / step, 0.0), n) for time in span)
+    return (max(floor(first) - 1, 0), ceil(min(last + 2.0, n))) if last - first >= 2.0 else (0, int(n))
+
+
+def list_times(name: str, number: float, n: int, first: int = 0) -> FloatArray:
+    """Times (n,) from that of sample ``first``, in s, from a rate in Hz or a step in s; that of sample 0 is 0.
+
+    InputError: a number that is not > 0.
+    """
     if not (np.isfinite(number) and number > 0.0):
         raise InputError(f"{name} = {number:g}", expected="a rate in Hz, or a step in s, > 0")
     step = 1.0 / number if last_name(name) in NAMES["rate"]["rate"] else number
-    return np.asarray(step * np.arange(n), dtype=np.float64)
+    return np.asarray(step * np.arange(first, first + n), dtype=np.float64)

@@ -74,6 +74,7 @@ class Stated:
     delimiter: str = "auto"  #: of a CSV file: ``comma``, ``semicolon``, ``tab``, ``space``; ``auto``: from its lines
     skip: int = 0  #: lines before the header of a CSV file
     rate: float | None = None  #: sampling rate of a signal, Hz
+    span: tuple[float, float] | None = None  #: first and last time to take, s; more may be read
     decimal: str = "auto"  #: mark in its numbers: ``point``, ``comma`` or ``auto``
 
 

@@ -26,6 +26,10 @@ FREQUENCY = 18  #: data type of an abscissa that is frequency (field 1 of record
 _TIME = 17  #: data type of an abscissa that is time (field 1 of record 8 of data set 58)
 
 
+#: Storage of ordinate and uneven abscissa, by whether single precision is stated.
+_WIDTHS = {True: (("f4", "f4"), ("f8", "f8")), False: (("f8", "f8"), ("f8", "f4"))}
+
+
 @dataclass(frozen=True)
 class Axis:
     """Data characteristics of an axis: specific data type, and label of the units ('' if there is none)."""
@@ -250,9 +254,10 @@ def _find_binary_form(
 ) -> tuple[np.dtype[np.void], int]:
     """Storage of one point of a binary set, and the end of the values.
 
-    The abscissa is as wide as the ordinate, or (uneven spacing, double precision) of single precision; the form that is
-    followed by the end of the set is chosen. Of the ``fields`` after ``58b``, byte order and floating-point format are
-    used; the number of bytes is not, as some programs write half of it.
+    The abscissa is as wide as the ordinate, or (uneven spacing, double precision) of single precision; where single
+    precision is stated, both may be double (pyuff writes so). The form that is followed by the end of the set is
+    chosen. Of the ``fields`` after ``58b``, byte order and floating-point format are used; the number of bytes is not,
+    as some programs write half of it.
 
     InputError: a floating-point format other than IEEE, no byte order, or no form fits.
     """
@@ -263,12 +268,9 @@ def _find_binary_form(
         expected = "1 (little endian) or 2 (big endian) after 58b"
         raise InputError(f"byte order {byte_order}", line=line, expected=expected)
     order = "<" if byte_order == 1 else ">"
-    wide = "f4" if ordinate in (2, 5) else "f8"
-    ordinates = ("y", order + wide, (_count_parts(ordinate),))
-    forms = [np.dtype([ordinates])]
-    if not even:
-        forms = [np.dtype([("x", order + x), ordinates]) for x in dict.fromkeys((wide, "f4"))]
-    for form in forms:
+    parts = (_count_parts(ordinate),)
+    for wide, x in _WIDTHS[ordinate in (2, 5)]:
+        form = np.dtype([*([] if even else [("x", order + x)]), ("y", order + wide, parts)])
         end = start + points * form.itemsize
         if end <= len(data) and _CLOSING.match(data, end):
             return form, end

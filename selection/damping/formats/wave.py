@@ -1,6 +1,7 @@
 """WAV files: channels of samples at a sampling rate, in parts of full scale or as floating-point numbers."""
 
 import io
+import math
 import warnings
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from damping.errors import InputError
 from damping.formats.arrays import Arrays
 from damping.formats.headers import NAMES
+from damping.formats.sampling import find_rows
 from damping.formats.series import Samples, Stated
 
 
@@ -37,8 +39,10 @@ def read_wav(data: bytes, stated: Stated) -> Arrays:
     known: dict[str, tuple[int, ...]] = {str(k + 1): (len(table),) for k in range(table.shape[1])}
     asked = stated.columns.get("response")
     chosen = [name for name in known if asked in (None, name)]
-    arrays: dict[str, list[Samples]] = {name: [_convert(table[:, int(name) - 1])] for name in chosen}
-    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, 1.0 / rate)))
+    whole = (-math.inf, math.inf)
+    first, last = find_rows(stated.span or whole, 0.0, 1.0 / (stated.rate or rate), len(table))
+    arrays: dict[str, list[Samples]] = {name: [_convert(table[first:last, int(name) - 1])] for name in chosen}
+    return Arrays(arrays, {}, known, dict.fromkeys(known, (0.0, 1.0 / rate)), first)
 
 
 def _convert(column: Samples) -> Samples:

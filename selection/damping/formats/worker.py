@@ -46,8 +46,14 @@ class Contents:
         self.known[name], self.units[name] = [count], str(unit)[:60]
         if step > 0.0:
             self.steps[name] = (float(start), float(step))
-        first, last = self.rows or (0, count)
-        return slice(min(first, count), min(last, count))
+        return self.cut([count])[0]
+
+    def cut(self, shape: Any) -> tuple[slice, ...]:
+        """The samples to read of an array, along its longest axis."""
+        part, longest = [slice(0, int(n)) for n in shape], max(shape, default=0)
+        if self.rows and longest > 1:
+            part[list(shape).index(longest)] = slice(*(min(place, longest) for place in self.rows))
+        return tuple(part)
 
     def refuse_beyond(self, shape: Any, item: int) -> None:
         """Refuse an array of that shape, with ``item`` bytes per value, if it is larger than the file warrants."""
@@ -114,7 +120,7 @@ def _mat(path: str, kind: str, names: list[str], contents: Contents) -> Read:
         for value in _list_addressed(variables, name):
             if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiucb":
                 raise RefusedError(f"{name!r} is no array of numbers")
-            yield name, value
+            yield name, value[contents.cut(value.shape)]
 
 
 def _list_nested(value: Any, name: str, known: dict[str, list[int]], depth: int) -> None:
@@ -187,13 +193,9 @@ def _hdf(path: str, kind: str, names: list[str], contents: Contents) -> Read:
                 continue
             dataset = file[place]
             _readable(h5py, dataset, name)
-            part, longest = [slice(n) for n in dataset.shape], max(dataset.shape, default=0)
-            if contents.rows and part:  # the requested samples, along the longest axis
-                first, last = (min(place, longest) for place in contents.rows)
-                part[dataset.shape.index(longest)] = slice(first, last)
-            item = 16 if dataset.dtype.names or dataset.dtype.kind == "c" else 8
-            contents.refuse_beyond([cut.stop - (cut.start or 0) for cut in part], item)
-            array = _numbers(dataset[tuple(part)], name)
+            part, dtype = contents.cut(dataset.shape), dataset.dtype
+            contents.refuse_beyond([k.stop - k.start for k in part], 16 if dtype.names or dtype.kind == "c" else 8)
+            array = _numbers(dataset[part], name)
             if isinstance(named := dataset.attrs.get("units", dataset.attrs.get("unit")), str | bytes):
                 contents.units[name] = _as_text(named)
             array = array.T if kind == "mat73" else array
@@ -253,8 +255,7 @@ def _lvm(path: str, kind: str, names: list[str], contents: Contents) -> Read:
             name = columns[place] if file["Segments"] == 1 else f"{number + 1}/{columns[place]}"
             unit = (segment.get("Y_Unit_Label") or [""] * count)[k]
             start, step = (float((segment.get(key) or [0.0] * count)[k]) for key in ("X0", "Delta_X"))
-            contents.add_channel(name, len(data), unit, start, step)
-            yield name, data[:, place]
+            yield name, data[contents.add_channel(name, len(data), unit, start, step), place]
 
 
 def _list(h5py: Any, member: Any, path: str, known: dict[str, list[int]], depth: int) -> None:
@@ -266,9 +267,8 @@ def _list(h5py: Any, member: Any, path: str, known: dict[str, list[int]], depth:
         if own.dtype.kind in "fiu" and own.get_space().get_simple_extent_npoints() == 1:  # one number
             known[f"{path}/{name}".strip("/")] = []
     for name in member if isinstance(member, h5py.Group) and depth <= _DEEPEST else ():
-        if len(known) >= _MOST_NAMES:
-            return
-        if not name.startswith("#") and isinstance(member.get(name, getlink=True), h5py.HardLink):
+        is_hard = not name.startswith("#") and isinstance(member.get(name, getlink=True), h5py.HardLink)
+        if is_hard and len(known) < _MOST_NAMES:
             _list(h5py, member[name], f"{path}/{name}".strip("/"), known, depth + 1)
 
 

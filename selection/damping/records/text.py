@@ -26,6 +26,7 @@ NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*", re.ASCII)
 _EXECUTED = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet may execute cells that begin with one of these
 _LINE_END = re.compile(rb"\r\n?|\n")
 _LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
+_LOOKED_AT = 2100  # first bytes of a file, by which it is text or not
 _TOGETHER = 65_536  # bytes decoded together, extended to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # control characters that text does not contain
@@ -81,6 +82,9 @@ def decode(data: bytes) -> tuple[str, InputError | None]:
         bad = error.start
     if bad == len(data):
         return text, None
+    if is_binary(data[:_LOOKED_AT]):  # a workbook, an archive, measured samples
+        expected = "text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and UFF files)"
+        return "", InputError("is no text", expected=expected)
     ends = [match.end() for match in _LINE_END.finditer(data, 0, bad)]
     start = ends[-1] if ends else 0
     byte = "a NUL byte" if data[bad] == 0 else f"byte 0x{data[bad]:02x}"

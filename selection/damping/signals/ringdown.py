@@ -29,14 +29,12 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
+from damping.signals.releases import LARGEST_GROWTH, describe_lost, describe_releases, find_release, find_return
 from damping.signals.windows import (
     Window,
     describe_elsewhere,
     describe_flat,
-    describe_lost,
     even_times,
-    find_release,
-    find_return,
     flat_window,
     noise_beside,
     thinned,
@@ -53,8 +51,7 @@ WORST_SLOPE = 0.3  #: largest standard error of the slope of a level, over the s
 LARGEST_BEND = 0.15  #: largest bend of ln A over half a window: more would be smeared by the window
 OF_CUBIC = 0.15  #: error of the slope of a parabola if ln A has c u^3 over a level, |u| < 1/2, in c (<u^4>/<u^2>)
 SURE = 3.0  #: least cubic coefficient c, in standard errors, for which that error is added to the uncertainty
-LARGEST_GROWTH = 1.5  #: a single mode does not grow again by more: noise and the window's image cause less growth,
-GROWN = 0.1  #: if it returns to this share of its largest amplitude
+GROWN = 0.1  #: a decay grows again, and another release counts, from this share of the largest amplitude
 _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard deviation of each part
 
 
@@ -84,10 +81,10 @@ class Decay:
         return self.decay_rate / (RAD_S_PER_HZ * self.frequency)
 
     def table(self, label: str) -> pd.DataFrame:
-        """Rows of a record: each level is one sweep, at phase resonance."""
+        """Rows of a record: each level is one sweep, at phase resonance; ``label`` is that of the decay."""
         names = ("force", "frequency", "amplitude", "amplitude_sd", "force_sd", "time", "damping_ratio")
         labels = [f"{label} {k + 1:02d}" for k in range(len(self.time))]
-        return pd.DataFrame({"sweep": labels, **{name: getattr(self, name) for name in names}})
+        return pd.DataFrame({"sweep": labels, **{name: getattr(self, name) for name in names}, "decay": label})
 
 
 def ring_down(
@@ -134,24 +131,26 @@ def ring_down(
     noise = noise_beside(window, x, z)
     first = 0 if start is not None else find_release(x, z, window, frequency * dt)
     last = first + int(next(iter(np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)), len(z) - first))
-    _refuse_growth(times[first:last], np.abs(z[first:last]))
+    size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
+    least = max(ABOVE_NOISE * noise, GROWN * size)
+    others = "" if start is not None else describe_releases(times, x, z, window, frequency * dt, least)
     try:
+        _refuse_growth(times[first:last], np.abs(z[first:last]))
         kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
     except AnalysisError as error:
-        raise AnalysisError(f"{error}{describe_elsewhere(x, dt, frequency)}") from None
-    size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
+        blows = f"; of several blows {others} takes each" if others else ""
+        raise AnalysisError(f"{error}{blows}{describe_elsewhere(x, dt, frequency)}") from None
     lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
-    before = np.abs(z[: max(first - len(window.offsets), 0)])
-    if np.max(before, initial=0.0) > max(ABOVE_NOISE * noise, GROWN * size):
-        lost.append(f"motion before {times[first]:.4g} s is not used: an earlier blow is chosen by --start and --end")
-    returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, LARGEST_GROWTH, len(window.offsets))
+    if others:
+        lost.append(f"of several releases only that at {times[first]:.4g} s is used; {others} takes each")
+    returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, len(window.offsets))
     if (again := returned / window.omega_0**order) > 0.0:
         doubt = f"levels below {again / GROWN:.3g} are doubtful; choose a part without, or another sensor"
         lost.append(
             f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
         )
-    fall = max(1.0 - float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]), 0.0)
-    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], fall)
+    shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
+    lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 

@@ -17,7 +17,6 @@ _ALTERNATE = 0.01  # least share of each of two steps: a sample that is missing 
 _TOGETHER = 1_000_000  # samples that are worked on together
 _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
-LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
 FLATTENED = 0.005  #: third harmonic from which flattened peaks are said: clipping or compression of some 1 %
 _NEAR = 0.15  # largest distance of a motion from its mode, relative: half the main lobe of a window of 6 periods
@@ -174,35 +173,24 @@ def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
     return float(min(np.median(tail), np.median(floor)))
 
 
-def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
-    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
-
-    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
-    does. The change of free motion over a quarter of a period stays below half of its largest for a sixth of a period
-    at a time: if it takes longer to reach half, there was rest, be it at zero or pulled aside.
-    """
-    largest, quarter = int(np.argmax(np.abs(z))), round(0.25 / cycles)
-    change = x.copy()
-    change[quarter:] -= x[:-quarter]
-    near = np.abs(change[largest : largest + len(window.offsets)])
-    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
-    return min(max(largest, release), len(z) - 1)
-
-
-def describe_flat(window: Window, x: FloatArray, z: ComplexArray, fall: float) -> list[str]:
-    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``fall``: of its frequency, relative.
+def describe_flat(window: Window, x: FloatArray, z: ComplexArray, order: int, shift: float) -> list[str]:
+    """Caution on a motion x (n,) with flattened peaks; z: the windowed x; ``shift``: of its frequency, relative.
 
     A sensor at its limit turns cos a into cos a - r cos 3a + ..., r > 0: z_3 conj(z)^3 is negative throughout, weighted
-    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r. A spring
-    that softens, and the frequency by ``fall``, has r < ``fall`` in acceleration, and less in displacement.
+    here to the largest amplitudes. A stop takes r from the fundamental too, a gain that falls as a cubic 3 r.
+
+    A spring does so too: the force c_1 cos a + c_3 cos 3a beside K A cos a shifts the frequency by c_1/(2 K A), and the
+    displacement has c_3/(8 K A) of cos 3a, its n-th derivative (-3)^n times that relative to cos a. As |c_3| <= |c_1|,
+    r <= -(-3)^n ``shift``/4.
     """
     turned = replace(window, omega_0=3.0 * window.omega_0).analytic(x) * np.conj(z) ** 3
     flat = -float(np.sum(turned.real))
     third = flat / float(np.sum(np.abs(z) ** 4))
-    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + fall:
+    if flat <= _IN_STEP * np.sum(np.abs(turned)) or third <= FLATTENED + max(-((-3.0) ** order) * shift / 4.0, 0.0):
         return []
-    why = "a sensor or amplifier near its limit reads the top levels and their damping too small"
-    return [f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %): {why}; begin later (--start)"]
+    why = "a sensor or amplifier near its limit reads the top levels and their damping too small; begin later (--start)"
+    said = f"caution: peaks are flattened (third harmonic {100.0 * third:.2g} %)"
+    return [f"{said}: {why}, or a mode stands at three times this one"]
 
 
 def describe_elsewhere(x: FloatArray, dt: float, frequency: float) -> str:
@@ -213,25 +201,3 @@ def describe_elsewhere(x: FloatArray, dt: float, frequency: float) -> str:
         return ""
     where = f"strongest at {strongest:.4g} Hz, the mode is at {frequency:.4g} Hz"
     return f"; the motion is {where}: are the mode and --rate right?"
-
-
-def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
-    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
-    if peak >= since or largest <= LARGEST_LOSS * size:
-        return []
-    return [
-        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
-        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
-    ]
-
-
-def find_return(size: FloatArray, least: float, growth: float, pause: int) -> float:
-    """Largest amplitude (n,) above ``least`` that is ``growth`` times a smaller one before it; 0 if there is none.
-
-    A tone beside the mode beats with its decay as soon as this has come down to it. What follows more than ``pause``
-    samples without motion is another blow.
-    """
-    moving = np.flatnonzero(size > least)
-    pauses = np.flatnonzero(np.diff(moving) > pause)
-    size = size[: moving[pauses[0]] + 1] if len(pauses) else size
-    return float(np.max(size[(size > growth * np.minimum.accumulate(size)) & (size > least)], initial=0.0))

@@ -1,0 +1,87 @@
+"""Releases in a time history: where free motion begins, begins again, and what of it is lost."""
+
+from math import ceil, log10
+
+import numpy as np
+
+from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
+from damping.signals.windows import Window
+
+LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
+LARGEST_GROWTH = 1.5  #: a single mode does not grow again by more: noise and the window's image cause less growth
+_LISTED = 12  # most releases that a message lists
+
+
+def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
+    """First index of z (n,) whose window contains only free motion; ``cycles``: of x per sample.
+
+    z is largest while its window still reaches into the rest before the release, where it does not fall as the motion
+    does. The change of free motion over a quarter of a period stays below half of its largest for a sixth of a period
+    at a time: if it takes longer to reach half, there was rest, be it at zero or pulled aside.
+    """
+    largest, quarter = int(np.argmax(np.abs(z))), round(0.25 / cycles)
+    change = x.copy()
+    change[quarter:] -= x[:-quarter]
+    near = np.abs(change[largest : largest + len(window.offsets)])
+    release = largest + int(np.argmax(near >= 0.5 * np.max(near))) - int(1.0 / (6.0 * cycles))
+    return min(max(largest, release), len(z) - 1)
+
+
+def find_releases(size: FloatArray, least: float, block: int) -> list[tuple[int, int]]:
+    """First index of each rise of size (n,) to more than ``least``, and that of its smallest value before the next.
+
+    A rise is by more than ``LARGEST_GROWTH``, from one ``block`` of samples to another.
+    """
+    tops = [float(np.max(size[k : k + block])) for k in range(0, len(size), block)]
+    rises, low, is_rising = list[int](), 0.0, False
+    for k, top in enumerate(tops):
+        was_rising, is_rising = is_rising, top > max(least, LARGEST_GROWTH * low)
+        if is_rising and not was_rising:
+            rises.append(k)
+        low = top if is_rising else min(low, top)
+    starts = [k * block for k in rises]
+    pairs = zip(starts, [*starts[1:], len(size)], strict=False)
+    peaks = [(a, a + int(np.argmax(size[a:b])), b) for a, b in pairs]
+    return [(a, peak + int(np.argmin(size[peak:b]))) for a, peak, b in peaks]
+
+
+def describe_releases(
+    times: FloatArray, x: FloatArray, z: ComplexArray, window: Window, cycles: float, least: float
+) -> str:
+    """Options that take every release of a motion x (n,) as a decay of its own; '' if there is only one.
+
+    ``times``: s, of the middle of the window of z, the windowed x; ``cycles``: of x per sample; ``least``: smallest
+    amplitude of a release. A start is rounded up by at most a tenth of a period.
+    """
+    long = len(window.offsets)
+    releases = find_releases(np.abs(z), least, long)
+    digits = max(ceil(log10(10.0 * window.omega_0 / RAD_S_PER_HZ)), 0)
+    options = []
+    for rise, end in releases[:_LISTED]:
+        first = rise + find_release(x[rise : end + long], z[rise : end + 1], window, cycles)
+        start = ceil((times[first] - 0.5 * window.length) * 10.0**digits) / 10.0**digits
+        options.append(f"--start {start:.{digits}f} --end {times[end]:.{digits}f}")
+    more = f" and {len(releases) - _LISTED} more" if len(releases) > _LISTED else ""
+    return " ".join(options) + more if len(releases) > 1 else ""
+
+
+def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
+    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
+    if peak >= since or largest <= LARGEST_LOSS * size:
+        return []
+    return [
+        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
+        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
+    ]
+
+
+def find_return(size: FloatArray, least: float, pause: int) -> float:
+    """Largest amplitude (n,) above ``least`` that has grown from a smaller one before it; 0 if there is none.
+
+    A tone beside the mode beats with its decay as soon as this has come down to it. What follows more than ``pause``
+    samples without motion is another blow.
+    """
+    moving = np.flatnonzero(size > least)
+    pauses = np.flatnonzero(np.diff(moving) > pause)
+    size = size[: moving[pauses[0]] + 1] if len(pauses) else size
+    return float(np.max(size[(size > LARGEST_GROWTH * np.minimum.accumulate(size)) & (size > least)], initial=0.0))
