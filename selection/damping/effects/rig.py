@@ -218,7 +218,7 @@ def mount_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the part that resonates over the motion. Shapes: distance of its frequency, damping ratio, angle."""
     distance = spread_distance(scales, 0.2, (-1.0, 0.0, 1.0))
     damping = FormVariable.between(0.2 * scales.bandwidth, 5.0 * scales.bandwidth, starts=(0.0,))
-    angle = FormVariable(0.0, 1.8, starts=(-1.7, -0.9, 0.0, 0.9, 1.7), linear=True)
+    angle = FormVariable(0.25 * np.pi, np.pi / 6.0, starts=(-1.5, 0.0, 1.5), linear=True)
 
     def side(sign: float) -> Form:
         def report(size: Floats, distance: Floats, damping: Floats, angle: Floats) -> dict[str, Floats]:
@@ -232,7 +232,8 @@ def mount_forms(scales: Scales) -> tuple[Form, ...]:
 def simulate_mount(terms: Terms, table: Mapping[str, Floats]) -> Terms:
     """The reading times 1 + ``size`` exp(-i ``angle``) 2 i d r^2/(1 - r^2 + 2 i d r), r = omega/(``ratio`` omega_n).
 
-    d: ``damping``. A sensor on a compliant mount has the angle pi/2 and the size 1/(2 d); others read a part of both.
+    d: ``damping``. A sensor on a compliant mount has the angle pi/2 and the size 1/(2 d), one that also reads the
+    dashpot of its mount the angle 0; negative angles are those of a second mode, and of no mount.
     """
     centre, turned = terms.omega_n * table["ratio"], table["size"] * np.exp(-1j * np.asarray(table["angle"]))
 
