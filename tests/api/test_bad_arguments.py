@@ -131,7 +131,7 @@ def test_further_columns_hold_anything():
 
 def test_a_whole_number_beyond_any_float():
     with pytest.raises(dp.InputError, match="column force: a number too large; expected a finite number"):
-        dp.Record(TABLE.assign(force=[10**400, 2, 3, 4, 5]))
+        dp.Record(TABLE.assign(force=pd.Series([10**400, 2, 3, 4, 5], dtype=object)))
 
 
 def test_keys_of_a_mode_are_texts():

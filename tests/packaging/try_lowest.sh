@@ -11,8 +11,10 @@ bin="$work/env/bin"
 "$bin/python" -m pip install --quiet --disable-pip-version-check --prefer-binary \
 	--constraint "$clone/constraints-lowest.txt" --editable "$clone[fleet,formats]" pytest pytest-xdist hypothesis pyuff
 cd "$clone"
-# new pyparsing warns of what the lowest matplotlib calls: none of ours
-"$bin/python" -m pytest -p no:cacheprovider --disable-warnings \
+# new pyparsing warns of what the lowest matplotlib calls: none of ours. Types are those of the newest versions, and so is
+# what SciPy loads
+"$bin/python" -m pytest -p no:cacheprovider --disable-warnings --ignore tests/api/test_typing.py \
+	--deselect tests/pipelines/test_cli.py::test_commands_on_peaks_load_what_they_use \
 	tests/api tests/forces tests/contract tests/records tests/regression tests/predict tests/signals tests/formats \
 	tests/infer tests/ranking tests/extrapolation/test_near.py tests/gap/test_command.py tests/gap/test_size.py \
 	tests/plots/test_figures.py tests/report/test_page.py tests/report/test_tables.py tests/reed1970/test_report_tables.py \

@@ -1,5 +1,7 @@
 """Tasks on Dask, with a bounded number in progress."""
 
+from __future__ import annotations  # Future has no parameter at run time in older versions
+
 import itertools
 import logging
 import time
