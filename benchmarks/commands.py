@@ -141,8 +141,8 @@ def _run_tree(line: list[str], tree: Path) -> float:
 
 def _unpack_earlier(folder: Path) -> Path | None:
     """The tree at the tag set last; without one, at the commit that published ``PUBLISHED``; None without history."""
-    found = _git("describe", "--tags", "--abbrev=0") or _git("log", "-1", "--format=%H", "HEAD~1", "--", PUBLISHED)
-    earlier = found.decode().strip()
+    published = "log", "-1", "--format=%H", "HEAD~1", "--", PUBLISHED
+    earlier = (_git("describe", "--tags", "--abbrev=0") or _git(*published)).decode().strip()
     if not earlier:
         return None
     with tarfile.open(fileobj=io.BytesIO(_git("archive", earlier))) as file:

@@ -144,20 +144,14 @@ def list_array_series(
     arrays, known = contents.arrays, contents.known
     names = {role: _find_whole_name(name, arrays) for role, name in stated.columns.items()}
     if stated.columns:
-        missing = next((name for name in names.values() if name not in arrays), None)
-        if missing is not None:
+        if (missing := next((name for name in names.values() if name not in arrays), None)) is not None:
             raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
         if names.keys().isdisjoint(ABSCISSAS) and not stated.rate:  # an array may have the name of the role
             names |= {role: role for role in ABSCISSAS if known.get(role)}
         if len(names) > len(stated.columns):
             arrays = arrays | read(list(names.values())).arrays
     elif not channels:
-        names = {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}
-        if not names:
-            grouped = any("/" in name for name in known)
-            groups = "damping campaign, which reads a group for each run, or " if grouped else ""
-            expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
-            raise InputError("no array has the name of a role", expected=expected)
+        names = _find_own_names(arrays, known)
     if stated.rate is not None and set(ABSCISSAS) & set(names):
         raise InputError("--rate beside an array of times or frequencies", expected="one of them")
     main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
@@ -167,13 +161,11 @@ def list_array_series(
         signal = arrays[main][0]
         sampled = _list_sampled(path, kind, signal, main, known, max_size, first) if stated.rate is None else None
         if stated.rate is not None:
-            if found := [one for one in known if last_name(one) in SAMPLING]:
-                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(found[:4])} in the file")
+            if sampling := [array for array in known if last_name(array) in SAMPLING]:
+                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
             name = f"--rate {stated.rate:g}"
-            names, arrays = (
-                names | {"time": name},
-                arrays | {name: [list_times("fs", stated.rate, max(signal.shape), first)]},
-            )
+            times = list_times("fs", stated.rate, max(signal.shape), first)
+            names, arrays = names | {"time": name}, arrays | {name: [times]}
         elif sampled is not None:
             role, name, values = sampled
             names, arrays = names | {role: name}, arrays | {name: [values]}
@@ -187,6 +179,15 @@ def list_array_series(
     angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     facts = FileFacts(units=list_units(texts, stated), angles=angles)
     return _list_each(names, arrays, facts, Path(path).stem, summary)
+
+
+def _find_own_names(arrays: Mapping[str, list[Samples]], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
+    """Arrays by the role that they are named after. InputError: none of those ``known`` in the file is."""
+    if names := {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}:
+        return names
+    groups = "damping campaign, which reads a group for each run, or " * any("/" in name for name in known)
+    expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
+    raise InputError("no array has the name of a role", expected=expected)
 
 
 def _add_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, summary: Summary) -> None:
