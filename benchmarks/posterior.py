@@ -1,10 +1,10 @@
-"""A two-term posterior to 50 000 effective samples, start-up included: ours, plain emcee, PyMC, nutpie, NumPyro.
+"""A two-term posterior to 50 000 effective samples: ours, plain emcee, PyMC, nutpie, NumPyro.
 
 Run ``python -m benchmarks.posterior``. Each sampler runs in a process of its own (``benchmarks._contender``), which
-imports, compiles, samples and judges its effective size; the whole process is timed. Peers draw a part, with all of
-start-up, compilation and warm-up; the rest of the 50 000 is added at the rate of the second half of that part. Ours
-draw all, twice: importance draws, and chains, all walkers moved at once, which run to the library's own criteria of
-convergence beside.
+imports, compiles, samples and judges its effective size. The whole process is timed, and what the samples cost in one
+that has started (imported, compiled, warmed up) beside. Peers draw a part, with all of start-up, compilation and
+warm-up; the rest of the 50 000 is added at the rate of the second half of that part. Ours draw all, twice: importance
+draws, and chains, all walkers moved at once, which run to the library's own criteria of convergence beside.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ PEERS = {
     "nutpie": "nutpie (NUTS)",
     "numpyro": "NumPyro (NUTS)",
 }
-#: Peers whose rate without compilation is told too.
-COMPILED = ("nutpie", "numpyro")
 #: Half the draws of a chain of each peer.
 PARTS = {"emcee": 1500, "pymc": 1000, "nutpie": 2000, "numpyro": 2000}
 #: Largest difference of means and standard deviations in Monte Carlo standard errors: of 24 looked at, one in a
@@ -41,17 +39,20 @@ class Run:
 
     time: Time
     size: float
-    rate: float | None
+    rate: float
     how: str
     mean: np.ndarray
     sd: np.ndarray
 
     @property
     def whole(self) -> Time:
-        """Time to ``WANTED``: as it was, or with the rest added at the rate; wall time in proportion."""
-        if self.rate is None:
-            return self.time
-        return self.time.times(1.0 + (WANTED - self.size) / self.rate / self.time.processor)
+        """Time to ``WANTED``, those that are missing added at the rate; wall time in proportion."""
+        return self.time.times(1.0 + max(WANTED - self.size, 0.0) / self.rate / self.time.processor)
+
+    @property
+    def started(self) -> Time:
+        """Time to ``WANTED`` in a process that has started; wall time in proportion."""
+        return self.time.times(max(WANTED, self.size) / self.rate / self.time.processor)
 
 
 def run(name: str) -> Run:
@@ -70,34 +71,30 @@ def difference(a: Run, b: Run) -> float:
 
 
 def measure() -> list[Row]:
-    """Ours by importance and by chains against each peer."""
+    """Ours by importance and by chains against each peer, with start-up and without."""
     ours, chains = run("ours"), run("chains")
     peers = {name: run(name) for name in PEERS}
     best = min(peers, key=lambda name: peers[name].whole.processor)
     rows = []
     for own, by in ((ours, "importance draws"), (chains, "chains")):
+        work = f"two-term posterior to {WANTED} effective samples, by {by}"
         for name, peer in peers.items():
             goal = max(PLAIN if name == "emcee" else 0.0, BEST if name == best else 0.0) or None
             away = difference(own, peer)
             rows.append(
                 Row(
-                    f"two-term posterior to {WANTED} effective samples, by {by}", own.whole, PEERS[name], peer.whole,
-                    at_least=goal, right=away < SAME,
+                    work, own.whole, PEERS[name], peer.whole, at_least=goal, right=away < SAME,
                     remark=f"{own.how}; {peer.how}, worth {peer.size:.0f} in {peer.time.processor:.1f} s, the rest at "
                     f"{peer.rate:.0f} a second; means and sds within {away:.1f} standard errors",
                 )
             )  # fmt: skip
-        for name in COMPILED:
-            warm = peers[name]
-            assert warm.rate is not None
-            rows.append(
-                Row(
-                    f"two-term posterior to {WANTED} effective samples, by {by}", own.whole,
-                    f"{PEERS[name]}, compiled and warmed up before",
-                    warm.time.times(WANTED / warm.rate / warm.time.processor),
-                    remark=f"{own.how}, start-up included; {warm.rate:.0f} effective draws a second",
-                )
-            )  # fmt: skip
+        rows += [
+            Row(
+                f"{work}, both started", own.started, PEERS[name], peer.started,
+                remark=f"{own.rate:.0f} effective draws a second; {peer.rate:.0f}",
+            )
+            for name, peer in peers.items()
+        ]  # fmt: skip
     return rows
 
 
