@@ -32,9 +32,9 @@ from damping.extrapolation.near import ROUNDING
 from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
-from damping.records.text import read_bytes
 from damping.report.page import fill_text
-from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, read_form
+from damping_pipelines.folders import list_files, read_damping
+from damping_pipelines.forms import DampedRow, DampingForm
 from damping_pipelines.manifest import digest
 from damping_pipelines.store import check_outputs, write_text
 from damping_pipelines.terminal import tell
@@ -77,17 +77,16 @@ class Point:
     at_force: bool = False  #: whether the ratios are those at the force, else at the amplitude
 
 
-def export_deck(source: Path, out: Path, code: str) -> None:
-    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
+def export_deck(source: Path, out: Path, code: str, record: str | None = None) -> None:
+    """Write for a structural code the damping of a form or folder (:func:`damping_pipelines.folders.read_damping`).
 
     The code is one of ``COMMENTS``, the text in ``decks.txt``. InputError: an unknown code, or a file that is no such
     form. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
     if code not in COMMENTS:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
-    check_outputs({"--out": out}, source)
-    content = read_bytes(source, MAX_FORM_SIZE)
-    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
+    check_outputs({"--out": out}, *list_files(source))
+    form, content = read_damping(source, record)
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
     if code == "openfast" and form.drive != "force":
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of {form.drive}")
@@ -143,7 +142,7 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
     """
     of_modes = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     levels, missing = defaultdict[float, dict[str, Point]](dict), list[str]()
-    for mode, level, row in of_modes or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]:
+    for mode, level, row in of_modes or [(form.name, _find_force(row), row) for row in (*form.rows, *form.predictions)]:
         point = _as_point(mode, row)
         if level is not None and point is not None:
             if row.tested or mode not in levels[level]:
