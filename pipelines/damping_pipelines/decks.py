@@ -73,7 +73,7 @@ class Point:
     force: float  #: at the resonance, as the amplitude; NaN where the form does not hold them
     amplitude: float
     remark: str
-    tested: bool = True  #: not where the form says that it is beyond the test
+    tested: bool = True  #: not where the form says that it is outside the test
     at_force: bool = False  #: whether the ratios are those at the force, else at the amplitude
 
 
@@ -213,7 +213,7 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     weights = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
     laws = ", ".join(f"{name} ({weight})" for name, weight in weights.items() if float(weight) > 0.0)
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
-    tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
+    tested = {True: "within the test", False: "outside the test", None: ""}[row.tested]
     notched = next((caution for caution in row.cautions if caution.startswith("notched")), "")
     remark = "; ".join(part for part in (beyond or tested, notched, f"laws: {laws}" if laws else "") if part)
     resonant = _find_force(row)

@@ -420,6 +420,7 @@ def test_a_study_is_a_source_of_decks(loads, expected, damping, tmp_path: Path):
     assert hashlib.sha256((folder / "summary.json").read_bytes()).hexdigest() in text
     assert "from study/1" in text
     assert "$   panel: 25 Hz; within the test" in text
+    assert ("outside the test" in text) == (loads is None)
     assert re.findall(r"force (\S+) N, median", text) == [f"{force:g}" for force in expected]
     # nine digits are written
     medians = [values[1][1] for number, values in read_tabdmp1(text).items() if number % 2]
