@@ -248,6 +248,13 @@ def sample_candidate(law: Candidate, data: Observations, forces: np.ndarray, see
     return sample(coordinates, data, begun, amplitudes, seed)
 
 
+#: A table of levels left out, where there are none.
+_NONE_LEFT_OUT = pd.DataFrame({"levels": 0, "laws": 0, "exponents": "", "sweep": ""}, index=[]).assign(
+    **dict.fromkeys(("force", "ratio", "measured", "median", "low", "high"), 0.0),
+    **{"inside": False, "refused": False, "linear_over_percent": 0.0},
+)
+
+
 def leave_higher_levels_out(
     data: Observations, level: float, seed: int = 0, mode: Mode | None = None, all_rows: Observations | None = None
 ) -> pd.DataFrame:
@@ -258,7 +265,7 @@ def leave_higher_levels_out(
 
     Returns:
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
-        inside, refused, linear_over_percent`` (of the measured), ``exponents``.
+        inside, refused, linear_over_percent`` (of the measured), ``exponents``. None with fewer levels.
     """
     levels = data.levels
     tables = []
@@ -285,4 +292,4 @@ def leave_higher_levels_out(
             "linear_over_percent": 100.0 * (linear / measured - 1.0),
         }
         tables.append(pd.DataFrame(columns))
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+    return pd.concat(tables, ignore_index=True) if tables else _NONE_LEFT_OUT
