@@ -54,6 +54,8 @@ FLANK = 2.0
 #: Largest relative error in damping that the form of the coefficients may leave unreported: bands of damping at tested
 #: levels are as wide.
 MOST_MISFIT = 0.05
+#: SI unit of a linear coefficient by the powers of a force and its motion, and of a moment and its angle.
+LINEAR_UNITS: dict[object, str] = {((1, 0, 0), (0, 1, 0)): "N/(m/s)", ((1, 1, 0), (0, 0, 0)): "N m/(rad/s)"}
 #: Longest line of a comment, characters; Abaqus takes lines of 256.
 COMMENT_WIDTH = 120
 #: Reason for the live block if there are two candidates.
@@ -182,12 +184,11 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
     return Live(min(ends, key=weigh), BOUNDS[1], SAFER if len(ends) > 1 else alone)
 
 
-def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
-    """N and m in the units of force and length of a form; None if it does not name them."""
+def find_si(units: Mapping[str, str]) -> tuple[float, float, str] | None:
+    """N and m (N m and rad) in the units of force and length of a form, and the SI unit of AddBLin; None if unknown."""
     force, length = (units.get(what, "") for what in ("force", "length"))
-    if (find_powers(force), find_powers(length)) != ((1, 0, 0), (0, 1, 0)):
-        return None
-    return named_unit(force).factor, named_unit(length).factor
+    linear = LINEAR_UNITS.get((find_powers(force), find_powers(length)))
+    return None if linear is None else (named_unit(force).factor, named_unit(length).factor, linear)
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:
@@ -260,11 +261,11 @@ class Coefficients:
 
 
 def fit_coefficients(
-    points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float] | None = None
+    points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float, str] | None = None
 ) -> Coefficients:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| fitted to the forces of the points at their amplitudes (see the module).
 
-    ``si``: N and m in the units of force and amplitude; coefficients are then in SI.
+    ``si``: as of :func:`find_si`; coefficients are then in SI.
 
     At the low bound of damping the amplitude is A median/low where the form was asked for forces, and the force is
     F low/median where it was asked for amplitudes: each keeps zeta = F/(2 M omega^2 A). AnalysisError: the form holds
@@ -273,7 +274,7 @@ def fit_coefficients(
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
 
     omega = 2.0 * pi * np.array([point.frequency for point in points])
-    newtons, metres = si or (1.0, 1.0)
+    newtons, metres, _ = si or (1.0, 1.0, "")
     share = np.array([getattr(point, which) / point.median for point in points])
     at_force = np.array([point.at_force for point in points])
     A = np.array([metres * point.amplitude for point in points]) / np.where(at_force, share, 1.0)

@@ -313,6 +313,7 @@ def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):
     form = {"format": "curve/1", "level": 0.9, "rows": rows}
     for units, factors, said in (
         ({"force": "kN", "length": "mm", "time": "s"}, (1.0, 1.0), "AddBLin in N/(m/s), AddBQuad in N/(m/s)^2"),
+        ({"force": "kN m", "length": "rad"}, (1e-3, 1e-6), "AddBLin in N m/(rad/s), AddBQuad in N m/(rad/s)^2"),
         ({}, (1e-6, 1e-9), "these are the units of the form, which names none"),
     ):
         source.write_text(json.dumps({**form, "units": units}))

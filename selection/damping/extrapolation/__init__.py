@@ -209,7 +209,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     for force in forces:
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
-            raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
+            raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
     _check_level(level)
     return np.array(forces, dtype=float)
 
@@ -223,7 +223,12 @@ def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
 
 def _check_level(level: float) -> None:
     if not (_is_number(level) and 0.0 < level < 1.0):
-        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
+        raise InputError(f"level {_quote(level)}", expected="a probability between 0 and 1, such as 0.9")
+
+
+def _quote(value: object) -> str:
+    """The value in a message; a text in quotes, since "5" is no number."""
+    return repr(value) if isinstance(value, str) else f"{value}"
 
 
 def _is_number(value: object) -> bool:
