@@ -156,7 +156,10 @@ def import_(
 @delegate(".export")
 def export(
     source: Annotated[
-        Path, Argument(metavar="SOURCE", help="Record, or JSON of rank, extrapolate, curve, campaign (with --to).")
+        Path,
+        Argument(
+            metavar="SOURCE", help="Record, or JSON of rank, extrapolate, curve; with --to campaign, study DIR too."
+        ),
     ],
     out: Annotated[Path, Option(metavar="FILE", help="Output; format by its ending: .uff, .unv, .csv or .parquet.")],
     units: Annotated[str | None, Option(metavar="si|us", help="Convert to N and m, or lbf and in.")] = None,
@@ -167,6 +170,9 @@ def export(
     mode_out: Annotated[Path | None, Option(metavar="FILE.toml", help="Write the converted mode.")] = None,
     text: Annotated[bool, Option("--text", help="Write universal-file values as text, not binary.")] = False,
     to: Annotated[str | None, Option(metavar="CODE", help="Deck: nastran, abaqus, ansys, opensees, openfast.")] = None,
+    of_record: Annotated[
+        str | None, Option("--record", metavar="NAME", help="Record of a study with several, for --to.")
+    ] = None,
     despite: Despite = NONE,
     max_size: MaxSize = MAX_SIZE,
 ) -> None:

@@ -13,7 +13,7 @@ from damping.infer.observations import MOST_ROWS, Observations
 from damping.ranking.sharing import read_rows
 from damping.records.text import describe_shortened, unguarded
 from damping_pipelines.compare_page import RecordSummary, StudySummary, describe_comparison_page
-from damping_pipelines.forms import StudyForm, read_form
+from damping_pipelines.folders import CAMPAIGN, read_study
 from damping_pipelines.manifest import MANIFEST, Folder, digest, open_folder, verify, versions
 from damping_pipelines.store import refuse_inputs, refuse_unwritable, write_text
 
@@ -66,13 +66,10 @@ def _list_names(folders: Sequence[Path]) -> list[str]:
 
 
 def _open_study(folder: Folder, name: str) -> StudySummary:
-    if "campaign.json" in folder.manifest.outputs:
+    if CAMPAIGN in folder.manifest.outputs:
         expected = f"the folder that damping study {folder.path / 'study.toml'} writes"
         raise InputError("results of a campaign, not of a study", file=folder.path, expected=expected)
-    if "summary.json" not in folder.manifest.outputs:
-        raise InputError("holds no study", file=folder.path, expected="a folder that damping study wrote")
-    content = folder.read("summary.json")
-    form = read_form(StudyForm, content, folder.path / "summary.json", _EXPECTED)
+    form, content = read_study(folder)
     records = {
         record.name: RecordSummary(
             record,

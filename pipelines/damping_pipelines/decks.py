@@ -32,9 +32,9 @@ from damping.extrapolation.near import ROUNDING
 from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
-from damping.records.text import read_bytes
 from damping.report.page import fill_text
-from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, read_form
+from damping_pipelines.folders import list_files, read_damping
+from damping_pipelines.forms import DampedRow, DampingForm
 from damping_pipelines.manifest import digest
 from damping_pipelines.store import check_outputs, write_text
 from damping_pipelines.terminal import tell
@@ -54,6 +54,8 @@ FLANK = 2.0
 #: Largest relative error in damping that the form of the coefficients may leave unreported: bands of damping at tested
 #: levels are as wide.
 MOST_MISFIT = 0.05
+#: SI unit of a linear coefficient by the powers of a force and its motion, and of a moment and its angle.
+LINEAR_UNITS: dict[object, str] = {((1, 0, 0), (0, 1, 0)): "N/(m/s)", ((1, 1, 0), (0, 0, 0)): "N m/(rad/s)"}
 #: Longest line of a comment, characters; Abaqus takes lines of 256.
 COMMENT_WIDTH = 120
 #: Reason for the live block if there are two candidates.
@@ -73,21 +75,20 @@ class Point:
     force: float  #: at the resonance, as the amplitude; NaN where the form does not hold them
     amplitude: float
     remark: str
-    tested: bool = True  #: not where the form says that it is beyond the test
+    tested: bool = True  #: not where the form says that it is outside the test
     at_force: bool = False  #: whether the ratios are those at the force, else at the amplitude
 
 
-def export_deck(source: Path, out: Path, code: str) -> None:
-    """Write the damping that a form ``curve/1``, ``loads/1`` or ``campaign/1`` holds for a structural code.
+def export_deck(source: Path, out: Path, code: str, record: str | None = None) -> None:
+    """Write for a structural code the damping of a form or folder (:func:`damping_pipelines.folders.read_damping`).
 
     The code is one of ``COMMENTS``, the text in ``decks.txt``. InputError: an unknown code, or a file that is no such
     form. AnalysisError: no level of the form has a damping ratio, or not what the code needs.
     """
     if code not in COMMENTS:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
-    check_outputs({"--out": out}, source)
-    content = read_bytes(source, MAX_FORM_SIZE)
-    form = read_form(DampingForm, content, source, "a form curve/1, loads/1 or campaign/1 (JSON)")
+    check_outputs({"--out": out}, *list_files(source))
+    form, content = read_damping(source, record)
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
     if code == "openfast" and form.drive != "force":
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of {form.drive}")
@@ -143,7 +144,7 @@ def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, 
     """
     of_modes = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     levels, missing = defaultdict[float, dict[str, Point]](dict), list[str]()
-    for mode, level, row in of_modes or [("mode", _find_force(row), row) for row in (*form.predictions, *form.rows)]:
+    for mode, level, row in of_modes or [(form.name, _find_force(row), row) for row in (*form.rows, *form.predictions)]:
         point = _as_point(mode, row)
         if level is not None and point is not None:
             if row.tested or mode not in levels[level]:
@@ -183,12 +184,11 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
     return Live(min(ends, key=weigh), BOUNDS[1], SAFER if len(ends) > 1 else alone)
 
 
-def find_si(units: Mapping[str, str]) -> tuple[float, float] | None:
-    """N and m in the units of force and length of a form; None if it does not name them."""
+def find_si(units: Mapping[str, str]) -> tuple[float, float, str] | None:
+    """N and m (N m and rad) in the units of force and length of a form, and the SI unit of AddBLin; None if unknown."""
     force, length = (units.get(what, "") for what in ("force", "length"))
-    if (find_powers(force), find_powers(length)) != ((1, 0, 0), (0, 1, 0)):
-        return None
-    return named_unit(force).factor, named_unit(length).factor
+    linear = LINEAR_UNITS.get((find_powers(force), find_powers(length)))
+    return None if linear is None else (named_unit(force).factor, named_unit(length).factor, linear)
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:
@@ -214,7 +214,7 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
     weights = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
     laws = ", ".join(f"{name} ({weight})" for name, weight in weights.items() if float(weight) > 0.0)
     beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
-    tested = {True: "within the test", False: "beyond the test", None: ""}[row.tested]
+    tested = {True: "within the test", False: "outside the test", None: ""}[row.tested]
     notched = next((caution for caution in row.cautions if caution.startswith("notched")), "")
     remark = "; ".join(part for part in (beyond or tested, notched, f"laws: {laws}" if laws else "") if part)
     resonant = _find_force(row)
@@ -261,11 +261,11 @@ class Coefficients:
 
 
 def fit_coefficients(
-    points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float] | None = None
+    points: Sequence[Point], which: str, unit: str = "", si: tuple[float, float, str] | None = None
 ) -> Coefficients:
     """c1 and c2 >= 0 of c1 q' + c2 q' |q'| fitted to the forces of the points at their amplitudes (see the module).
 
-    ``si``: N and m in the units of force and amplitude; coefficients are then in SI.
+    ``si``: as of :func:`find_si`; coefficients are then in SI.
 
     At the low bound of damping the amplitude is A median/low where the form was asked for forces, and the force is
     F low/median where it was asked for amplitudes: each keeps zeta = F/(2 M omega^2 A). AnalysisError: the form holds
@@ -274,7 +274,7 @@ def fit_coefficients(
     from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and one deck needs it
 
     omega = 2.0 * pi * np.array([point.frequency for point in points])
-    newtons, metres = si or (1.0, 1.0)
+    newtons, metres, _ = si or (1.0, 1.0, "")
     share = np.array([getattr(point, which) / point.median for point in points])
     at_force = np.array([point.at_force for point in points])
     A = np.array([metres * point.amplitude for point in points]) / np.where(at_force, share, 1.0)

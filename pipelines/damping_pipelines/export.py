@@ -42,6 +42,7 @@ def export(
     mode_out: Path | None = None,
     text: bool = False,
     to: str | None = None,
+    of_record: str | None = None,
     despite: Collection[str] = (),
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> None:
@@ -55,8 +56,10 @@ def export(
     if to is not None:
         if units or given or mode or mode_out or text:
             raise InputError("--to beside an option of records", expected="--to CODE --out FILE alone")
-        export_deck(source, out, to)
+        export_deck(source, out, to, of_record)
         return
+    if of_record is not None:
+        raise InputError("--record without --to", expected="--to CODE and the folder of a study")
     inputs = [path for path in (source, mode) if path is not None]
     _check_out(out, text=text)
     check_outputs({"--out": out, "--mode-out": mode_out}, *inputs)

@@ -204,6 +204,7 @@ class DampingForm(FormPart):
     """Any of the three forms that hold damping ratios."""
 
     format: Literal["curve/1", "loads/1", "campaign/1"]
+    name: str = "mode"  #: of the mode, where the form holds one
     level: float = 0.9
     predictions: list[DampedRow] = []
     rows: list[DampedRow] = []
@@ -257,6 +258,7 @@ class UnitsForm(FormPart):
 
     force: str = ""
     length: str = ""
+    time: str = ""
 
 
 class PowerLawForm(FormPart):
@@ -272,6 +274,7 @@ class StudyRecordForm(FormPart):
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
     title: str = ""
     units: UnitsForm = UnitsForm()
+    audit: list[FindingForm] = []
     rank: RankForm
     loads: LoadsForm | None = None
     curve: DampingForm | None = None

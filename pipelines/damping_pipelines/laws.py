@@ -262,6 +262,7 @@ def print_curve(result: CurveResult) -> None:
         *("damping ratio %", "low %", "high %", "Q", "tested", "notes"),
     )
     table = PlainTable(f"{result.mode.name}: damping of the resonance", numbers)
+    smallest = result.prepared.data.tested_amplitude.min()
     for row, cautions in zip(result.table.to_dict("records"), result.curve.cautions, strict=True):
         zeta = (100.0 * row[f"damping_ratio{end}"] for end in ("", "_low", "_high"))
         further = [caution for caution in cautions if not caution.startswith(BEYOND_TEST)]
@@ -270,7 +271,7 @@ def print_curve(result: CurveResult) -> None:
             _state_frequency(row),
             *(number(z, 3) for z in zeta),
             number(row["q"], 3),
-            "yes" if row["tested"] else "beyond",
+            "yes" if row["tested"] else "below" if row["amplitude"] < smallest else "beyond",
             notes.numbers(further),
         )
     out.print(table)

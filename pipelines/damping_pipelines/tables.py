@@ -88,11 +88,15 @@ def run_regress(
         if len(table) * widest > MOST_NUMBERS:
             message = f"{path}: {len(table)} rows of {widest} terms; rows times terms is {MOST_NUMBERS} at most"
             raise AnalysisError(message)
-    return [
-        damping.regress(table, response=names[0], terms=curve, source=str(path), **choice)
-        for path, table in tables
-        for curve in curves
-    ]
+    results = list[RegressionResult]()
+    for path, table in tables:
+        try:
+            results += [
+                damping.regress(table, response=names[0], terms=curve, source=str(path), **choice) for curve in curves
+            ]
+        except AnalysisError as error:
+            raise AnalysisError(f"{path}: {error}") from error
+    return results
 
 
 def _read(path: Path, names: Sequence[str], max_size: int) -> pd.DataFrame:

@@ -17,7 +17,7 @@ from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
 from damping.extrapolation.near import Plan
-from damping.extrapolation.prediction import Loads
+from damping.extrapolation.prediction import REFUSAL, Loads
 from damping.extrapolation.prepared import prepare_record
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
@@ -119,6 +119,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
             for band in results
         ],
         "citations": CITATIONS,
+        "why_refused": lambda cautions: next(why for why in cautions if why.startswith(REFUSAL)),
         "titles": title_structures({band.name: band.mode.name for band in results}),
         "parts": {said: forms.PART + name for name, said in forms.PART_NAMES.items()},
     }

@@ -371,6 +371,8 @@ def test_curve_goes_over_the_test_and_beyond():
         ({"amplitudes": [-1.0]}, "amplitude -1.*expected an amplitude > 0"),
         ({"forces": [0.0]}, "force 0.*expected a force amplitude > 0"),
         ({"amplitudes": [1.0], "level": 2.0}, "level 2.*expected a probability"),
+        ({"amplitudes": [1.0], "level": "0.9"}, "level '0.9'; expected a probability"),
+        ({"forces": ["5"]}, "force '5'; expected a force amplitude > 0"),
     ],
 )
 def test_what_cannot_be_asked(asked, said):

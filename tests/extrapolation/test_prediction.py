@@ -228,10 +228,12 @@ def test_stated_uncertainties_are_noise(saturn):
 
 def test_cautions(saturn):
     data = saturn("config-2-mode-1")
-    loads = predict([member(("viscous",), data)], np.array([20.0, 90.0]), data, 0.9, seed=1)
+    loads = predict([member(("viscous",), data)], np.array([20.0, 90.0, 10.0]), data, 0.9, seed=1)
     assert "three force levels say little about how damping grows with amplitude" in loads.cautions[0]
-    assert not any("beyond" in caution for caution in loads.cautions[0])
+    assert not any("the test:" in caution for caution in loads.cautions[0])
     assert "beyond the test: 3.11 times the largest tested force" in loads.cautions[1]
+    below = f"below the test: {10.0 / data.tested_force.min():.2g} times the smallest tested force; "
+    assert [caution.startswith(below) for caution in loads.cautions[2] if "the test:" in caution] == [True]
 
 
 @pytest.mark.parametrize("level", [0.5, 0.9, 0.99])

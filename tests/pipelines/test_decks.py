@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from damping_pipelines.decks import BOUNDS, COMMENTS, FLANK, Point, fit_coefficients
+from damping_pipelines.manifest import publish
 
 FORM = {
     "format": "loads/1",
@@ -312,6 +313,7 @@ def test_openfast_takes_newtons_and_metres(damping, tmp_path: Path):
     form = {"format": "curve/1", "level": 0.9, "rows": rows}
     for units, factors, said in (
         ({"force": "kN", "length": "mm", "time": "s"}, (1.0, 1.0), "AddBLin in N/(m/s), AddBQuad in N/(m/s)^2"),
+        ({"force": "kN m", "length": "rad"}, (1e-3, 1e-6), "AddBLin in N m/(rad/s), AddBQuad in N m/(rad/s)^2"),
         ({}, (1e-6, 1e-9), "these are the units of the form, which names none"),
     ):
         source.write_text(json.dumps({**form, "units": units}))
@@ -381,3 +383,81 @@ def test_an_unknown_code_is_said_before_the_file_is_read(damping, tmp_path: Path
     told = damping("export", record, "--to", "uff", "--out", tmp_path / "record.uff")
     assert told.code == 2
     assert "--to 'uff' is unknown; expected nastran or abaqus or ansys or opensees or openfast" in told.err
+
+
+def summarise(name: str, loads: object = None, **changes: object) -> dict[str, object]:
+    """A record of a study, tested at 20 and 40 with damping ratios .01 and .012; the curve goes on to 80 with .016."""
+    rows = [
+        {"force": F, "amplitude": F / 20.0, "frequency": 25.0, "tested": F < 50.0}
+        | {"damping_ratio": {"median": z, "low": 0.9 * z, "high": z}}
+        for F, z in ((20.0, 0.010), (40.0, 0.012), (80.0, 0.016))
+    ]
+    rank = {"format": "rank/1", "criterion": "c", "models": [{"rank": 1, "name": "viscous", "forces": []}]}
+    units = {"force": "N", "length": "m", "time": "s"}
+    curve = {"format": "curve/1", "level": 0.9, "rows": rows}
+    return {"name": name, "units": units, "rank": rank, "curve": curve, "loads": loads, "audit": []} | changes
+
+
+def publish_study(folder: Path, *records: dict[str, object]) -> Path:
+    form = {"format": "study/1", "title": "t", "seed": 1, "level": 0.9, "records": records}
+    publish(folder, {"summary.json": json.dumps(form).encode()}, seed=1, versions={}, inputs={})
+    return folder
+
+
+LOADS = {"format": "loads/1", "level": 0.9, "predictions": FORM["predictions"][:2]}
+
+
+@pytest.mark.parametrize(
+    ("loads", "expected"),
+    [
+        (None, {20.0: 0.010, 40.0: 0.012, 80.0: 0.016}),  # nothing is asked for: the whole curve
+        (LOADS, {20.0: 0.010, 40.0: 0.012, 60.0: 0.0213, 90.0: 0.0254}),  # what was tested and what is asked for
+    ],
+)
+def test_a_study_is_a_source_of_decks(loads, expected, damping, tmp_path: Path):
+    folder, out = publish_study(tmp_path / "run", summarise("panel", loads)), tmp_path / "deck.bdf"
+    assert damping("export", folder, "--to", "nastran", "--out", out).code == 0
+    text = out.read_text()
+    assert hashlib.sha256((folder / "summary.json").read_bytes()).hexdigest() in text
+    assert "from study/1" in text
+    assert "$   panel: 25 Hz; within the test" in text
+    assert ("outside the test" in text) == (loads is None)
+    assert re.findall(r"force (\S+) N, median", text) == [f"{force:g}" for force in expected]
+    # nine digits are written
+    medians = [values[1][1] for number, values in read_tabdmp1(text).items() if number % 2]
+    assert medians == pytest.approx(list(expected.values()), rel=1e-9)
+
+
+def test_of_a_study_of_several_records_one_is_named(damping, tmp_path: Path):
+    other = summarise("mast", units={"force": "m/s\u00b2", "length": "m", "time": "s"})
+    folder = publish_study(tmp_path / "run", summarise("panel"), other, summarise("odd", curve=None))
+    before = (folder / "summary.json").read_bytes()
+    for words, status, said in (
+        (
+            (),
+            2,
+            "run: the study has 3 records, and a deck holds the damping of one; expected --record panel or mast or",
+        ),
+        (("--record", "panl"), 2, "no record 'panl'; expected --record panel (nearest of panel, mast, odd)"),
+        (("--record", "odd"), 1, "odd has no curve of damping"),
+        (("--record", "mast"), 1, "coefficients are of a force, and this form is of base acceleration"),
+        (("--record", "panel"), 0, ""),
+    ):
+        run = damping("export", folder, "--to", "openfast", "--out", tmp_path / "deck", *words)
+        assert run.code == status
+        assert said in run.err
+        assert len(run.err.strip().splitlines()) == (status > 0)
+    into = damping("export", folder, "--to", "ansys", "--record", "panel", "--out", folder / "summary.json")
+    assert into.code == 2
+    assert (folder / "summary.json").read_bytes() == before
+
+
+def test_a_campaign_is_a_source_of_decks_as_its_form_is(damping, deck, tmp_path: Path):
+    form = json.dumps(CAMPAIGN)
+    publish(tmp_path / "run", {"campaign.json": form.encode()}, seed=1, versions={}, inputs={})
+    out = tmp_path / "of-folder"
+    assert damping("export", tmp_path / "run", "--to", "abaqus", "--out", out).code == 0
+    assert out.read_text() == deck(CAMPAIGN, "abaqus")
+    for source in (tmp_path / "run", tmp_path / "form.json"):
+        run = damping("export", source, "--to", "abaqus", "--record", "first", "--out", out)
+        assert (run.code, "expected --record of a study" in run.err) == (2, True)

@@ -117,6 +117,19 @@ def test_a_run_killed_among_its_moves_is_finished(tmp_path, monkeypatch):
         assert verify(tmp_path).manifest.outputs == {"a.csv": digest(b"a"), "b.csv": digest(b"b")}
 
 
+def test_bands_of_a_record_of_one_level(tmp_path, damping, few_laws, no_layout):
+    """No level can be left out, and no force beyond 1.5 times the tested one is predicted: the page says both."""
+    write_text(tmp_path / "records" / "one" / "record.csv", "sweep,force,frequency,amplitude\nL1,1,10,0.01\n")
+    write_text(tmp_path / "records" / "one" / "mode.toml", '[mode]\nname = "panel"\nfrequency = 10.0\nmass = 2.0\n')
+    run = damping("bands", tmp_path / "records", "--out", tmp_path / "out")
+    assert run.code == 0, run.err
+    page = (tmp_path / "out" / "README.md").read_text()
+    assert "No record has three levels" in page
+    assert "nan" not in page
+    assert "at most 1.8 | refused: no prediction beyond the force 1.5" in page
+    assert (tmp_path / "out" / "one-left-out.csv").read_text().count("\n") == 1  # the header
+
+
 def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch):
     records, out = tmp_path / "records", tmp_path / "out"
     (records / "one").mkdir(parents=True)

@@ -153,7 +153,9 @@ def test_the_other_way_round(damping, saturn_data, tmp_path):
     assert picture.read_text().startswith("<svg")
     assert damping("export", form, "--to", "nastran", "--out", deck).code == 0
     assert f"{prediction['damping_ratio']['low']:.9E}" in deck.read_text()
-    assert f"--mode {mode} --force 50 --json curve.json" in damping("curve", record, "--mode", mode, "--force", 50).out
+    curve = damping("curve", record, "--mode", mode, "--force", 1, "--force", 25, "--force", 50).out
+    assert f"--mode {mode} --force 1 --force 25 --force 50 --json curve.json" in " ".join(curve.split())
+    assert re.findall(r" (below|yes|beyond) ", curve)[:3] == ["below", "yes", "beyond"]  # tested from 19.3 to 29 lb
     assert damping("extrapolate", record, "--mode", mode).code == 2
     assert damping("extrapolate", record, "--mode", mode, "--force", 1, "--amplitude", 1).code == 2
     assert "svg or .png" in damping("rank", record, "--mode", mode, "--plot", tmp_path / "a.gif").err

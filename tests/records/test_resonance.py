@@ -148,6 +148,18 @@ def test_heavy_damping_of_another_power_of_frequency_is_no_offset(ratio):
     assert turned.phase_offset == pytest.approx(0.75, abs=at_resonance)
 
 
+@pytest.mark.parametrize("ratio", [0.06, 0.1, 0.2])
+def test_heavy_damping_of_displacement_is_no_offset(ratio):
+    """Loss K (1 + 2 i ratio), in closed form: which feigns an offset of a little over one ratio."""
+    stiffness = M * OMEGA_N**2
+    frequency = OMEGA_N / (2 * pi) * np.linspace(1 - 3 * ratio, 1 + 3 * ratio, 31)
+    Z = stiffness * (1 + 2j * ratio) - M * (2 * pi * frequency) ** 2
+    found = resonance(record(1.5, frequency, 1.5 / np.abs(Z), np.angle(Z)), "A")
+    assert found.phase_offset == 0.0
+    # a false offset moves it by the ratio squared; the fit of rows as far apart as the half-power points by less
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), rel=ratio**2 / 20)
+
+
 def _find_amplitude(force, spring, damping, loss):
     """A with force^2 = A^2 (spring^2 + (damping + loss A)^2), by bisection: it grows with A."""
     low, high = 0.0, force / damping

@@ -209,7 +209,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     for force in forces:
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
-            raise InputError(f"{what} {force}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
+            raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
     _check_level(level)
     return np.array(forces, dtype=float)
 
@@ -223,7 +223,12 @@ def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
 
 def _check_level(level: float) -> None:
     if not (_is_number(level) and 0.0 < level < 1.0):
-        raise InputError(f"level {level}", expected="a probability between 0 and 1, such as 0.9")
+        raise InputError(f"level {_quote(level)}", expected="a probability between 0 and 1, such as 0.9")
+
+
+def _quote(value: object) -> str:
+    """The value in a message; a text in quotes, since "5" is no number."""
+    return repr(value) if isinstance(value, str) else f"{value}"
 
 
 def _is_number(value: object) -> bool:
@@ -248,6 +253,13 @@ def sample_candidate(law: Candidate, data: Observations, forces: np.ndarray, see
     return sample(coordinates, data, begun, amplitudes, seed)
 
 
+#: A table of levels left out, where there are none.
+_NONE_LEFT_OUT = pd.DataFrame({"levels": 0, "laws": 0, "exponents": "", "sweep": ""}, index=[]).assign(
+    **dict.fromkeys(("force", "ratio", "measured", "median", "low", "high"), 0.0),
+    **{"inside": False, "refused": False, "linear_over_percent": 0.0},
+)
+
+
 def leave_higher_levels_out(
     data: Observations, level: float, seed: int = 0, mode: Mode | None = None, all_rows: Observations | None = None
 ) -> pd.DataFrame:
@@ -258,7 +270,7 @@ def leave_higher_levels_out(
 
     Returns:
         One row for each number of levels and sweep: ``levels, laws, sweep, ratio, force, measured, median, low, high,
-        inside, refused, linear_over_percent`` (of the measured), ``exponents``.
+        inside, refused, linear_over_percent`` (of the measured), ``exponents``. None with fewer levels.
     """
     levels = data.levels
     tables = []
@@ -285,4 +297,4 @@ def leave_higher_levels_out(
             "linear_over_percent": 100.0 * (linear / measured - 1.0),
         }
         tables.append(pd.DataFrame(columns))
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+    return pd.concat(tables, ignore_index=True) if tables else _NONE_LEFT_OUT

@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
-from damping.extrapolation.near import ENOUGH_LEVELS, ROUNDING, Plan
+from damping.extrapolation.near import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
 
@@ -95,11 +95,14 @@ def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[s
     largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
     if asked > largest * (1.0 + ROUNDING):
         lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")
+    if asked < (smallest := tested.min()) / NEAREST:
+        unseen = "damping that shows at small motion alone, such as friction, is not in the levels or the band"
+        lines.append(f"below the test: {asked / smallest:.2g} times the smallest tested {of}; {unseen}")
     if levels == 1:
         lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
     elif levels < 5:
         lines.append(f"{_WORDS[levels]} {of} levels say little about how damping grows with amplitude")
-    span = largest / tested.min()
+    span = largest / smallest
     if levels > 1 and asked / largest > span:
         lines.append(f"extrapolated by more than the tested range (largest over smallest tested {of} {span:.2f})")
     return lines

@@ -33,9 +33,9 @@ SAME_AMPLITUDE = 0.1
 ROWS_ASIDE = 4  #: fewest rows on either side of resonance for a phase offset
 #: Largest accepted phase offset, rad: another measured quantity gives 90 degrees, a reversed sensor 180.
 LARGEST_OFFSET = pi / 4
-#: Damping ratio up to which every offset is accepted: a false offset, of at most this ratio, moves the frequency of
-#: resonance by the ratio squared, 0.25 %.
+#: Damping ratio up to which every offset is accepted: a false one moves the frequency by the ratio squared, 0.25 %.
 SMALL_DAMPING = 0.05
+FEIGNED = 1.25  #: room in a feigned offset for the second order (16 % at a ratio of 0.2) and the scatter of readings
 _MOST_ROWS_ASIDE = 300  # longer sweeps are thinned: the number of pairs grows with the square
 ROWS_BENT = 8  #: fewest rows on one side of a resonance that show whether it is bent
 #: A sweep jumps if the resonance frequency moves by this between two rows, in half-widths (damping ratio times
@@ -140,7 +140,7 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     difference is the offset. The result is the median over all pairs of rows across the largest A/F, weighted by
     similarity of amplitude and by the distance of the two Y relative to their size. Damping that grows with another
     power n of frequency displaces it by 1 - n damping ratios C/(2 M omega_n^2 A) of the pairs, n from 0 (of
-    displacement) to 2 (of velocity squared): by at most one ratio.
+    displacement) to 2 (of velocity squared): by at most one ratio to first order.
 
     0 if fewer than ``ROWS_ASIDE`` rows on a side have a partner on the other (one wing only, or a bistable mode), if
     the result is beyond ``LARGEST_OFFSET``, or if it is within that displacement and the ratio above ``SMALL_DAMPING``.
@@ -154,7 +154,7 @@ def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     offset = weighted_median(np.angle(apart), weight)
     middle = np.imag(0.5 * (Y[i] + Y[j]) * np.exp(-1j * offset)) / np.abs(apart)  # C/omega over 2 M (omega_2 - omega_1)
     ratio = weighted_median(middle * (omega[j] - omega[i]) / np.sqrt(omega[i] * omega[j]), weight)
-    doubtful = ratio > SMALL_DAMPING and abs(offset) < ratio
+    doubtful = ratio > SMALL_DAMPING and abs(offset) < FEIGNED * ratio
     return offset if abs(offset) <= LARGEST_OFFSET and not doubtful else 0.0
 
 

@@ -117,7 +117,9 @@ class Term:
             head, tail = reduce(multiply, factors) if factors else (np.ones(n), np.zeros(n))
         bad = ~np.isfinite(head)
         if bad.any():
-            raise AnalysisError(f"term {self.name} has no finite value at observation {int(np.argmax(bad)) + 1}")
+            at = int(np.argmax(bad))
+            there = ", ".join(f"{name} = {column(name)[at]:g}" for name in self.columns)
+            raise AnalysisError(f"term {self.name} has no finite value at observation {at + 1} ({there})")
         return head, np.where(np.isfinite(tail), tail, 0.0)
 
 
