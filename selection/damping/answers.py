@@ -169,7 +169,9 @@ class LoadsResult(PredictedResult):
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Bands, medians of the laws, the linear prediction and the tested points, against force."""
         from damping.plots.curves import design_loads  # noqa: PLC0415 - as above
+        from damping.plots.given import check_axes  # noqa: PLC0415 - as above
 
+        check_axes(ax)
         force, units, data = self.loads.force[np.isfinite(self.loads.force)], self.mode.units, self.prepared.data
         low, high = data.tested_force.min(), max(data.tested_force.max(), force.max(initial=0.0))
         bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
@@ -220,7 +222,9 @@ class CurveResult(PredictedResult):
     def plot(self, ax: Axes | None = None) -> Axes | Figure:
         """Damping ratio and Q against amplitude; the range beyond the test is hatched."""
         from damping.plots.curves import damping_curve  # noqa: PLC0415 - as above
+        from damping.plots.given import check_axes  # noqa: PLC0415 - as above
 
+        check_axes(ax)
         amplitudes = list_drawn_amplitudes(self.curve.amplitude.median, self.prepared.data)
         loads = predict_forces(self.extrapolation, amplitudes, each=False) if amplitudes.size else None
         drawn = trace_loads(loads, self.prepared.backbone, self.prepared.data) if loads else self.curve

@@ -12,7 +12,7 @@ import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray, Numbers, join_rows
-from damping.errors import InputError, check_kind, check_seed
+from damping.errors import InputError, check_flags, check_kind, check_seed
 from damping.extrapolation import list_asked, predict_record
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
@@ -180,13 +180,13 @@ def diagnose(
 
     check_kind(mode, Mode, "mode")
     check_seed(seed)
+    check_flags(posterior=posterior, compare=compare)
     progress = watch(progress)
     states = tuple(states) if isinstance(states, Iterable) else (states,)  # an iterator can be read once only
     if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
     for state_record, state_mode in states:
-        check_kind(state_record, Record, "record of a state")
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
     gap = diagnose_gap(record, mode, states=states, simulate=simulate)
@@ -277,9 +277,7 @@ def sweep(
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep.
-        frequency: Hz, rising.
-        method: ``ritz`` or ``time``.
+        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
         structure: whether to leave out effects of the rig. Effects of one test are always left out.
 
     Raises:
@@ -290,6 +288,7 @@ def sweep(
     from damping.gap.sweeping import simulate_sweeps  # noqa: PLC0415 - loads the diagnosis, which few functions need
 
     check_kind(mode, Mode, "mode")
+    check_flags(structure=structure)
     try:
         levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
     except (TypeError, ValueError):

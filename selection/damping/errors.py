@@ -81,6 +81,13 @@ def check_seed(seed: object) -> None:
         raise InputError(f"seed {seed!r}", expected="a whole number >= 0")
 
 
+def check_flags(**flags: object) -> None:
+    """Raise InputError if an argument is neither true nor false."""
+    for name, flag in flags.items():
+        if type(flag).__name__ != "bool":  # Python's or NumPy's, which loads slowly
+            raise InputError(f"{name} {flag!r}", expected="True or False")
+
+
 @contextmanager
 def naming(file: str | Path) -> Iterator[None]:
     """Add the name of the ``file`` being read to every InputError raised inside that names none."""

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import damping as dp
+from damping.answers import CurveResult, LoadsResult
 from damping.extrapolation import check_loads
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
@@ -69,6 +70,32 @@ def test_forces_and_amplitudes_are_of_the_magnitudes_of_records(value):
     assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
 
 
+def test_lists_of_unlike_lengths_are_no_forces():
+    record, mode = dp.Record(TABLE), dp.Mode(name="m", frequency=25.0, mass=0.04)
+    for asked in ({"forces": [[1.0, 2.0], [3.0]]}, {"amplitudes": [[1.0, 2.0], [3.0]]}):
+        for predict in (dp.extrapolate, dp.curve):
+            with pytest.raises(dp.InputError, match=r"no list of (force|amplitude)s; expected an? "):
+                predict(record, mode, **asked)
+
+
+MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("flag", "function", "asked"),
+    [
+        ("posterior", dp.diagnose, {"record": dp.Record(TABLE), "mode": MODE}),
+        ("compare", dp.diagnose, {"record": dp.Record(TABLE), "mode": MODE}),
+        ("structure", dp.sweep, {"mode": MODE, "force": 1.0, "frequency": [24.0, 26.0]}),
+        ("nonnegative", dp.regress, {"frame": TABLE, "response": "force", "terms": "amplitude"}),
+    ],
+)
+def test_flags_are_true_or_false(flag, function, asked):
+    """A text is true, whatever it says."""
+    with pytest.raises(dp.InputError, match=f"{flag} 'no'; expected True or False"):
+        function(**asked, **{flag: "no"})
+
+
 def test_a_notebook_shows_records_and_modes():
     html = dp.Record(TABLE, "<b>")._repr_html_()
     assert "&lt;b&gt;: 5 rows in 5 sweeps" in html
@@ -79,6 +106,9 @@ def test_a_notebook_shows_records_and_modes():
 def test_axes_that_are_none():
     with pytest.raises(dp.InputError, match="ax is of type int; expected Axes"):
         sweeps(TABLE, axes=3)
+    for nothing in (LoadsResult(None, None), CurveResult(None, None, curve=None)):  # before any work
+        with pytest.raises(dp.InputError, match="ax is of type int; expected Axes"):
+            nothing.plot(3)
     for projection in ("polar", "3d"):
         with pytest.raises(dp.InputError, match=f"ax has {projection} coordinates; expected Axes with a plain x and y"):
             sweeps(TABLE, axes=Figure().add_subplot(projection=projection))

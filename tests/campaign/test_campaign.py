@@ -985,6 +985,25 @@ def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
     assert note == "the mode near 32 Hz is left out, because only sensors left out show it (back)"
 
 
+def test_a_mode_that_is_asked_for_and_not_there_is_named(tmp_path):
+    """By the frequency that was asked for, wherever the fit went from it."""
+    rng, f = np.random.default_rng(9), np.linspace(45.0, 75.0, 200)
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        run = file.create_group("run_0.1g")
+        run["frequency"], run["control"] = f, np.full(len(f), 0.1, dtype=complex)
+        run["tip"] = 0.1 * (1.0 + f**2 / (58.0**2 - f**2 + 1.4j * f)) * (1.0 + 0.004 * rng.normal(size=len(f)))
+        for name in ("control", "tip"):
+            run[name].attrs["units"] = "g"
+    runs, asked = read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0], (300.0, 58.0)
+    levels = fit_levels(runs, asked)
+    tied = tie_modes(levels, asked=asked)
+    assert [round(mode.mode.frequency) for mode in tied] == [58]
+    (note,) = describe_lost(levels, tied, asked)
+    assert note == "the mode near 300 Hz is left out, because no sensor shows it 8 standard errors out of the noise"
+    with pytest.raises(AnalysisError, match="of the modes sought near 300 Hz none stands 8 standard errors"):
+        tie_modes(fit_levels(runs, [300.0]), asked=[300.0])
+
+
 def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):
     before = [*known(0.5, True), *known(1.0, True)]
     mode = bare_mode(50.0, [place(level, 50.0, 0.02) for level in (0.5, 1.0)])

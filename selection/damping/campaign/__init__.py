@@ -98,8 +98,8 @@ def _answer_sweeps(
     inputs = design or [DesignLevel.flat(2.0 * max(tested))]
     highest = tuple(float(level.level.max()) for level in inputs)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
-    tied = tie_modes(levels, {**runs[0].left_out, **misread})
-    summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied)])
+    tied = tie_modes(levels, {**runs[0].left_out, **misread}, frequencies)
+    summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied, frequencies)])
     summary.notes.extend(f"caution: {mode.mode.name}: {text}" for mode in tied for text in mode.cautions)
     delay = (levels[0].run.delay, measure_delay(levels)[1]) if levels[0].run.delay else None
     if delay:

@@ -146,10 +146,12 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     return f, np.array(rows), np.abs(drive)
 
 
-def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None) -> list[DrivenMode]:
+def tie_modes(
+    levels: Sequence[Level], misread: Mapping[str, str] | None = None, asked: Sequence[float] = ()
+) -> list[DrivenMode]:
     """Modes of all levels in order of frequency, without those that no sensor shows. AnalysisError: none is left.
 
-    ``misread``: sensors already removed from the levels, and why.
+    ``misread``: sensors already removed from the levels, and why. ``asked``: frequencies that the user named, Hz.
     """
     out = {**(misread or {}), **find_bad_sensors(levels)}
     modes: list[DrivenMode] = []
@@ -158,21 +160,22 @@ def tie_modes(levels: Sequence[Level], misread: Mapping[str, str] | None = None)
         if mode is not None:
             modes.append(mode)
     if not modes:
-        near = ", ".join(f"{at:.4g}" for at in levels[0].fit.frequency)
+        near = ", ".join(f"{at:.4g}" for at in sorted(asked) or levels[0].fit.frequency)
         seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
         merged = [text for k in range(len(levels[0].fit.frequency)) for text in describe_excess(levels, k)]
         raise AnalysisError("; ".join([f"{seen} at every level: name the modes (--modes F1,F2,... in Hz)", *merged]))
     return modes
 
 
-def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode]) -> list[str]:
-    """Modes that stand out of the noise at some level, but are none of those ``tied`` over all levels."""
+def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode], asked: Sequence[float] = ()) -> list[str]:
+    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of those ``tied``."""
+    near = sorted(asked) or levels[0].fit.frequency
     lost, names, unit = [], levels[0].run.names, levels[0].run.drive_unit
     usable = [tied[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
     for k in set(range(len(levels[0].fit.frequency))) - {mode.number for mode in tied}:
         clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
         showing = np.any(clear, axis=0)
-        what = f"the mode near {levels[0].fit.frequency[k]:.4g} Hz is left out, because"
+        what = f"the mode near {near[k]:.4g} Hz is left out, because"
         if np.any(showing & usable):
             found = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
             what += f" its levels do not agree ({', '.join(found)})"
@@ -180,6 +183,8 @@ def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode]) -> list[s
         elif showing.any():
             shown = ", ".join(name for name, shows in zip(names, showing, strict=True) if shows)
             lost.append(f"{what} only sensors left out show it ({shown})")
+        elif len(asked):
+            lost.append(f"{what} no sensor shows it {LEAST_T:g} standard errors out of the noise")
     return lost
 
 

@@ -204,7 +204,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
         InputError: no force, a force that is not a number from ``SMALLEST`` to ``LARGEST``, or a level not within 0
             and 1.
     """
-    if np.ndim(forces) != 1 or len(forces) == 0:
+    if _count_axes(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for force in forces:
         if not (_is_number(force) and SMALLEST <= force <= LARGEST):
@@ -218,7 +218,14 @@ def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
     _check_level(level)
     values = [values] if isinstance(values, int | float | np.number) else values
-    return check_loads(values, level, what) if np.ndim(values) != 1 or len(values) else np.empty(0)
+    return check_loads(values, level, what) if _count_axes(values) != 1 or len(values) else np.empty(0)
+
+
+def _count_axes(values: Numbers) -> int:
+    try:
+        return np.ndim(values)
+    except ValueError:  # lists of unlike lengths
+        return 2
 
 
 def _check_level(level: float) -> None:

@@ -161,7 +161,7 @@ def styled(draw: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
 
     @wraps(draw)
     def drawn(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        axes = kwargs.get("axes")
+        axes = cast(Axes | None, kwargs.get("axes"))
         with rc_context(_WHOLE_STYLE) if axes is None else drawn_on(axes, _STYLE, _PALETTE):
             return draw(*args, **kwargs)
 

@@ -60,20 +60,26 @@ def _measure(axes: Axes) -> tuple[float, float]:
     return 72.0 * box.width / axes.figure.dpi, 72.0 * box.height / axes.figure.dpi
 
 
+def check_axes(axes: Axes | None) -> None:
+    """Raise InputError if axes that are given are no matplotlib axes, or polar, in three dimensions, or of a map."""
+    if axes is None:
+        return
+    check_kind(axes, Axes, "ax")
+    if axes.name != "rectilinear":
+        raise InputError(f"ax has {axes.name} coordinates", expected="Axes with a plain x and y")
+
+
 @contextmanager
-def drawn_on(axes: object, style: Mapping[Any, Any], palette: Collection[str]) -> Iterator[None]:
+def drawn_on(axes: Axes, style: Mapping[Any, Any], palette: Collection[str]) -> Iterator[None]:
     """Context for drawing on ``axes``: the common ``style``, with texts and frames in the colours of the axes.
 
     On a dark background the lightness L of each colour of the ``palette``, which is made for a light one, becomes
     1 - L: lines are light, the area beyond the test is dark, and hues stay.
 
     Raises:
-        InputError: ``axes`` are no matplotlib axes, or polar, in three dimensions, or of a map.
+        InputError: as `check_axes`.
     """
-    check_kind(axes, Axes, "ax")
-    assert isinstance(axes, Axes)
-    if axes.name != "rectilinear":
-        raise InputError(f"ax has {axes.name} coordinates", expected="Axes with a plain x and y")
+    check_axes(axes)
     before = set(axes.get_children())
     with rc_context({key: value for key, value in style.items() if "color" not in key and key != "legend.frameon"}):
         yield

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from damping.arrays import BoolArray, IntArray
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, check_flags
 from damping.regression.criteria import NAMES, check_criterion
 from damping.regression.design import Basis, Design, decompose, solve_nonnegative
 from damping.regression.fit import Fit, fit
@@ -223,8 +223,7 @@ class Choice:
         if self.method not in METHODS:
             raise InputError(f"no selection {self.method!r}", expected=f"one of {', '.join(METHODS)}")
         check_criterion(self.criterion)
-        if not isinstance(self.nonnegative, bool | np.bool_):
-            raise InputError(f"nonnegative {self.nonnegative!r}", expected="True or False")
+        check_flags(nonnegative=self.nonnegative)
         if self.t_stop is None:
             return
         if self.method not in DIRECTIONS:
