@@ -26,7 +26,7 @@ _WORDS = {2: "two", 3: "three", 4: "four"}
 #: Beginning of a caution that says why there is no prediction.
 REFUSAL = "no prediction"
 #: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
-#: there, such bands hold three of ten of the next tests at four times the largest force.
+#: there, such bands held 2 of 43 next tests at four times the largest force; of linear modes 56 of 61.
 STAYS_LINEAR = (
     "the damping force is in proportion to amplitude over the test, and the band assumes that it stays so: it does not "
     "hold damping that saturates, or sets in, beyond the test"
