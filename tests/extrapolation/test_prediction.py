@@ -16,7 +16,7 @@ from damping.extrapolation.draws import (
     draw_spread,
     find_quantiles,
 )
-from damping.extrapolation.prediction import BEYOND_TEST, PARTS, linear_amplitude, predict
+from damping.extrapolation.prediction import BEYOND_TEST, PARTS, STAYS_LINEAR, linear_amplitude, predict
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
@@ -234,6 +234,24 @@ def test_cautions(saturn):
     assert "beyond the test: 3.11 times the largest tested force" in loads.cautions[1]
     below = f"below the test: {10.0 / data.tested_force.min():.2g} times the smallest tested force; "
     assert [caution.startswith(below) for caution in loads.cautions[2] if "the test:" in caution] == [True]
+
+
+def test_a_test_without_nonlinearity_says_what_its_narrow_band_assumes(peaks):
+    """A damper whose force is limited, c v/sqrt(1 + (v/v_c)^2), with v_c at twice the top: linear to 5 % as tested.
+
+    Where amplitude grows slower than force, the band allows for more, and nothing is assumed.
+    """
+    laws, grid = [Law(("viscous",)), Law(("viscous", "velocity-squared"))], np.geomspace(0.1, 60.0, 4000)
+    C = 0.5 * grid + 0.5 * grid / np.sqrt(1.0 + (grid / 2.0) ** 2)
+    force, asked = np.array([0.5, 0.7, 1.0]), np.array([0.9, 1.5, 4.0])
+    tested = (np.interp(force, C, grid), np.sqrt(force))
+    limited, drag = (extrapolate_loads(peaks(A, force, 10.0), asked, laws=laws, fresh=False).loads for A in tested)
+    either = "the band allows for either"
+    assert [STAYS_LINEAR in cautions for cautions in limited.cautions] == [False, True, True]
+    assert not any(either in caution for caution in limited.cautions[2])
+    assert not any(STAYS_LINEAR in cautions for cautions in drag.cautions)
+    assert np.interp(4.0, C, grid) > limited.average.high[2]  # which the band does not hold
+    assert any(either in caution for caution in drag.cautions[2])
 
 
 @pytest.mark.parametrize("level", [0.5, 0.9, 0.99])
