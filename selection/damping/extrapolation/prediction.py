@@ -28,8 +28,8 @@ REFUSAL = "no prediction"
 #: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
 #: there, such bands held 2 of 43 next tests at four times the largest force; of linear modes 56 of 61.
 STAYS_LINEAR = (
-    "the damping force is in proportion to amplitude over the test, and the band assumes that it stays so: it does not "
-    "hold damping that saturates, or sets in, beyond the test"
+    "linear laws have most of the weight and are continued beyond the test: damping that saturates, or sets in, there "
+    "is not allowed for"
 )
 #: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
 BEYOND_TEST = "beyond the test"
