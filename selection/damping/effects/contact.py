@@ -102,7 +102,7 @@ class LooseDashpot(GrowingForce):
 
 
 def _build_beyond(
-    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], *, signed: bool = False
+    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], signed: bool = False
 ) -> Effect:
     """The effect of a force that acts beyond a clearance within the measured amplitudes.
 
