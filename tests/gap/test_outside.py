@@ -175,6 +175,20 @@ def test_a_damper_beyond_a_clearance_is_no_damping_with_the_square_of_displaceme
     assert any("a damper that acts beyond a clearance" in caution for caution in found.cautions)
 
 
+def test_a_joint_that_opens_is_no_stiffness_that_falls_with_a_power(lab):
+    """Half of what a spring -k beyond x A has, as where one side opens: DenHartog 1931, in closed form."""
+    clearance, lost = 0.2 * lab.A, 6.0 * lab.viscous * lab.omega
+
+    def stiffness(A, omega):
+        x = np.minimum(clearance / A, 1.0)
+        return -0.5 * lost * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x)))
+
+    found = explain(make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness), lab.mode())
+    assert found.leading.effects
+    assert found.in_library < 0.5
+    assert any("a joint that opens, beyond a clearance explains the record better" in text for text in found.cautions)
+
+
 @pytest.mark.parametrize("of", ["amplitude", "sweep", "record"])
 def test_noise_of_a_third_harmonic_may_go_with_the_amplitude_or_with_a_range(lab, of):
     """A healthy linear rig: twenty times the noise at resonance was "sensor-saturation", or a cause unknown."""

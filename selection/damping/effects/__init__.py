@@ -34,8 +34,9 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
-#: Prior of causes of ``FOREIGN`` that stand for several: contact is a clearance, a stop or a slap; a partner is an
-#: absorber, a tank or a circuit; another power a film or a stream; a reading drifts in gain or phase. Others are one.
+#: Prior of causes of ``FOREIGN`` that stand for several: contact is a clearance, a stop, a slap or an opening joint; a
+#: partner is an absorber, a tank or a circuit; another power a film or a stream; a reading drifts in gain or phase.
+#: Others are one.
 _STANDS_FOR = 3.0
 #: Causes outside the library: if one of them explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {

@@ -15,6 +15,8 @@ from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 
 #: Displacement at which a force beyond a gap begins to act.
 CLEARANCE = Shape("clearance", LENGTH, above=0.0)
+#: Largest stiffness beyond a clearance, over that of the structure.
+_MOST_STIFFNESS = 3.0
 
 
 def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
@@ -30,7 +32,10 @@ def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Contact(Spring):
-    """A spring that acts beyond a ``clearance`` on both sides; acting on one side, it has half the first harmonic."""
+    """A spring that acts beyond a ``clearance`` on both sides; acting on one side, it has half the first harmonic.
+
+    A negative coefficient is stiffness that is lost there, as where a preloaded joint opens.
+    """
 
     coefficient: Floats
     clearance: Floats
@@ -97,11 +102,11 @@ class LooseDashpot(GrowingForce):
 
 
 def _build_beyond(
-    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], **rest: Any
+    force: type[Contact | Rub | LooseDashpot], sentence: str, natural: Callable[[Scales], float], signed: bool = False
 ) -> Effect:
     """The effect of a force that acts beyond a clearance within the measured amplitudes.
 
-    Strength: the coefficient, of scale ``natural``. Shape: the clearance. ``rest``: fields of `Form` by the scales.
+    Strength: the coefficient, of scale ``natural``. Shape: the clearance. ``signed``: a stiffness of either sign.
     """
 
     def report(coefficient: Floats, clearance: Floats) -> dict[str, Floats]:
@@ -109,8 +114,10 @@ def _build_beyond(
 
     def forms(scales: Scales) -> tuple[Form, ...]:
         clearance = FormVariable.between(0.1 * scales.A_low, 0.9 * scales.A_high, starts=(-1.0, 0.0, 0.8, 1.6))
-        options = {name: of(scales) for name, of in rest.items()}
-        return (effect.form(report, natural(scales), shapes=(clearance,), **options),)
+        options: dict[str, Any] = {"natural": natural(scales), "shapes": (clearance,)}
+        if signed:
+            return effect.either_sign(report, largest=_MOST_STIFFNESS * scales.stiffness, **options)
+        return (effect.form(report, **options),)
 
     simulate = adds_force(lambda table: force(table["coefficient"], table["clearance"]))
     effect = Effect(force.name, "force", sentence, forms, simulate, need="sweep")
@@ -118,10 +125,7 @@ def _build_beyond(
 
 
 CONTACT = _build_beyond(
-    Contact,
-    "a spring that acts beyond a clearance",
-    lambda scales: scales.loss,
-    largest=lambda scales: 3.0 * scales.stiffness,
+    Contact, "a spring that acts, or a joint that opens, beyond a clearance", lambda scales: scales.loss, signed=True
 )
 RUB = _build_beyond(Rub, "friction that acts beyond a clearance", lambda scales: scales.loss * scales.A_high)
 LOOSE_DASHPOT = _build_beyond(

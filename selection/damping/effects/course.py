@@ -129,12 +129,14 @@ DRIFT = Effect(
 
 
 def offset_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |ln(factor)| of the readings or the force of one sweep, or of one of several states."""
+    """Strength: |ln(factor)| of the readings or the force of one sweep or state, or of the readings from a sweep on."""
     if scales.sweeps < 2:
         return ()
     channels = (False,) if scales.sweeps > _MANY_SWEEPS else (False, True)
     places = [*(("sweep", k) for k in range(1, scales.sweeps + 1)), *(("state", k) for k in list_states(scales))]
-    return tuple(chain.from_iterable(_offset_side(*place, force) for place in places for force in channels))
+    sides = [_offset_side(*place, force) for place in places for force in channels]
+    sides += [_offset_side("onward", k, force=False) for k in range(3, scales.sweeps) if len(channels) > 1]
+    return tuple(chain.from_iterable(sides))
 
 
 def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
@@ -142,40 +144,38 @@ def _offset_side(of: str, number: int, force: bool) -> tuple[Form, Form]:
         return in_place(terms, of, number, size, force)
 
     def report(size: Floats) -> dict[str, Floats]:
-        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": 0.0}
-        values[of] = float(number)
+        values: dict[str, Floats] = {"factor": np.exp(size), "sweep": 0.0, of: float(number)}
         return values | ({"force": 1.0} if force else {})
 
-    mirror = f"{'force' if force else 'readings'} of {of} {number}"
-    return LEVEL_OFFSET.either_sign(report, mirror, change, largest=log(3.0))
+    return LEVEL_OFFSET.either_sign(report, f"{of} {number} {force}", change, largest=log(3.0))
 
 
 def in_place(terms: Terms, of: str, number: float, size: Floats, force: bool) -> Terms:
-    """The terms with ln of the readings, or of the force, of one sweep or state (``of``) changed by ``size``."""
+    """The terms with ln of readings or force of a sweep or state, or from a sweep on (``of``), changed by ``size``."""
 
     def part(drive: Drive) -> Floats:
-        numbers = drive.sweep if of == "sweep" else np.asarray(drive.state) + 1.0
-        return np.asarray(size * (numbers == number))
+        numbers = np.asarray(drive.state) + 1.0 if of == "state" else drive.sweep
+        return np.asarray(size * (numbers >= number if of == "onward" else numbers == number))
 
     return terms.plus(**{"received" if force else "offset": part})
 
 
 def simulate_offset(terms: Terms, table: Mapping[str, float]) -> Terms:
-    """The readings, or the ``force``, of one ``sweep``, or of one ``state``, times ``factor``."""
-    of = "state" if table["state"] else "sweep"
+    """The readings, or the ``force``, of one ``sweep`` or ``state``, or ``onward`` from a sweep, times ``factor``."""
+    of = next((name for name in ("state", "onward") if table[name]), "sweep")
     return in_place(terms, of, table[of], log(table["factor"]), table["force"] != 0.0)
 
 
 LEVEL_OFFSET = Effect(
     name="level-offset",
     kind="instrument",
-    sentence="the readings or the force of one level, or of one state, are off by a factor",
+    sentence="the readings or the force of one level, or of one state, or of all from a level on, are off by a factor",
     forms=offset_forms,
     simulate=simulate_offset,
     shapes=(
         Shape("factor", above=0.0),
-        Shape("sweep", least=0.0),  # 0 where it is of a state
-        *(Shape(name, least=0.0, default=0.0) for name in ("state", "force")),
+        Shape("sweep", least=0.0),  # 0 where it is of a state, or from a sweep on
+        *(Shape(name, least=0.0, default=0.0) for name in ("state", "force", "onward")),
     ),
     need="sweep",
     passing=True,

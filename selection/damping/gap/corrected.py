@@ -65,16 +65,16 @@ def effect_values(fit: ModelFit) -> dict[str, dict[str, float]]:
 
 
 def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Parameters of every effect; for effects of one sweep or state also their target, such as ``force of sweep B``."""
+    """Parameters of every effect; for effects of some sweeps or a state also their target, as ``force of sweep B``."""
     sweeps, values, places = fit.model.problem.rows.sweeps, effect_values(fit), dict[str, str]()
     for effect, table in values.items():
-        unit = "state" if "state" in table else "sweep"
-        number = int(table.get("state", table.pop("sweep", 0.0)))
-        if number:
+        onward, sweep = int(table.pop("onward", 0.0)), int(table.pop("sweep", 0.0))
+        if number := int(table.get("state", onward or sweep)):
             forced = table.pop("force", 0.0) > 0.0
             default = "force" if forced else "readings"
             target = next((word for name, word in _ACTS_ON.items() if name in table), default)
-            places[effect] = f"{target} of {unit} {number if unit == 'state' else sweeps[number - 1]}"
+            where = f"of state {number}" if "state" in table else f"of sweep {sweeps[number - 1]}"
+            places[effect] = f"{target} {where}" if not onward else f"{target} from sweep {sweeps[number - 1]} on"
     return values, places
 
 
