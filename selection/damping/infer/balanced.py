@@ -62,13 +62,13 @@ class Balanced:
             x_1 = self._find_total(C, balance.a[points]) + balance.s[points] * z[points, 0]
             factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
             sums = sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
-            return np.column_stack([x_1, sums])
+            return np.vstack([x_1, sums])
 
-        sums = by_blocks(weigh, len(z), len(self.data.A))
-        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
+        x_1, *sums = by_blocks(weigh, len(z), len(self.data.A))
+        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(x_1) < REACH)
         x = balance.x
-        x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
-        likelihood = weigh_levels(sums[:, 1:], x, balance.doubt, self.coordinates, self.data)
+        x[:, 0] = np.clip(x_1, -REACH, REACH)
+        likelihood = weigh_levels(np.array(sums), x, balance.doubt, self.coordinates, self.data)
         return np.where(inside, log_prior(x) + likelihood + np.log(balance.s), -np.inf)
 
     def find_points(self, z: FloatArray) -> FloatArray:
@@ -96,10 +96,10 @@ class Balanced:
 
     def _balance_around(self, z: FloatArray) -> _Balance:
         """All that does not depend on z_1."""
-        x = np.clip(z, -REACH, REACH)
+        x = np.clip(z, -REACH, REACH, order="F")
         x[:, 0] = 0.0
         parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
-        doubt = self.coordinates.stray(x, self.coordinates.join(parts))
+        doubt = self.coordinates.stray(x, parts)
         strays, directions = self._of_levels
         variance = (level**2 + self._per_level * (row**2 + self._known))[:, None] + doubt[:, None] ** 2 * strays
         of_direction = directions.sum(axis=0) / variance

@@ -61,12 +61,12 @@ class Observations(SweepRows):
         """Level of each sweep, from 0, shape (sweeps,): by amplitude where that is the input, else by force."""
         return number_levels(self.tested_amplitude if self.amplitude_is_input else self.tested_force)
 
-    @property
+    @cached_property
     def rows_per_sweep(self) -> IntArray:
         """Number of rows of each sweep, shape (sweeps,)."""
         return np.bincount(self.sweep, minlength=len(self.sweeps)).astype(np.int64)
 
-    @property
+    @cached_property
     def has_repeats(self) -> bool:
         """Whether any sweep has several rows, so that row noise and level scatter can be told apart."""
         return bool(np.any(self.rows_per_sweep > 1))

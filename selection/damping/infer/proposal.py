@@ -7,7 +7,7 @@ by expectation and maximisation (Cappe et al. 2008, adaptive importance sampling
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.special import gammaln, ndtri
@@ -124,9 +124,10 @@ class Proposal:
 
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (k, d, d) and offsets (k, d, 1) that whiten x (d, n) for each component."""
-        inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
-        return inverse, -inverse @ self.means[..., None]
+        """Matrix (d k, d) and offsets (d k, 1) that whiten x (d, n) for each component, axis by axis."""
+        inverse, d = np.linalg.inv(self.roots), self.means.shape[1]
+        offsets = -inverse @ self.means[..., None]
+        return inverse.swapaxes(0, 1).reshape(-1, d), offsets.swapaxes(0, 1).reshape(-1, 1)
 
     @cached_property
     def _heights(self) -> FloatArray:
@@ -142,7 +143,7 @@ class Proposal:
         white = whitening @ x.T
         white += origin
         white *= white
-        return np.asarray(1.0 + white.sum(axis=1) / DEGREES_OF_FREEDOM)
+        return np.asarray(1.0 + white.reshape(x.shape[1], len(self.shares), len(x)).sum(axis=0) / DEGREES_OF_FREEDOM)
 
     def density(self, x: FloatArray) -> FloatArray:
         """Density at x (n, d), positive since the wide component has heavy tails."""
@@ -156,10 +157,8 @@ class Proposal:
 
     def draw(self, number: int, seed: int) -> FloatArray:
         """Draws (number, d) from space-filling points."""
-        rng = np.random.default_rng(seed)
-        u = fill_cube(self.means.shape[1] + 1, number, rng)
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(ndtri(u[:, 1:]), chi_square, self._part(u[:, 0]))
+        z, chi_square, u = _fill_space(self.means.shape[1], number, seed)
+        return self.transform(z, chi_square, self._part(u))
 
     def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
         """Independent draws (number, d)."""
@@ -171,6 +170,14 @@ class Proposal:
         """The component that each uniform variable (n,) selects."""
         edges = np.cumsum(self.shares)[:-1]
         return np.searchsorted(edges, u).astype(np.int64)
+
+
+@lru_cache(maxsize=32)  # shared by all laws of as many variables
+def _fill_space(d: int, number: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Normal variables (number, d), chi-squares (number,) and uniform variables (number,), space-filling."""
+    rng = np.random.default_rng(seed)
+    u = fill_cube(d + 1, number, rng)
+    return ndtri(u[:, 1:]), np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number)), u[:, 0]
 
 
 def _covary(draws: FloatArray) -> FloatArray:
