@@ -229,7 +229,8 @@ def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     if data.row_of_sweep is not None:
         return values[:, data.row_of_sweep]
     if len(data.sweeps) <= _FEW:
-        return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
+        # with the rows of a point together, so that the order of summation does not depend on that of the memory
+        return np.asarray(np.ascontiguousarray(values) @ np.eye(len(data.sweeps))[data.sweep])
     order = np.argsort(data.sweep, kind="stable")
     first = np.searchsorted(data.sweep[order], np.arange(len(data.sweeps)))
     return np.asarray(np.add.reduceat(values[:, order], first, axis=1))
