@@ -27,8 +27,8 @@ from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
 REACH = 8.0
-#: Points times rows computed at once: a few such arrays stay in 1 MB, the second-level cache of a processor.
-BLOCK = 30_000
+#: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
+BLOCK = 15_000
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Most sweeps for which a matrix product is the fastest way to sums over each.
@@ -113,7 +113,7 @@ def sum_rows(
     if known is not None:
         variance = variance + known
     with np.errstate(all="ignore"):
-        value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * variance), axis=1)
+        value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * np.ascontiguousarray(variance)), axis=1)
         sums = [_sum_over(n * n, variance, data)]
         if coordinates.with_level_scatter or coordinates.with_doubt:
             sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
