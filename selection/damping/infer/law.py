@@ -246,9 +246,9 @@ class Coordinates:
         ends = np.reshape(self.tested[:2], (2, *[1] * (x.ndim - 1)))
         with np.errstate(all="ignore"):
             C, slope = self.join(parts or self.find_parts(x)).grow(ends, self.tested.omega)
-            return np.moveaxis(slope / C, 0, -1)
+            return np.moveaxis(np.asarray(slope / C), 0, -1)
 
-    def of_forces(self, x: FloatArray) -> dict[str, FloatArray]:
+    def force_parameters(self, x: FloatArray) -> dict[str, FloatArray]:
         """Coefficient and shapes of each component by name: ``viscous``, ``velocity-power exponent``, ..."""
         values: dict[str, FloatArray] = {}
         for part, coefficient, shapes in self.find_parts(x):
@@ -257,8 +257,8 @@ class Coordinates:
         return values
 
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
-        """All physical parameters by name: those ``of_forces``, ``doubt``, ``scatter`` and ``level_scatter``."""
-        values = self.of_forces(x)
+        """All physical parameters by name: ``force_parameters``, ``doubt``, ``scatter`` and ``level_scatter``."""
+        values = self.force_parameters(x)
         row, level = self.scatter(x)
         if self.with_doubt:
             values["doubt"] = self.doubt(x)

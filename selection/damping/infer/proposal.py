@@ -125,7 +125,7 @@ class Proposal:
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
         """Matrix (d k, d) and offsets (d k, 1) that whiten x (d, n) for each component, axis by axis."""
-        inverse, d = np.linalg.inv(self.roots), self.means.shape[1]
+        d, inverse = self.means.shape[1], np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
         offsets = -inverse @ self.means[..., None]
         return inverse.swapaxes(0, 1).reshape(-1, d), offsets.swapaxes(0, 1).reshape(-1, 1)
 
