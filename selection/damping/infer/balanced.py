@@ -11,6 +11,8 @@ the covariance of the levels from scatter and straying of the slope (generalised
 the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -51,6 +53,11 @@ class Balanced:
 
     coordinates: Coordinates
     data: Observations
+
+    @classmethod
+    def of(cls, coordinates: Coordinates, data: Observations) -> Balanced:
+        """The posterior in the units in which it is sampled, from coordinates and data in those of a record."""
+        return cls(coordinates.scaled(data.reference), data.sampled)
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""

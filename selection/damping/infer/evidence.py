@@ -62,7 +62,7 @@ def evidence(
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
-    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    posterior = Balanced.of(coordinates, data)
     starts = list_starts(posterior, start_at(fit or fit_law(coordinates.law, data), coordinates))
     try:
         modes = find_modes(posterior.log_density, *starts)
@@ -204,7 +204,7 @@ def remember(estimate: Estimate) -> Estimate:
     def estimated(
         coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None = None, floor: float = -np.inf
     ) -> Evidence:
-        key = coordinates, seed, *data.scaled().content
+        key = coordinates, seed, *data.sampled.content
         before, drawn = known.get(key, (np.inf, None))
         if drawn is None or (floor < before and drawn.falls_below(before) and not drawn.falls_below(floor)):
             drawn = estimate(coordinates, data, seed, fit, floor)

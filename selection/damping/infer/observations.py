@@ -100,7 +100,7 @@ class Observations(SweepRows):
         """Variance of D by the stated uncertainties of phase and force, (rows,)."""
         return np.asarray(self.R**2 * self.sd_phase**2 + self.D**2 * self.sd_force**2)
 
-    @property
+    @cached_property
     def content(self) -> tuple[object, ...]:
         """All fields as a cache key, equal for observations that are equal bit by bit."""
         held = (getattr(self, field.name) for field in fields(self))
@@ -111,7 +111,12 @@ class Observations(SweepRows):
         """Index of the sweep with the largest tested force."""
         return int(np.argmax(self.tested_force))
 
-    def scaled(self, bits: int = DRAWN_BITS) -> Observations:
+    @cached_property
+    def sampled(self) -> Observations:
+        """Dimensionless observations as they are sampled, the same object for every law."""
+        return self.scaled(DRAWN_BITS)
+
+    def scaled(self, bits: int) -> Observations:
         """Dimensionless observations: over the ``reference``, rounded to ``bits`` binary digits."""
         amplitude, omega, force = self.reference
         return replace(
