@@ -7,12 +7,12 @@ by expectation and maximisation (Cappe et al. 2008, adaptive importance sampling
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy.special import gammaln, ndtri
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 
 #: Heavier tails than those of a nearly normal posterior, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
@@ -117,8 +117,10 @@ class Proposal:
             np.concatenate([np.linalg.cholesky(covariances), np.eye(d)[None, :, :]]),
         )
 
-    def transform(self, z: FloatArray, chi_square: FloatArray, part: IntArray) -> FloatArray:
-        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and the part of each draw (n,)."""
+    def transform(self, z: FloatArray, chi_square: FloatArray, u: FloatArray) -> FloatArray:
+        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and uniform variables (n,), which select
+        components."""
+        part = np.searchsorted(np.cumsum(self.shares)[:-1], u)
         t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
@@ -157,24 +159,17 @@ class Proposal:
 
     def draw(self, number: int, seed: int) -> FloatArray:
         """Draws (number, d) from space-filling points."""
-        z, chi_square, u = _fill_space(self.means.shape[1], number, seed)
-        return self.transform(z, chi_square, self._part(u))
+        return self.transform(*fill_space(self.means.shape[1], number, seed))
 
     def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
         """Independent draws (number, d)."""
         z = rng.standard_normal((number, self.means.shape[1]))
         chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
-
-    def _part(self, u: FloatArray) -> IntArray:
-        """The component that each uniform variable (n,) selects."""
-        edges = np.cumsum(self.shares)[:-1]
-        return np.searchsorted(edges, u).astype(np.int64)
+        return self.transform(z, chi_square, np.asarray(rng.random_sample(number)))
 
 
-@lru_cache(maxsize=32)  # shared by all laws of as many variables
-def _fill_space(d: int, number: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Normal variables (number, d), chi-squares (number,) and uniform variables (number,), space-filling."""
+def fill_space(d: int, number: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Space-filling arguments of `Proposal.transform`: (number, d), (number,), (number,)."""
     rng = np.random.default_rng(seed)
     u = fill_cube(d + 1, number, rng)
     return ndtri(u[:, 1:]), np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number)), u[:, 0]
