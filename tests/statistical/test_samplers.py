@@ -113,7 +113,7 @@ def test_importance_sampling(components, saturn):
     start = evidence(c, data)
     posterior = sample(c, data, start, lambda x: {}, seed=2)
     assert posterior.converged, posterior.failure
-    balanced = Balanced(c.scaled(data.reference), data.scaled())
+    balanced = Balanced.of(c, data)
     begin = replace(start, draws=balanced.find_variables(start.draws))
     fresh = draw_again(balanced.log_density, begin.proposal, int(MANY * len(start.draws) / start.effective_draws), 1)
     assert fresh.effective_draws > 0.5 * MANY

@@ -64,7 +64,7 @@ def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
     The evidence stops once it has enough effective draws, so it usually misses the draws of large weight at which
     exponents stray far: with its draws the upper end of the Saturn V's band at 90 lb was 2.6 % too low.
     """
-    posterior, first = Balanced(law.coordinates.scaled(data.reference), data.scaled()), law.weighed.draws
+    posterior, first = Balanced.of(law.coordinates, data), law.weighed.draws
     fitted = posterior.find_variables(first[:: max(1, len(first) // MOST_FITTED)])
     proposal, number = Proposal.through(fitted, law.weighed.effective_draws), 1 + round(100.0 * law.weight)
     fresh = draw_again(posterior.log_density, proposal, FRESH_DRAWS * number, seed)

@@ -25,7 +25,7 @@ from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
 from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, read_path, stray
-from damping.infer.law import SCATTER_LOG_SD, Coordinates
+from damping.infer.law import EACH_WITH_ROWS, SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, level_exponents, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
@@ -141,7 +141,8 @@ def draw_spread(
     within, steps = asked[asked <= top], top + place_steps(asked.max() - top)
     new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampling repeats draws
     draws, which = member.draws[new], np.cumsum(new) - 1
-    damping = member.coordinates.force(draws)
+    parts = member.coordinates.find_parts(draws)
+    damping = member.coordinates.join(parts, EACH_WITH_ROWS)
     of_law = np.log(member.solve(damping, np.exp(np.concatenate([asked, steps])), data))[which]
     of_law, on_steps = of_law[:, : len(asked)], of_law[:, len(asked) :]
     row, level = member.coordinates.scatter(draws)
@@ -149,7 +150,7 @@ def draw_spread(
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    sigma, noise = member.coordinates.doubt(draws, damping), row**2 + level**2
+    sigma, noise = member.coordinates.doubt(draws, parts), row**2 + level**2
     deviations, errors, known = (part[which] for part in _levels(damping, row, level, data))
     of_noise, of_paths = rng.spawn(2)
     places = (np.append(within, top), steps[1:])

@@ -206,8 +206,9 @@ def absolute(x: Floats) -> Floats:
 
 def spread(values: Floats, omega: Floats) -> Floats:
     """Values broadcast with omega."""
-    shape = np.shape(omega)
-    return values if not shape or np.shape(values)[-len(shape) :] == shape else values * np.ones(shape)
+    of, shape = np.shape(values), np.shape(omega)
+    spans = len(of) >= len(shape) and all(n in (1, m) for m, n in zip(of[::-1], shape[::-1], strict=False))
+    return values if spans else values * np.ones(shape)
 
 
 def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:

@@ -37,7 +37,7 @@ def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArr
         for chosen in combinations(range(terms), size):
             among = list(chosen)
             ridge = DEPENDENT * np.eye(size) * np.diagonal(product, axis1=1, axis2=2)[:, among, None]
-            fit = np.linalg.solve(product[:, among][:, :, among] + ridge, moment[:, among, None])[..., 0]
+            fit = np.linalg.solve(product[:, np.array(among)[:, None], among] + ridge, moment[:, among, None])[..., 0]
             explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
             better = explained > most
             if size == terms and better.all():  # with coefficients >= 0 the full set is best

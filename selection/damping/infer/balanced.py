@@ -11,6 +11,8 @@ the covariance of the levels from scatter and straying of the slope (generalised
 the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,23 +54,26 @@ class Balanced:
     coordinates: Coordinates
     data: Observations
 
+    @classmethod
+    def of(cls, coordinates: Coordinates, data: Observations) -> Balanced:
+        """The posterior in the units in which it is sampled, from coordinates and data in those of a record."""
+        return cls(coordinates.scaled(data.reference), data.sampled)
+
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
         balance = self._balance_around(z)
-        row = self.coordinates.scatter(balance.x)[0]
+        x, row = balance.x, self.coordinates.scatter(balance.x)[0]
 
         def weigh(points: slice) -> FloatArray:
             C, grown = find_averages(self.coordinates.join(balance.parts, points), self.data)
             x_1 = self._find_total(C, balance.a[points]) + balance.s[points] * z[points, 0]
-            factor = np.exp(TOTAL_LOG_SD * np.clip(x_1, -REACH, REACH))[:, None]
-            sums = sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
-            return np.column_stack([x_1, sums])
+            x[points, 0] = np.clip(x_1, -REACH, REACH)
+            factor = np.exp(TOTAL_LOG_SD * x[points, 0])[:, None]
+            return sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
 
         sums = by_blocks(weigh, len(z), len(self.data.A))
-        inside = (np.abs(z[:, 1:]) < REACH).all(axis=1) & (np.abs(sums[:, 0]) < REACH)
-        x = balance.x
-        x[:, 0] = np.clip(sums[:, 0], -REACH, REACH)
-        likelihood = weigh_levels(sums[:, 1:], x, balance.doubt, self.coordinates, self.data)
+        inside = (np.abs(x) < REACH).all(axis=1)
+        likelihood = weigh_levels(sums, x, balance.doubt, self.coordinates, self.data)
         return np.where(inside, log_prior(x) + likelihood + np.log(balance.s), -np.inf)
 
     def find_points(self, z: FloatArray) -> FloatArray:
@@ -96,19 +101,19 @@ class Balanced:
 
     def _balance_around(self, z: FloatArray) -> _Balance:
         """All that does not depend on z_1."""
-        x = np.clip(z, -REACH, REACH)
+        x = np.clip(z, -REACH, REACH, order="F")
         x[:, 0] = 0.0
         parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
-        doubt = self.coordinates.stray(x, self.coordinates.join(parts))
+        doubt = self.coordinates.stray(x, parts)
         strays, directions = self._of_levels
-        variance = (level**2 + self._per_level * (row**2 + self._known))[:, None] + doubt[:, None] ** 2 * strays
-        of_direction = directions.sum(axis=0) / variance
+        variance = level**2 + self._per_level * (row**2 + self._known) + np.multiply.outer(strays, doubt**2)
+        of_direction = np.ascontiguousarray((directions.sum(axis=0)[:, None] / variance).T)
         precision = of_direction @ directions.sum(axis=0)
         return _Balance(
             x,
             parts,
             doubt,
-            of_direction @ directions.T / precision[:, None],
+            np.asfortranarray(of_direction @ directions.T / precision[:, None]),
             np.sqrt(len(strays) / precision) / SCATTER_MEDIAN,
         )
 
@@ -135,7 +140,8 @@ class Balanced:
         with np.errstate(all="ignore"):
             over, under = by_sweep(C * (weight * data.D), data), by_sweep(C * C * weight, data)
             total = np.log(over.sum(axis=1) / under.sum(axis=1))
-            deviation = np.nan_to_num(np.log(over / under) - total[:, None])
-            t = (total + np.sum(a * np.clip(deviation, -FARTHEST, FARTHEST), axis=1)) / TOTAL_LOG_SD
+            deviation = np.clip(np.log(over / under) - total[:, None], -FARTHEST, FARTHEST)
+            deviation[np.isnan(deviation)] = 0.0
+            t = (total + np.sum(a * deviation, axis=1)) / TOTAL_LOG_SD
         t[np.isnan(t)] = 0.0
         return np.asarray(np.clip(t, -REACH, REACH))

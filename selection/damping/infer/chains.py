@@ -220,7 +220,7 @@ def sample(
     Args:
         quantities: further quantities that must have converged, besides the law's parameters.
     """
-    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    posterior = Balanced.of(coordinates, data)
 
     def inform(z: FloatArray) -> Mapping[str, FloatArray]:
         x = posterior.find_points(z)

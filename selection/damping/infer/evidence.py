@@ -6,11 +6,11 @@ Steps are scaled to the posterior width, which is tiny for good data.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
 from damping.infer.balanced import Balanced
 from damping.infer.best_fit import BestFit, fit_law
@@ -62,7 +62,7 @@ def evidence(
     Raises:
         AnalysisError: the law cannot carry the measured forces.
     """
-    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    posterior = Balanced.of(coordinates, data)
     starts = list_starts(posterior, start_at(fit or fit_law(coordinates.law, data), coordinates))
     try:
         modes = find_modes(posterior.log_density, *starts)
@@ -162,9 +162,15 @@ def descend(x: FloatArray, negative: LogDensity) -> tuple[FloatArray, FloatArray
 def _surround(widths: FloatArray) -> FloatArray:
     """Points of central differences of ``widths`` (d,): centre, up and down each axis, up and down in each pair."""
     steps = np.diag(widths)
-    i, j = np.triu_indices(len(widths), 1)
+    i, j = _list_pairs(len(widths))
     pairs = steps[i] + steps[j]
     return np.vstack([np.zeros((1, len(widths))), steps, -steps, pairs, -pairs])
+
+
+@cache
+def _list_pairs(d: int) -> tuple[IntArray, IntArray]:
+    """Both axes of each pair of ``d`` axes."""
+    return np.triu_indices(d, 1)
 
 
 def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, FloatArray, FloatArray]:
@@ -173,7 +179,7 @@ def expand(values: FloatArray, widths: FloatArray) -> tuple[float, FloatArray, F
     f_ij = (f(+i+j) - f(+i) - f(+j) + 2 f - f(-i) - f(-j) + f(-i-j)) / (2 h_i h_j).
     """
     d = len(widths)
-    i, j = np.triu_indices(d, 1)
+    i, j = _list_pairs(d)
     here, up, down = float(values[0]), values[1 : 1 + d], values[1 + d : 1 + 2 * d]
     both, neither = values[1 + 2 * d :].reshape(2, -1)
     hessian = np.diag(up + down - 2.0 * here)
@@ -198,7 +204,7 @@ def remember(estimate: Estimate) -> Estimate:
     def estimated(
         coordinates: Coordinates, data: Observations, seed: int, fit: BestFit | None = None, floor: float = -np.inf
     ) -> Evidence:
-        key = coordinates, seed, *data.scaled().content
+        key = coordinates, seed, *data.sampled.content
         before, drawn = known.get(key, (np.inf, None))
         if drawn is None or (floor < before and drawn.falls_below(before) and not drawn.falls_below(floor)):
             drawn = estimate(coordinates, data, seed, fit, floor)

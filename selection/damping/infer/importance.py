@@ -8,11 +8,12 @@ The draws, resampled by weight, also start the Markov chains, which choose among
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.infer.proposal import Proposal
+from damping.infer.proposal import Proposal, fill_space
 
 #: Draws of each round: more where few were not enough.
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
@@ -41,6 +42,8 @@ SETTLED = 0.1
 CLOSE = 0.25
 #: Bisections for the tempering exponent: to 1e-6.
 _HALVINGS = 20
+#: Shared by all laws of as many variables; at most 9 MB.
+_fill_space = lru_cache(maxsize=16)(fill_space)
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ def importance(
     rounds, before = max(least_rounds, len(ROUNDS)), -np.inf
     for round_ in range(max(rounds, MOST_ROUNDS)):
         proposals.append(proposal)
-        new = proposal.draw(ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
+        space = _fill_space(x.shape[1], ROUNDS[min(round_, len(ROUNDS) - 1)], seed + round_)
+        new = proposal.transform(*space)
         of_old = proposal.density(x)[:, None]
         q = np.vstack([np.hstack([q, of_old]), np.stack([earlier.density(new) for earlier in proposals], axis=1)])
         x, log_p, sizes = np.vstack([x, new]), np.append(log_p, log_density(new)), np.append(sizes, len(new))

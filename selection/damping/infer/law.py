@@ -93,6 +93,9 @@ class Law:
         return all(part.example.viscous for part in self.parts)
 
 
+#: Points of parts: all, a block of them, or each with an axis to broadcast with rows.
+Index: TypeAlias = EllipsisType | slice | tuple[EllipsisType, None]
+EACH_WITH_ROWS: Index = (..., None)
 #: A component, its leading coefficient and its shapes by name, arrays of one shape.
 Part: TypeAlias = tuple[Component, FloatArray, dict[str, FloatArray]]
 
@@ -207,16 +210,13 @@ class Coordinates:
 
     def force(self, x: FloatArray) -> Sum:
         """The damping force of the law, with parameters of shape (..., 1) that broadcast with rows."""
-        return self.join(self.find_parts(x))
+        return self.join(self.find_parts(x), EACH_WITH_ROWS)
 
     @staticmethod
-    def join(parts: Sequence[Part], points: slice | EllipsisType = ...) -> Sum:
-        """The force of the parts from ``find_parts``, at some of their points."""
+    def join(parts: Sequence[Part], points: Index = ...) -> Sum:
+        """The force of the parts from ``find_parts``, at some of their points; its parameters have no axis of rows."""
         return Sum(
-            tuple(
-                part.build(c[points][..., None], **{name: value[points][..., None] for name, value in shapes.items()})
-                for part, c, shapes in parts
-            )
+            tuple(part.build(c[points], **{name: x[points] for name, x in shapes.items()}) for part, c, shapes in parts)
         )
 
     def scatter(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -226,35 +226,39 @@ class Coordinates:
             return scatter[..., 0], scatter[..., 1]
         return scatter[..., -1], np.zeros(x.shape[:-1])
 
-    def doubt(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+    def doubt(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
         """Standard deviation of the straying slope, 0 where it is not a parameter; array ``x.shape[:-1]``.
 
-        ``force``: of the law at ``x``, where already built.
+        ``parts``: of the law at ``x`` (``find_parts``), where known.
         """
         if not self.with_doubt:
             return np.zeros(x.shape[:-1])
         sigma = DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
-        return np.asarray(sigma * nonlinearity(self.exponents(x, force)))
+        return np.asarray(sigma * nonlinearity(self.exponents(x, parts)))
 
-    def stray(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+    def stray(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
         """:meth:`doubt` as it moves levels: in ln A, or for a decay in ln F, by p times as much."""
-        force = force or self.force(x)
-        doubt = self.doubt(x, force)
-        return doubt * np.nan_to_num(self.exponents(x, force)).mean(axis=-1) if self.of_decay else doubt
+        doubt = self.doubt(x, parts)
+        return doubt * np.nan_to_num(self.exponents(x, parts)).mean(axis=-1) if self.of_decay else doubt
 
-    def exponents(self, x: FloatArray, force: Sum | None = None) -> FloatArray:
+    def exponents(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
         """Local exponents p = d ln F/d ln A at both ends of the tested range, (..., 2); NaN where there is no force."""
-        force, ends = force or self.force(x), np.array(self.tested[:2])
+        ends = np.reshape(self.tested[:2], (2, *[1] * (x.ndim - 1)))
         with np.errstate(all="ignore"):
-            C, slope = force.grow(ends, self.tested.omega)
-            return np.asarray(slope / C)
+            C, slope = self.join(parts or self.find_parts(x)).grow(ends, self.tested.omega)
+            return np.moveaxis(np.asarray(slope / C), 0, -1)
 
-    def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
-        """All physical parameters by name: ``viscous``, ``velocity-power exponent``, ..., ``scatter``."""
+    def force_parameters(self, x: FloatArray) -> dict[str, FloatArray]:
+        """Coefficient and shapes of each component by name: ``viscous``, ``velocity-power exponent``, ..."""
         values: dict[str, FloatArray] = {}
         for part, coefficient, shapes in self.find_parts(x):
             values[part.name] = coefficient
             values |= {f"{part.name} {name}": value for name, value in shapes.items()}
+        return values
+
+    def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
+        """All physical parameters by name: ``force_parameters``, ``doubt``, ``scatter`` and ``level_scatter``."""
+        values = self.force_parameters(x)
         row, level = self.scatter(x)
         if self.with_doubt:
             values["doubt"] = self.doubt(x)

@@ -37,17 +37,27 @@ _FEW = 32
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
     """``n``, its sensitivity ``h`` to the level, its variance by stated uncertainties; each (..., rows)."""
-    n, h, known = _residuals(*find_averages(force, data), data)
+    n, h, known = _residuals(*_average(force, data.A, data.omega, data), data)
     return n, h, np.zeros(n.shape) if known is None else known
 
 
 def find_averages(force: Force, data: Observations) -> tuple[FloatArray, FloatArray]:
-    """C and g = dC/d ln A at each row (C twice where amplitude is the input), (..., rows) each."""
+    """C and g at each row of a force with parameters (points,), each (points, rows).
+
+    Points are neighbours in memory: they are many and rows often few, so that loops along points are several times as
+    fast, here and in all that is computed from these arrays.
+    """
+    C, grown = _average(force, data.A[:, None], data.omega[:, None], data)
+    return C.T, grown.T
+
+
+def _average(force: Force, A: FloatArray, omega: FloatArray, data: Observations) -> tuple[FloatArray, FloatArray]:
+    """C and g = dC/d ln A (C twice where amplitude is the input)."""
     with np.errstate(all="ignore"):
         if data.amplitude_is_input:
-            C = grown = force.quadrature(data.A, data.omega)
+            C = grown = force.quadrature(A, omega)
         else:
-            C, grown = force.grow(data.A, data.omega)
+            C, grown = force.grow(A, omega)
         return np.asarray(C), np.asarray(grown)
 
 
@@ -79,21 +89,21 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
         return sum_rows(*find_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
     sums = by_blocks(weigh, len(x), len(data.A))
-    return weigh_levels(sums, x, coordinates.stray(x, coordinates.join(parts)), coordinates, data)
+    return weigh_levels(sums, x, coordinates.stray(x, parts), coordinates, data)
 
 
 def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
-    """``work`` for ``number`` points, (points, ...), in blocks so that its arrays (points, rows) stay small."""
+    """``work`` for ``number`` points, (..., points), in blocks so that its arrays (points, rows) stay small."""
     step = max(1, BLOCK // rows)
     if number <= step:
         return work(slice(None))
-    return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)])
+    return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)], axis=-1)
 
 
 def sum_rows(
     C: FloatArray, grown: FloatArray, row: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """Sufficient sums of rows with averages ``C`` and ``grown`` and scatters ``row`` (points,), (points, 1 + sums).
+    """Sufficient sums of rows with averages ``C`` and ``grown`` and scatters ``row`` (points,), (1 + sums, points).
 
     The log density of independent rows at n = 0; then sums over each sweep of n^2/variance and, where levels have
     errors as a whole, of h^2/variance and h n/variance.
@@ -103,29 +113,29 @@ def sum_rows(
     if known is not None:
         variance = variance + known
     with np.errstate(all="ignore"):
-        value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * variance), axis=1)
+        value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * np.ascontiguousarray(variance)), axis=1)
         sums = [_sum_over(n * n, variance, data)]
         if coordinates.with_level_scatter or coordinates.with_doubt:
             sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
-    return np.column_stack([value, *sums])
+    return np.vstack([value, *(of.T for of in sums)])
 
 
 def weigh_levels(
     sums: FloatArray, x: FloatArray, doubt: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
     """Log likelihood (points,) from :func:`sum_rows`; ``doubt``: standard deviation of the straying slope (points,)."""
-    value = sums[:, 0]
+    value = sums[0]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
 
             def weigh(points: slice) -> FloatArray:
                 covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                discrepancy, log_determinant = _of_levels(sums[points], covariance)
+                discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
             value = value + by_blocks(weigh, len(x), len(data.sweeps) ** 2)
         else:
-            value = value - 0.5 * np.sum(sums[:, 1:], axis=1)
+            value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
 
 
@@ -137,10 +147,10 @@ def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observati
     row, level = coordinates.scatter(x)
 
     def weigh(points: slice) -> FloatArray:
-        averages = find_averages(coordinates.force(x[points]), data)
+        averages = find_averages(coordinates.join(coordinates.find_parts(x[points])), data)
         sums = sum_rows(*averages, row[points], coordinates, data)
         if not (coordinates.with_level_scatter or coordinates.with_doubt):
-            return np.asarray(np.sum(sums[:, 1:], axis=1))
+            return np.asarray(np.sum(sums[1:], axis=0))
         return _of_levels(sums, scatter_covariance(row[points], level[points], data))[0]
 
     return by_blocks(weigh, len(x), max(len(data.A), len(data.sweeps) ** 2))
@@ -178,11 +188,11 @@ def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -
     Levels of one decay also drift together, by as much as each scatters: they are neighbours in one envelope and share
     trends of its baseline, of temperature or of a neighbouring mode.
     """
-    covariance = level[:, None, None] ** 2 * np.eye(len(data.sweeps))
-    if not data.amplitude_is_input:
-        return covariance
-    distance = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
-    return np.asarray(covariance + row[:, None, None] ** 2 * np.exp(-distance / DRIFT_LENGTH))
+    covariance = np.eye(len(data.sweeps))[..., None] * level**2  # points last in memory: see `find_averages`
+    if data.amplitude_is_input:
+        distance = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
+        covariance += row**2 * np.exp(-distance / DRIFT_LENGTH)[..., None]
+    return np.moveaxis(covariance, -1, 0)
 
 
 def level_exponents(force: Force, data: Observations) -> FloatArray:
@@ -198,19 +208,19 @@ def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Fl
     ``sums``: as of :func:`sum_rows`; S^2 holds those of h^2 over variance. Where they are not finite the results are
     NaN.
     """
-    nn, hh, hn = np.split(sums[:, 1:], 3, axis=1)
-    root = np.sqrt(hh).T
+    nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
+    root = np.sqrt(hh)
     s, points = root.shape
     # Cholesky factor of B by columns, for all points at once; the row below it solves for S^-1 hn
     factor = np.empty((s + 1, s, points))
     np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=factor[:s])
-    factor[range(s), range(s)] += 1.0
-    factor[s] = np.divide(hn.T, root, out=np.zeros(root.shape), where=root > 0.0)
-    within = np.maximum(nn.T - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
+    pivots = np.einsum("jjp->jp", factor[:s])  # a view
+    pivots += 1.0
+    factor[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
+    within = np.maximum(nn - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
     for j in range(s):
         factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
         factor[j:, j] /= np.sqrt(factor[j, j])
-    pivots = factor[range(s), range(s)]
     return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
 
 
@@ -219,7 +229,8 @@ def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     if data.row_of_sweep is not None:
         return values[:, data.row_of_sweep]
     if len(data.sweeps) <= _FEW:
-        return np.asarray(values @ np.eye(len(data.sweeps))[data.sweep])
+        # with the rows of a point together, so that the order of summation does not depend on that of the memory
+        return np.asarray(np.ascontiguousarray(values) @ np.eye(len(data.sweeps))[data.sweep])
     order = np.argsort(data.sweep, kind="stable")
     first = np.searchsorted(data.sweep[order], np.arange(len(data.sweeps)))
     return np.asarray(np.add.reduceat(values[:, order], first, axis=1))

@@ -61,12 +61,12 @@ class Observations(SweepRows):
         """Level of each sweep, from 0, shape (sweeps,): by amplitude where that is the input, else by force."""
         return number_levels(self.tested_amplitude if self.amplitude_is_input else self.tested_force)
 
-    @property
+    @cached_property
     def rows_per_sweep(self) -> IntArray:
         """Number of rows of each sweep, shape (sweeps,)."""
         return np.bincount(self.sweep, minlength=len(self.sweeps)).astype(np.int64)
 
-    @property
+    @cached_property
     def has_repeats(self) -> bool:
         """Whether any sweep has several rows, so that row noise and level scatter can be told apart."""
         return bool(np.any(self.rows_per_sweep > 1))
@@ -100,7 +100,7 @@ class Observations(SweepRows):
         """Variance of D by the stated uncertainties of phase and force, (rows,)."""
         return np.asarray(self.R**2 * self.sd_phase**2 + self.D**2 * self.sd_force**2)
 
-    @property
+    @cached_property
     def content(self) -> tuple[object, ...]:
         """All fields as a cache key, equal for observations that are equal bit by bit."""
         held = (getattr(self, field.name) for field in fields(self))
@@ -111,7 +111,12 @@ class Observations(SweepRows):
         """Index of the sweep with the largest tested force."""
         return int(np.argmax(self.tested_force))
 
-    def scaled(self, bits: int = DRAWN_BITS) -> Observations:
+    @cached_property
+    def sampled(self) -> Observations:
+        """Dimensionless observations as they are sampled, the same object for every law."""
+        return self.scaled(DRAWN_BITS)
+
+    def scaled(self, bits: int) -> Observations:
         """Dimensionless observations: over the ``reference``, rounded to ``bits`` binary digits."""
         amplitude, omega, force = self.reference
         return replace(

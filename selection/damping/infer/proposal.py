@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gammaln, ndtri
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import FloatArray
 
 #: Heavier tails than those of a nearly normal posterior, so that importance weights stay bounded.
 DEGREES_OF_FREEDOM = 5.0
@@ -117,16 +117,19 @@ class Proposal:
             np.concatenate([np.linalg.cholesky(covariances), np.eye(d)[None, :, :]]),
         )
 
-    def transform(self, z: FloatArray, chi_square: FloatArray, part: IntArray) -> FloatArray:
-        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and the part of each draw (n,)."""
+    def transform(self, z: FloatArray, chi_square: FloatArray, u: FloatArray) -> FloatArray:
+        """Draws (n, d) from standard normals ``z`` (n, d), chi-squares (n,) and uniform variables (n,), which select
+        components."""
+        part = np.searchsorted(np.cumsum(self.shares)[:-1], u)
         t = z / np.sqrt(chi_square / DEGREES_OF_FREEDOM)[:, None]
         return np.asarray(self.means[part] + np.einsum("nij,nj->ni", self.roots[part], t), dtype=np.float64)
 
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (k, d, d) and offsets (k, d, 1) that whiten x (d, n) for each component."""
-        inverse = np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
-        return inverse, -inverse @ self.means[..., None]
+        """Matrix (d k, d) and offsets (d k, 1) that whiten x (d, n) for each component, axis by axis."""
+        d, inverse = self.means.shape[1], np.asarray(np.linalg.inv(self.roots), dtype=np.float64)
+        offsets = -inverse @ self.means[..., None]
+        return inverse.swapaxes(0, 1).reshape(-1, d), offsets.swapaxes(0, 1).reshape(-1, 1)
 
     @cached_property
     def _heights(self) -> FloatArray:
@@ -142,7 +145,7 @@ class Proposal:
         white = whitening @ x.T
         white += origin
         white *= white
-        return np.asarray(1.0 + white.sum(axis=1) / DEGREES_OF_FREEDOM)
+        return np.asarray(1.0 + white.reshape(x.shape[1], len(self.shares), len(x)).sum(axis=0) / DEGREES_OF_FREEDOM)
 
     def density(self, x: FloatArray) -> FloatArray:
         """Density at x (n, d), positive since the wide component has heavy tails."""
@@ -156,21 +159,20 @@ class Proposal:
 
     def draw(self, number: int, seed: int) -> FloatArray:
         """Draws (number, d) from space-filling points."""
-        rng = np.random.default_rng(seed)
-        u = fill_cube(self.means.shape[1] + 1, number, rng)
-        chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(ndtri(u[:, 1:]), chi_square, self._part(u[:, 0]))
+        return self.transform(*fill_space(self.means.shape[1], number, seed))
 
     def draw_random(self, number: int, rng: np.random.RandomState) -> FloatArray:
         """Independent draws (number, d)."""
         z = rng.standard_normal((number, self.means.shape[1]))
         chi_square = np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number))
-        return self.transform(z, chi_square, self._part(np.asarray(rng.random_sample(number))))
+        return self.transform(z, chi_square, np.asarray(rng.random_sample(number)))
 
-    def _part(self, u: FloatArray) -> IntArray:
-        """The component that each uniform variable (n,) selects."""
-        edges = np.cumsum(self.shares)[:-1]
-        return np.searchsorted(edges, u).astype(np.int64)
+
+def fill_space(d: int, number: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Space-filling arguments of `Proposal.transform`: (number, d), (number,), (number,)."""
+    rng = np.random.default_rng(seed)
+    u = fill_cube(d + 1, number, rng)
+    return ndtri(u[:, 1:]), np.asarray(rng.chisquare(DEGREES_OF_FREEDOM, number)), u[:, 0]
 
 
 def _covary(draws: FloatArray) -> FloatArray:

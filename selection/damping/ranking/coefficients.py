@@ -34,11 +34,11 @@ class Coefficient:
 
 def tabulate_coefficients(coordinates: Coordinates, x: FloatArray) -> tuple[Coefficient, ...]:
     """Posterior median, standard deviation and interval of every parameter except doubt and scatters, of draws x."""
-    tail, values = 50.0 * (1.0 - INTERVAL), coordinates.parameters(x)
-    drawn = np.array([of for name, of in values.items() if name not in ("doubt", "scatter", "level_scatter")])
+    tail, values = 50.0 * (1.0 - INTERVAL), coordinates.force_parameters(x)
+    drawn = np.array([*values.values()])
     quantiles = np.percentile(drawn, [tail, 50.0, 100.0 - tail], axis=1)
     rows = []
-    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), drawn.std(axis=1).tolist(), strict=False):
+    for name, (low, value, high), error in zip(values, quantiles.T.tolist(), drawn.std(axis=1).tolist(), strict=True):
         force, _, shape = name.partition(" ")
         rows.append(Coefficient(force, shape, value, error, value / error if error > 0.0 else np.nan, low, high))
     # coefficients first, then shapes

@@ -152,7 +152,7 @@ def _find_quantiles(log_density: FloatArray) -> tuple[float, float, float]:
 def _hold_shape(law: Law, name: str, data: Observations) -> Callable[[float], float]:
     """ln evidence of a record as a function of the prior quantile at which the shape is fixed."""
     coordinates = Coordinates.of(law, data)
-    posterior = Balanced(coordinates.scaled(data.reference), data.scaled())
+    posterior = Balanced.of(coordinates, data)
     place = coordinates.names.index(name)
     starts = [
         np.delete(points, place, axis=1) for points in list_starts(posterior, start_at(fit_law(law, data), coordinates))
