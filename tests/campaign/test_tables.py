@@ -206,6 +206,54 @@ def test_headers_of_instruments_are_read(tmp_path, frequency, force, amplitude, 
         np.testing.assert_allclose(samples / run.drive, x / level, rtol=1e-9)
 
 
+def write_numbers(path, decimal: str, between: str, units: bool) -> None:
+    """Numbers under 2 kN as text, in a workbook or between semicolons; ``units``: in a row of their own."""
+
+    def say(value: float) -> str:
+        return f"{value:,.4f}".translate({ord(","): between, ord("."): decimal})
+
+    content = table(2.0)
+    content.iloc[:, 1:] *= [1000.0, *[1000.0, 1.0] * len(NAMES)]
+    names, of = zip(*(name.rstrip("]").split(" [") for name in content), strict=True)
+    content = content.map(say).set_axis(names if units else list(content), axis=1)
+    content = pd.concat([pd.DataFrame([of], columns=names), content]) if units else content
+    if path.suffix == ".xlsx":
+        content.to_excel(path, index=False)
+    else:
+        content.rename(columns=lambda name: name.replace(" ", "\u00a0")).to_csv(path, index=False, sep=";")
+
+
+@pytest.mark.parametrize("units", [False, True])
+@pytest.mark.parametrize("kind", ["a.xlsx", "a.csv"])
+@pytest.mark.parametrize(
+    ("decimal", "between"), [(",", ""), (",", "."), (",", "\u00a0"), (",", "\u202f"), (".", ","), (".", "'")]
+)
+def test_numbers_of_spreadsheets_are_read(tmp_path, kind, decimal, between, units):
+    write_numbers(tmp_path / kind, decimal, between, units)
+    (run,), _ = read_runs([tmp_path / kind], SIZE)
+    assert (run.level, run.names) == (2000.0, [*NAMES])
+    for channel, x in zip(run.channels, TRUTH[2.0], strict=True):
+        # half of the last digit of four, of an amplitude and of an angle in degrees
+        np.testing.assert_allclose(channel.samples, 1000.0 * x, rtol=1e-6, atol=6e-5)
+
+
+@pytest.mark.parametrize("kind", ["a.xlsx", "a.csv"])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.assign(**{"tip [mm]": "12.5", "mid [mm]": "12,5"}), "'12,5' is not a number"),
+        (lambda t: t.assign(**{"tip [mm]": "1,234", "mid [mm]": "12.5"}), "'1,234' is not .* between thousands"),
+        (lambda t: t.assign(**{"tip [mm]": "12,5", "mid [mm]": "1.234"}), "'12,5' is not a number"),
+    ],
+)
+def test_marks_that_may_be_either_are_refused(tmp_path, kind, change, message):
+    content = change(table(2.0))
+    path = tmp_path / kind
+    content.to_excel(path, index=False) if kind == "a.xlsx" else content.to_csv(path, index=False, sep=";")
+    with pytest.raises(InputError, match=message):
+        read_runs([path], SIZE)
+
+
 @pytest.mark.parametrize("order", ["levels at each frequency", "levels up and down", "merged cells"])
 def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
     tables = [table(level) for level in LEVELS]

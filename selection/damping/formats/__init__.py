@@ -55,9 +55,8 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
         if kind == "wav":
             return list_channels(read_wav(data, stated), stated, summary), summary
         if kind == "xlsx":
-            data, kind = read_workbook(data, max_size, stated.datasets), "csv"
-            point = "point" if stated.decimal == "auto" else stated.decimal
-            stated = replace(stated, delimiter="tab", decimal=point)
+            data, kind = read_workbook(data, max_size, stated.datasets, stated.decimal), "csv"
+            stated = replace(stated, delimiter="tab", decimal="point")
         return _list_table_series(data, path, kind, stated, summary), summary
 
 

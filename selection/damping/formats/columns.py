@@ -25,8 +25,7 @@ _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _COMMENTS = ("#", "%")
-_BREAK = re.compile(r"\s*[\r\n]+\s*")
-_WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_BREAK = re.compile(r"\s*[\r\n]+\s*|[\u00a0\u2009\u202f]")
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
     if delimiter == "comma":
         return "point"
     cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
-    commas = any(_WITH_COMMA.fullmatch(cell) for cell in cells)
+    commas = any("," in cell and NUMBER["comma"].fullmatch(cell) for cell in cells)
     points = any("." in cell and NUMBER["point"].fullmatch(cell) for cell in cells)
     return "comma" if commas and not points else "point"
 

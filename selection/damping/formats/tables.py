@@ -54,7 +54,7 @@ def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> 
     data = read_bytes(path, max_size)
     texts = {path.stem: data}
     if kind == "xlsx":
-        sheets = list_sheets(data, max_size)
+        sheets = list_sheets(data, max_size, stated.decimal)
         texts = (
             {title: text for (_, title), text in sheets.items()}
             if len(sheets) > 1
