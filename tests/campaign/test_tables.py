@@ -223,6 +223,56 @@ def write_numbers(path, decimal: str, between: str, units: bool) -> None:
         content.rename(columns=lambda name: name.replace(" ", "\u00a0")).to_csv(path, index=False, sep=";")
 
 
+def import_tip(content: pd.DataFrame, path) -> tuple[pd.DataFrame, Summary]:
+    """The record of the first sensor of a table, as `damping import` makes it."""
+    names = {"tip [mm]": "Displacement [mm]", "tip phase [deg]": "Phase [deg]"}
+    content[[name for name in content if not name.startswith(NAMES[1:])]].rename(columns=names).to_csv(
+        path, index=False
+    )
+    series, summary = read_file(path, Stated())
+    return steady_record(series, Stated(), path, summary).frame, summary
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(
+    ("header", "value", "rate"),
+    [
+        ("sweep_rate", 0.05, np.full(len(F), 0.05)),
+        ("rate (Hz/s)", 0.05, np.full(len(F), 0.05)),
+        ("Sweep rate, Hz/min", 3.0, np.full(len(F), 0.05)),
+        ("oct/min", 4.0, 4.0 * np.log(2.0) / 60.0 * F),
+        ("sweep_rate", 0.0, np.zeros(len(F))),
+        ("sweep_rate", np.where(F < 15.0, 0.05, np.nan), np.where(F < 15.0, 0.05, np.nan)),
+    ],
+)
+def test_a_column_of_sweep_rates_is_read(tmp_path, header, value, rate, way):
+    """df/dt of n octaves a minute is n ln 2/60 f; where the frequency falls, speeds are rates below 0."""
+    content = table(2.0).assign(**{header: value})[::way]
+    content.to_csv(tmp_path / "a.csv", index=False)
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
+    np.testing.assert_allclose(run.rate, way * rate, rtol=1e-12)
+    assert run.names == [*NAMES]
+    record, _ = import_tip(content, tmp_path / "b.csv")
+    np.testing.assert_allclose(record["sweep_rate"], way * rate[::way], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(0.05, False), (3.0, True)])
+def test_a_rate_of_another_unit_is_told_by_the_times(tmp_path, rate, told):
+    content = table(2.0).assign(**{"time [s]": (F - F[0]) / 0.05, "sweep_rate": rate})
+    notes = import_tip(content, tmp_path / "a.csv")[1].notes
+    assert any("the sweep rate is 3 Hz/s, by its frequencies and times 0.05 Hz/s" in note for note in notes) is told
+
+
+@pytest.mark.parametrize(("header", "known"), [("rate", False), ("rate [Hz]", False), ("sweep_rate [mm]", True)])
+def test_what_is_no_sweep_rate_is_not_taken_for_one(tmp_path, header, known):
+    table(2.0).assign(**{header: 1.0}).to_csv(tmp_path / "a.csv", index=False)
+    if known:
+        with pytest.raises(InputError, match=r"sweep_rate in mm; expected --unit sweep_rate=UNIT of Hz/s"):
+            read_runs([tmp_path / "a.csv"], SIZE)
+    else:
+        assert read_runs([tmp_path / "a.csv"], SIZE)[0][0].rate is None
+
+
 @pytest.mark.parametrize("units", [False, True])
 @pytest.mark.parametrize("kind", ["a.xlsx", "a.csv"])
 @pytest.mark.parametrize(

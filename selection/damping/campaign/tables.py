@@ -174,11 +174,15 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
 
 @dataclass(frozen=True)
 class _SweepRows:
-    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name."""
+    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name.
+
+    ``rate`` (n,): sweep rate, Hz/s, if known.
+    """
 
     label: str
     x: FloatArray
     values: Mapping[str, Samples]
+    rate: FloatArray | None = None
 
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
@@ -192,7 +196,8 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     if lost := int(np.count_nonzero(~measured)):
         content.source.summary.note(f"{count(lost, 'row')} of {of.label!r} left out: without all numbers")
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
-    return _SweepRows(of.label, of.abscissa[order], {name: column[order] for name, column in values.items()})
+    rate, moved = of.extra.get("sweep_rate"), {name: column[order] for name, column in values.items()}
+    return _SweepRows(of.label, of.abscissa[order], moved, None if rate is None else rate[order])
 
 
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
@@ -254,5 +259,5 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
         channels.append(
             source.make_channel(name, text, sweep.values[name] * factor, quantity, per_drive=ratio is not None)
         )
-    run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)))
+    run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)), sweep.rate)
     return source.leave_flat(source.set_level(run, sweep.label))

@@ -128,7 +128,7 @@ def check(stated: Stated) -> None:
         ("--delimiter", stated.delimiter, ("auto", *DELIMITERS)),
         ("--decimal", stated.decimal, ("auto", *DECIMALS)),
         *(("--column", role, ROLES) for role in stated.columns),
-        *(("--unit", what, ("force", "response", "energy", "mass", *ABSCISSAS)) for what in stated.units),
+        *(("--unit", what, ("force", "response", "energy", "mass", "sweep_rate", *ABSCISSAS)) for what in stated.units),
         *(("--scale", what, ("force", "response")) for what in stated.scale),
     ]
     for option, value, known in given:
