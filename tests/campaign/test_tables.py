@@ -12,11 +12,12 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import ChannelCorrection, Corrections, find_level
+from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.headers import parse_header
+from damping.formats.levels import find_level
 from damping.formats.sensors import group_columns
 from damping.formats.series import Stated, Summary
 from damping.formats.steady import steady_record
@@ -271,6 +272,102 @@ def test_what_is_no_sweep_rate_is_not_taken_for_one(tmp_path, header, known):
             read_runs([tmp_path / "a.csv"], SIZE)
     else:
         assert read_runs([tmp_path / "a.csv"], SIZE)[0][0].rate is None
+
+
+def levels_beside(amplitude: str, phase: str, names=NAMES[:1]) -> pd.DataFrame:
+    """A column of frequency, then those of each level; their names hold ``{level}`` and the ``{name}`` of a sensor."""
+    columns = {"Frequency [Hz]": F}
+    for level in LEVELS:
+        for name, x in zip(names, TRUTH[level], strict=False):
+            of = {"level": f"{level:g} N", "name": name}
+            per = level if "mm/N" in amplitude else 1.0
+            columns |= {amplitude.format(**of): np.abs(x) / per, phase.format(**of): np.degrees(np.angle(x))}
+    return pd.DataFrame(columns)
+
+
+@pytest.mark.parametrize("order", ["rising", "falling", "amplitudes first"])
+@pytest.mark.parametrize(
+    ("amplitude", "phase", "names"),
+    [
+        ("{level} amp [mm]", "{level} phase [deg]", ["amplitude"]),
+        ("Amplitude @ {level} (mm)", "Phase @ {level} (°)", ["amplitude"]),
+        ("{level} [mm]", "{level} [deg]", ["amplitude"]),
+        ("FRF mag {level} [mm/N]", "FRF phase {level} [deg]", ["FRF"]),
+        ("F={level} Displacement [mm]", "F={level} Phase [deg]", ["Displacement"]),
+        ("{name}_{level} [mm]", "{name}_{level}_phase [deg]", [*NAMES]),
+    ],
+)
+def test_levels_side_by_side_are_runs(tmp_path, amplitude, phase, names, order):
+    content = levels_beside(amplitude, phase, NAMES if "{name}" in amplitude else NAMES[:1])
+    columns = list(content)[1:]
+    falling = [columns[k + way] for k in range(len(columns) - 2, -1, -2) for way in (0, 1)]
+    columns = {"falling": falling, "amplitudes first": columns[::2] + columns[1::2]}.get(order, columns)
+    content[["Frequency [Hz]", *columns]].to_excel(tmp_path / "a.xlsx", index=False)
+    runs, summary = read_runs([tmp_path / "a.xlsx"], SIZE)
+    assert [run.level for run in runs] == list(LEVELS)
+    assert any("caution: '4 N' has no drive" in note for note in summary.notes) is ("mm/N" not in amplitude)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert sorted(run.names) == sorted(names)
+        for channel in run.channels:
+            x = TRUTH[level][NAMES.index(channel.name) if channel.name in NAMES else 0]
+            samples = channel.samples * (run.drive if channel.per_drive else 1.0)
+            np.testing.assert_allclose(samples, x, rtol=1e-9)
+    if len(names) == 1:
+        ratio = {"amplitude": "FRF mag", "angle": "FRF phase"} if "mm/N" in amplitude else {}
+        stated = Stated(response="receptance" if ratio else "displacement", columns=ratio)
+        series, _ = read_file(tmp_path / "a.xlsx", stated)
+        record = steady_record(series, stated, "a", Summary()).frame
+        assert set(record["force"]) == set(LEVELS)
+        for level, rows in record.groupby("force"):
+            truth = 1e-3 * TRUTH[level][0]
+            np.testing.assert_allclose(rows["amplitude"] * np.exp(-1j * rows["phase"]), truth, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda name: name.replace("2 N", "1 N"), "2 sensors are '1 N'"),
+        (lambda name: name.replace("4 N phase [deg]", "remark"), "'4 N' has no phase"),
+        (lambda name: name.replace("4 N amp [mm]", "4 N amp [um]"), "no drive"),
+        (lambda name: name.replace("4 N amp [mm]", "4 N amp [g]"), "no drive"),
+        (lambda name: name.replace("4 N", "4 g"), "forces and motions as levels in the names of columns"),
+        (lambda name: name.replace("N amp", "N rms amp"), "is the level rms, or the response"),
+        (lambda name: name.replace("[mm]", "[dB]"), "in decibels"),
+        (lambda name: name.replace("1 N", "0 N"), "functions without a level"),
+        (lambda name: name.replace("extra", "Force [N]"), r"'Force \[N\]' beside levels in the names of columns"),
+        (lambda name: name.replace("extra", "control"), "'control' beside levels in the names of columns"),
+    ],
+)
+def test_levels_side_by_side_that_are_not_alike_are_refused(tmp_path, change, message):
+    content = levels_beside("{level} amp [mm]", "{level} phase [deg]").assign(extra=1.0).rename(columns=change)
+    content = content.drop(columns="extra", errors="ignore")
+    content.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match=message):
+        read_runs([tmp_path / "a.csv"], SIZE)
+    with pytest.raises(InputError):
+        steady_record(read_file(tmp_path / "a.csv", Stated())[0], Stated(), "a", Summary())
+
+
+def test_sensors_called_by_their_range_are_no_levels(tmp_path):
+    """Beside a force, 5 g and 50 g are no levels of it."""
+    content = table(2.0).rename(columns=lambda name: name.replace("tip", "acc 5 g").replace("mid", "acc 50 g"))
+    content.to_csv(tmp_path / "a.csv", index=False)
+    require = read_runs([tmp_path / "a.csv"], SIZE)[0]
+    assert [(run.level, run.names) for run in require] == [(2.0, ["acc 5 g", "acc 50 g", "root"])]
+
+
+@pytest.mark.parametrize(("system", "length"), [("si", 1.0), ("us", 0.0254)])
+def test_a_base_acceleration_of_columns_is_one_in_the_record(tmp_path, system, length):
+    """1 g is 9.80665 m/s^2, 386.089 in/s^2; a motion of n mm is n/25.4 in."""
+    content = levels_beside("{level} amp [mm]", "{level} phase [deg]").rename(
+        columns=lambda name: name.replace(" N", " g")
+    )
+    content.to_csv(tmp_path / "a.csv", index=False)
+    stated = Stated(response="displacement", system=system)
+    record = steady_record(read_file(tmp_path / "a.csv", stated)[0], stated, "a", Summary()).frame
+    for level, rows in record.groupby("sweep"):
+        np.testing.assert_allclose(rows["force"], float(level.split()[0]) * 9.80665 / length, rtol=1e-12)
+        np.testing.assert_allclose(rows["amplitude"], 1e-3 / length * np.abs(TRUTH[float(level[0])][0]), rtol=1e-9)
 
 
 @pytest.mark.parametrize("units", [False, True])

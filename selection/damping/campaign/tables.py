@@ -7,11 +7,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.runs import (
-    DRIVE,
-    NUMBERED,
     CampaignRun,
     describe_quantity,
-    find_level,
     find_level_of_ratio,
     is_motion,
     refuse_forces,
@@ -20,6 +17,7 @@ from damping.campaign.runs import (
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
+from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary

@@ -28,7 +28,7 @@ _SCALINGS = (
 )
 #: g rms, Accel [g] (rms)
 _SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
-_SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
+SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
@@ -119,7 +119,7 @@ def parse_header(text: str) -> ColumnHeader:
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    scaling = inner or last or first or _name_scaling(_SCALING_WITHIN.search(title))
+    scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title))
     title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
 
