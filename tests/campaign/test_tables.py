@@ -31,22 +31,22 @@ F = np.unique(np.round([*np.linspace(9.0, 25.0, 60), *np.linspace(11.4, 12.6, 41
 SI = {"units": {"response": "mm", "force": "N"}}
 
 
-def modal_ratio(k: int, force: float) -> np.ndarray:
+def modal_ratio(k: int, force: float, f: np.ndarray = F) -> np.ndarray:
     """Damping ratio (n,) of a mode of mass 1 m under a force: z (1 + g A), A the amplitude of its steady state."""
     f_n, ratio, growth = MODES[k]
-    w, w_n, A = 2 * np.pi * F, 2 * np.pi * f_n, np.zeros(len(F))
+    w, w_n, A = 2 * np.pi * f, 2 * np.pi * f_n, np.zeros(len(f))
     for _ in range(300):
         loss = 2 * ratio * (1 + growth * A) * w_n * w
         A = 0.5 * (A + force * SHAPES[0, k] / np.hypot(w_n**2 - w**2, loss))
     return ratio * (1 + growth * A)
 
 
-def move(force: float) -> np.ndarray:
+def move(force: float, f: np.ndarray = F) -> np.ndarray:
     """Displacements (sensors, n), mm, with the phase as lead."""
-    w, q = 2 * np.pi * F, []
+    w, q = 2 * np.pi * f, []
     for k, (f_n, *_) in enumerate(MODES):
         w_n = 2 * np.pi * f_n
-        q.append(force * SHAPES[0, k] / (w_n**2 - w**2 + 2j * modal_ratio(k, force) * w_n * w))
+        q.append(force * SHAPES[0, k] / (w_n**2 - w**2 + 2j * modal_ratio(k, force, f) * w_n * w))
     return 1e3 * SHAPES @ np.array(q)
 
 
@@ -57,6 +57,14 @@ def table(level: float, phase: str = "{} phase [deg]", sign: float = 1.0) -> pd.
     columns = {"Frequency [Hz]": F, "Force [N]": np.full(len(F), level)}
     for name, x in zip(NAMES, TRUTH[level], strict=True):
         columns |= {f"{name} [mm]": np.abs(x), phase.format(name): sign * np.degrees(np.angle(x))}
+    return pd.DataFrame(columns)
+
+
+def rows_at(f: np.ndarray, level: float, moved: float = 1.0, gain: float = 1.0) -> pd.DataFrame:
+    """Rows at other frequencies, of resonances ``moved`` by a factor."""
+    columns = {"Frequency [Hz]": f, "Force [N]": np.full(len(f), level)}
+    for name, x in zip(NAMES, gain * move(level, f / moved), strict=True):
+        columns |= {f"{name} [mm]": np.abs(x), f"{name} phase [deg]": np.degrees(np.angle(x))}
     return pd.DataFrame(columns)
 
 
@@ -419,6 +427,59 @@ def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
     np.testing.assert_allclose([run.level for run in runs], LEVELS, rtol=1e-3)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[1].samples, TRUTH[level][1], rtol=1e-9)
+
+
+#: A tenth of a hertz apart, a half-power half-width of the lower mode; and a fifth of that about both resonances.
+COARSE = np.linspace(9.0, 25.0, 161)
+CLOSE = np.r_[np.linspace(11.613, 12.437, 41), np.linspace(18.613, 19.437, 41)]
+
+
+@pytest.mark.parametrize("order", ["levels, then refined", "each refined", "levels two per cent apart"])
+def test_rows_that_refine_a_sweep_join_it(tmp_path, order):
+    levels = (1.0, 1.02) if "apart" in order else (1.0, 2.0)
+    pairs = [(f, level) for level in levels for f in (COARSE, CLOSE)]
+    pairs = pairs if order == "each refined" else sorted(pairs, key=lambda pair: len(pair[0]), reverse=True)
+    content = pd.concat([rows_at(f, level) for f, level in pairs])
+    content.to_csv(tmp_path / "a.csv", index=False)
+    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    assert [run.level for run in runs] == list(levels)
+    assert sum(" and join it" in note for note in summary.notes) == 2
+    f = np.sort([*COARSE, *CLOSE])
+    for run, level in zip(runs, levels, strict=True):
+        np.testing.assert_allclose(run.x, f, rtol=1e-12)
+        for channel, x in zip(run.channels, move(level, f), strict=True):
+            np.testing.assert_allclose(channel.samples, x, rtol=1e-9)
+    record, _ = import_tip(content, tmp_path / "b.csv")
+    for level, (_, rows) in zip(levels, record.groupby("sweep", sort=False), strict=True):
+        np.testing.assert_allclose(rows["amplitude"], 1e-3 * np.abs(move(level, f)[0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        rows_at(CLOSE, 2.0, moved=1.0015),  # by a fifth of a half-width
+        rows_at(CLOSE, 2.0, gain=1.1),
+        rows_at(CLOSE, 4.0),
+        rows_at(np.linspace(9.01, 24.9, 600), 2.0),  # a whole sweep
+        rows_at(COARSE[10:-10] + 0.013, 2.0),  # no closer
+        rows_at(COARSE[26:35], 2.0),  # the same rows again
+    ],
+    ids=["moved", "gain", "level", "whole", "no closer", "copied"],
+)
+def test_rows_that_do_not_agree_stay_apart(tmp_path, second):
+    content = pd.concat([rows_at(COARSE, 2.0), second])
+    content.to_csv(tmp_path / "a.csv", index=False)
+    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    assert sorted(len(run.x) for run in runs) == sorted([len(COARSE), len(second)])
+    assert any("2 sweeps one below the other" in note for note in summary.notes)
+    assert import_tip(content, tmp_path / "b.csv")[0].groupby("sweep").ngroups == 2
+
+
+def test_rows_of_before_a_sweep_do_not_refine_it(tmp_path):
+    content = pd.concat([rows_at(COARSE, 2.0), rows_at(CLOSE, 2.0)])
+    for start, sweeps in ((1000.0, 1), (-1000.0, 2)):
+        timed = content.assign(**{"time [s]": [*range(len(COARSE)), *(start + np.arange(len(CLOSE)))]})
+        assert import_tip(timed, tmp_path / "b.csv")[0].groupby("sweep").ngroups == sweeps
 
 
 def test_a_sweep_up_and_down_is_two(tmp_path):

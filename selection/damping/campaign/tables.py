@@ -19,6 +19,7 @@ from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
+from damping.formats.refined import Motion, find_refined
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
@@ -167,6 +168,8 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
+    if all(s.is_part for s in first):
+        sweeps = _join_refined(content, sweeps)
     return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
 
 
@@ -182,6 +185,14 @@ class _SweepRows:
     values: Mapping[str, Samples]
     rate: FloatArray | None = None
 
+    def join(self, other: "_SweepRows") -> "_SweepRows":
+        """The rows of both."""
+        x = np.concatenate([self.x, other.x])
+        order = np.argsort(x, kind="stable")
+        values = {name: np.concatenate([column, other.values[name]])[order] for name, column in self.values.items()}
+        rate = None if self.rate is None or other.rate is None else np.concatenate([self.rate, other.rate])[order]
+        return _SweepRows(self.label, x[order], values, rate)
+
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
     """The rows of a sweep at which everything was measured, in the order of frequency."""
@@ -196,6 +207,21 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
     rate, moved = of.extra.get("sweep_rate"), {name: column[order] for name, column in values.items()}
     return _SweepRows(of.label, of.abscissa[order], moved, None if rate is None else rate[order])
+
+
+def _join_refined(content: _Content, sweeps: Sequence[_SweepRows]) -> list[_SweepRows]:
+    """The sweeps with rows that refine an earlier one in it."""
+    drives = [[sweep.values[reading.name] for reading in content.drives] or [np.ones(len(sweep.x))] for sweep in sweeps]
+    motions = [
+        Motion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
+        for s, of in zip(sweeps, drives, strict=True)
+    ]
+    joined: dict[int, _SweepRows] = {}
+    for k, first in enumerate(find_refined(motions) if content.drives else range(len(sweeps))):
+        joined[first] = joined[first].join(sweeps[k]) if first in joined else sweeps[k]
+        if first != k:
+            content.source.summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
+    return list(joined.values())
 
 
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:

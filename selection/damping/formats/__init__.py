@@ -23,6 +23,7 @@ from damping.formats.levels import LevelTable, split_levels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.parts import list_part_series
 from damping.formats.quantity import SYSTEMS
+from damping.formats.refined import join_refined
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
@@ -46,21 +47,27 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     check(stated)
     summary = Summary()
     with naming(path):
-        kind = find_format(path, stated, summary)
-        _heeded(stated, kind)
-        if kind in _ARRAYS:
-            return list_part_series(path, kind, stated, summary, max_size), summary
-        data = read_bytes(path, max_size)
-        if kind == "uff":
-            return read_uff(data, summary, stated.datasets, stated.labels), summary
-        if kind == "wav":
-            return list_channels(read_wav(data, stated), stated, summary), summary
-        if kind == "xlsx":
-            data, kind = read_workbook(data, max_size, stated.datasets, stated.decimal), "csv"
-            stated = replace(stated, delimiter="tab", decimal="point")
-        table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
-        tables: list[TextTable] = [*split_levels(table)] or [table]
-        return [series for one in tables for series in _list_table_series(one, path, kind, stated, summary)], summary
+        series = _list_series(path, stated, summary, max_size)
+    is_named = stated.labels or stated.forces  # one for each sweep
+    return series if is_named else join_refined(series, summary), summary
+
+
+def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+    kind = find_format(path, stated, summary)
+    _heeded(stated, kind)
+    if kind in _ARRAYS:
+        return list_part_series(path, kind, stated, summary, max_size)
+    data = read_bytes(path, max_size)
+    if kind == "uff":
+        return read_uff(data, summary, stated.datasets, stated.labels)
+    if kind == "wav":
+        return list_channels(read_wav(data, stated), stated, summary)
+    if kind == "xlsx":
+        data, kind = read_workbook(data, max_size, stated.datasets, stated.decimal), "csv"
+        stated = replace(stated, delimiter="tab", decimal="point")
+    table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
+    tables: list[TextTable] = [*split_levels(table)] or [table]
+    return [series for one in tables for series in _list_table_series(one, path, kind, stated, summary)]
 
 
 def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:

@@ -32,6 +32,7 @@ def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -
         elif cuts:
             summary.note(f"{len(cuts) + 1} sweeps one below the other are separated by frequency and force")
             labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
+            whole = replace(whole, is_part=True)
     if labels is None:
         return [whole]
     by_label: dict[str, list[int]] = {}
