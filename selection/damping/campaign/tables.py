@@ -19,7 +19,7 @@ from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
-from damping.formats.refined import Motion, find_refined
+from damping.formats.refined import SweepMotion, find_refined
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
@@ -213,7 +213,7 @@ def _join_refined(content: _Content, sweeps: Sequence[_SweepRows]) -> list[_Swee
     """The sweeps with rows that refine an earlier one in it."""
     drives = [[sweep.values[reading.name] for reading in content.drives] or [np.ones(len(sweep.x))] for sweep in sweeps]
     motions = [
-        Motion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
+        SweepMotion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
         for s, of in zip(sweeps, drives, strict=True)
     ]
     joined: dict[int, _SweepRows] = {}
