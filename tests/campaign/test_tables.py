@@ -12,11 +12,12 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign.records import fit_levels, tie_modes
-from damping.campaign.runs import ChannelCorrection, Corrections, find_level
+from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.headers import parse_header
+from damping.formats.levels import find_level
 from damping.formats.sensors import group_columns
 from damping.formats.series import Stated, Summary
 from damping.formats.steady import steady_record
@@ -30,22 +31,22 @@ F = np.unique(np.round([*np.linspace(9.0, 25.0, 60), *np.linspace(11.4, 12.6, 41
 SI = {"units": {"response": "mm", "force": "N"}}
 
 
-def modal_ratio(k: int, force: float) -> np.ndarray:
+def modal_ratio(k: int, force: float, f: np.ndarray = F) -> np.ndarray:
     """Damping ratio (n,) of a mode of mass 1 m under a force: z (1 + g A), A the amplitude of its steady state."""
     f_n, ratio, growth = MODES[k]
-    w, w_n, A = 2 * np.pi * F, 2 * np.pi * f_n, np.zeros(len(F))
+    w, w_n, A = 2 * np.pi * f, 2 * np.pi * f_n, np.zeros(len(f))
     for _ in range(300):
         loss = 2 * ratio * (1 + growth * A) * w_n * w
         A = 0.5 * (A + force * SHAPES[0, k] / np.hypot(w_n**2 - w**2, loss))
     return ratio * (1 + growth * A)
 
 
-def move(force: float) -> np.ndarray:
+def move(force: float, f: np.ndarray = F) -> np.ndarray:
     """Displacements (sensors, n), mm, with the phase as lead."""
-    w, q = 2 * np.pi * F, []
+    w, q = 2 * np.pi * f, []
     for k, (f_n, *_) in enumerate(MODES):
         w_n = 2 * np.pi * f_n
-        q.append(force * SHAPES[0, k] / (w_n**2 - w**2 + 2j * modal_ratio(k, force) * w_n * w))
+        q.append(force * SHAPES[0, k] / (w_n**2 - w**2 + 2j * modal_ratio(k, force, f) * w_n * w))
     return 1e3 * SHAPES @ np.array(q)
 
 
@@ -56,6 +57,14 @@ def table(level: float, phase: str = "{} phase [deg]", sign: float = 1.0) -> pd.
     columns = {"Frequency [Hz]": F, "Force [N]": np.full(len(F), level)}
     for name, x in zip(NAMES, TRUTH[level], strict=True):
         columns |= {f"{name} [mm]": np.abs(x), phase.format(name): sign * np.degrees(np.angle(x))}
+    return pd.DataFrame(columns)
+
+
+def rows_at(f: np.ndarray, level: float, moved: float = 1.0, gain: float = 1.0) -> pd.DataFrame:
+    """Rows at other frequencies, of resonances ``moved`` by a factor."""
+    columns = {"Frequency [Hz]": f, "Force [N]": np.full(len(f), level)}
+    for name, x in zip(NAMES, gain * move(level, f / moved), strict=True):
+        columns |= {f"{name} [mm]": np.abs(x), f"{name} phase [deg]": np.degrees(np.angle(x))}
     return pd.DataFrame(columns)
 
 
@@ -206,6 +215,200 @@ def test_headers_of_instruments_are_read(tmp_path, frequency, force, amplitude, 
         np.testing.assert_allclose(samples / run.drive, x / level, rtol=1e-9)
 
 
+def write_numbers(path, decimal: str, between: str, units: bool) -> None:
+    """Numbers under 2 kN as text, in a workbook or between semicolons; ``units``: in a row of their own."""
+
+    def say(value: float) -> str:
+        return f"{value:,.4f}".translate({ord(","): between, ord("."): decimal})
+
+    content = table(2.0)
+    content.iloc[:, 1:] *= [1000.0, *[1000.0, 1.0] * len(NAMES)]
+    names, of = zip(*(name.rstrip("]").split(" [") for name in content), strict=True)
+    content = content.map(say).set_axis(names if units else list(content), axis=1)
+    content = pd.concat([pd.DataFrame([of], columns=names), content]) if units else content
+    if path.suffix == ".xlsx":
+        content.to_excel(path, index=False)
+    else:
+        content.rename(columns=lambda name: name.replace(" ", "\u00a0")).to_csv(path, index=False, sep=";")
+
+
+def import_tip(content: pd.DataFrame, path) -> tuple[pd.DataFrame, Summary]:
+    """The record of the first sensor of a table, as `damping import` makes it."""
+    names = {"tip [mm]": "Displacement [mm]", "tip phase [deg]": "Phase [deg]"}
+    content[[name for name in content if not name.startswith(NAMES[1:])]].rename(columns=names).to_csv(
+        path, index=False
+    )
+    series, summary = read_file(path, Stated())
+    return steady_record(series, Stated(), path, summary).frame, summary
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(
+    ("header", "value", "rate"),
+    [
+        ("sweep_rate", 0.05, np.full(len(F), 0.05)),
+        ("rate (Hz/s)", 0.05, np.full(len(F), 0.05)),
+        ("Sweep rate, Hz/min", 3.0, np.full(len(F), 0.05)),
+        ("oct/min", 4.0, 4.0 * np.log(2.0) / 60.0 * F),
+        ("sweep_rate", 0.0, np.zeros(len(F))),
+        ("sweep_rate", np.where(F < 15.0, 0.05, np.nan), np.where(F < 15.0, 0.05, np.nan)),
+    ],
+)
+def test_a_column_of_sweep_rates_is_read(tmp_path, header, value, rate, way):
+    """df/dt of n octaves a minute is n ln 2/60 f; where the frequency falls, speeds are rates below 0."""
+    content = table(2.0).assign(**{header: value})[::way]
+    content.to_csv(tmp_path / "a.csv", index=False)
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
+    np.testing.assert_allclose(run.rate, way * rate, rtol=1e-12)
+    assert run.names == [*NAMES]
+    record, _ = import_tip(content, tmp_path / "b.csv")
+    np.testing.assert_allclose(record["sweep_rate"], way * rate[::way], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(0.05, False), (3.0, True)])
+def test_a_rate_of_another_unit_is_told_by_the_times(tmp_path, rate, told):
+    content = table(2.0).assign(**{"time [s]": (F - F[0]) / 0.05, "sweep_rate": rate})
+    notes = import_tip(content, tmp_path / "a.csv")[1].notes
+    assert any("the sweep rate is 3 Hz/s, by its frequencies and times 0.05 Hz/s" in note for note in notes) is told
+
+
+@pytest.mark.parametrize(("header", "known"), [("rate", False), ("rate [Hz]", False), ("sweep_rate [mm]", True)])
+def test_what_is_no_sweep_rate_is_not_taken_for_one(tmp_path, header, known):
+    table(2.0).assign(**{header: 1.0}).to_csv(tmp_path / "a.csv", index=False)
+    if known:
+        with pytest.raises(InputError, match=r"sweep_rate in mm; expected --unit sweep_rate=UNIT of Hz/s"):
+            read_runs([tmp_path / "a.csv"], SIZE)
+    else:
+        assert read_runs([tmp_path / "a.csv"], SIZE)[0][0].rate is None
+
+
+def levels_beside(amplitude: str, phase: str, names=NAMES[:1]) -> pd.DataFrame:
+    """A column of frequency, then those of each level; their names hold ``{level}`` and the ``{name}`` of a sensor."""
+    columns = {"Frequency [Hz]": F}
+    for level in LEVELS:
+        for name, x in zip(names, TRUTH[level], strict=False):
+            of = {"level": f"{level:g} N", "name": name}
+            per = level if "mm/N" in amplitude else 1.0
+            columns |= {amplitude.format(**of): np.abs(x) / per, phase.format(**of): np.degrees(np.angle(x))}
+    return pd.DataFrame(columns)
+
+
+@pytest.mark.parametrize("order", ["rising", "falling", "amplitudes first"])
+@pytest.mark.parametrize(
+    ("amplitude", "phase", "names"),
+    [
+        ("{level} amp [mm]", "{level} phase [deg]", ["amplitude"]),
+        ("Amplitude @ {level} (mm)", "Phase @ {level} (°)", ["amplitude"]),
+        ("{level} [mm]", "{level} [deg]", ["amplitude"]),
+        ("FRF mag {level} [mm/N]", "FRF phase {level} [deg]", ["FRF"]),
+        ("F={level} Displacement [mm]", "F={level} Phase [deg]", ["Displacement"]),
+        ("{name}_{level} [mm]", "{name}_{level}_phase [deg]", [*NAMES]),
+    ],
+)
+def test_levels_side_by_side_are_runs(tmp_path, amplitude, phase, names, order):
+    content = levels_beside(amplitude, phase, NAMES if "{name}" in amplitude else NAMES[:1])
+    columns = list(content)[1:]
+    falling = [columns[k + way] for k in range(len(columns) - 2, -1, -2) for way in (0, 1)]
+    columns = {"falling": falling, "amplitudes first": columns[::2] + columns[1::2]}.get(order, columns)
+    content[["Frequency [Hz]", *columns]].to_excel(tmp_path / "a.xlsx", index=False)
+    runs, summary = read_runs([tmp_path / "a.xlsx"], SIZE)
+    assert [run.level for run in runs] == list(LEVELS)
+    assert any("caution: '4 N' has no drive" in note for note in summary.notes) is ("mm/N" not in amplitude)
+    for run, level in zip(runs, LEVELS, strict=True):
+        assert sorted(run.names) == sorted(names)
+        for channel in run.channels:
+            x = TRUTH[level][NAMES.index(channel.name) if channel.name in NAMES else 0]
+            samples = channel.samples * (run.drive if channel.per_drive else 1.0)
+            np.testing.assert_allclose(samples, x, rtol=1e-9)
+    if len(names) == 1:
+        ratio = {"amplitude": "FRF mag", "angle": "FRF phase"} if "mm/N" in amplitude else {}
+        stated = Stated(response="receptance" if ratio else "displacement", columns=ratio)
+        series, _ = read_file(tmp_path / "a.xlsx", stated)
+        record = steady_record(series, stated, "a", Summary()).frame
+        assert set(record["force"]) == set(LEVELS)
+        for level, rows in record.groupby("force"):
+            truth = 1e-3 * TRUTH[level][0]
+            np.testing.assert_allclose(rows["amplitude"] * np.exp(-1j * rows["phase"]), truth, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda name: name.replace("2 N", "1 N"), "2 sensors are '1 N'"),
+        (lambda name: name.replace("4 N phase [deg]", "remark"), "'4 N' has no phase"),
+        (lambda name: name.replace("4 N amp [mm]", "4 N amp [um]"), "no drive"),
+        (lambda name: name.replace("4 N amp [mm]", "4 N amp [g]"), "no drive"),
+        (lambda name: name.replace("4 N", "4 g"), "forces and motions as levels in the names of columns"),
+        (lambda name: name.replace("N amp", "N rms amp"), "is the level rms, or the response"),
+        (lambda name: name.replace("[mm]", "[dB]"), "in decibels"),
+        (lambda name: name.replace("1 N", "0 N"), "functions without a level"),
+        (lambda name: name.replace("extra", "Force [N]"), r"'Force \[N\]' beside levels in the names of columns"),
+        (lambda name: name.replace("extra", "control"), "'control' beside levels in the names of columns"),
+    ],
+)
+def test_levels_side_by_side_that_are_not_alike_are_refused(tmp_path, change, message):
+    content = levels_beside("{level} amp [mm]", "{level} phase [deg]").assign(extra=1.0).rename(columns=change)
+    content = content.drop(columns="extra", errors="ignore")
+    content.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match=message):
+        read_runs([tmp_path / "a.csv"], SIZE)
+    with pytest.raises(InputError):
+        steady_record(read_file(tmp_path / "a.csv", Stated())[0], Stated(), "a", Summary())
+
+
+def test_sensors_called_by_their_range_are_no_levels(tmp_path):
+    """Beside a force, 5 g and 50 g are no levels of it."""
+    content = table(2.0).rename(columns=lambda name: name.replace("tip", "acc 5 g").replace("mid", "acc 50 g"))
+    content.to_csv(tmp_path / "a.csv", index=False)
+    require = read_runs([tmp_path / "a.csv"], SIZE)[0]
+    assert [(run.level, run.names) for run in require] == [(2.0, ["acc 5 g", "acc 50 g", "root"])]
+
+
+@pytest.mark.parametrize(("system", "length"), [("si", 1.0), ("us", 0.0254)])
+def test_a_base_acceleration_of_columns_is_one_in_the_record(tmp_path, system, length):
+    """1 g is 9.80665 m/s^2, 386.089 in/s^2; a motion of n mm is n/25.4 in."""
+    content = levels_beside("{level} amp [mm]", "{level} phase [deg]").rename(
+        columns=lambda name: name.replace(" N", " g")
+    )
+    content.to_csv(tmp_path / "a.csv", index=False)
+    stated = Stated(response="displacement", system=system)
+    record = steady_record(read_file(tmp_path / "a.csv", stated)[0], stated, "a", Summary()).frame
+    for level, rows in record.groupby("sweep"):
+        np.testing.assert_allclose(rows["force"], float(level.split()[0]) * 9.80665 / length, rtol=1e-12)
+        np.testing.assert_allclose(rows["amplitude"], 1e-3 / length * np.abs(TRUTH[float(level[0])][0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("units", [False, True])
+@pytest.mark.parametrize("kind", ["a.xlsx", "a.csv"])
+@pytest.mark.parametrize(
+    ("decimal", "between"), [(",", ""), (",", "."), (",", "\u00a0"), (",", "\u202f"), (".", ","), (".", "'")]
+)
+def test_numbers_of_spreadsheets_are_read(tmp_path, kind, decimal, between, units):
+    write_numbers(tmp_path / kind, decimal, between, units)
+    (run,), _ = read_runs([tmp_path / kind], SIZE)
+    assert (run.level, run.names) == (2000.0, [*NAMES])
+    for channel, x in zip(run.channels, TRUTH[2.0], strict=True):
+        # half of the last digit of four, of an amplitude and of an angle in degrees
+        np.testing.assert_allclose(channel.samples, 1000.0 * x, rtol=1e-6, atol=6e-5)
+
+
+@pytest.mark.parametrize("kind", ["a.xlsx", "a.csv"])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.assign(**{"tip [mm]": "12.5", "mid [mm]": "12,5"}), "'12,5' is not a number"),
+        (lambda t: t.assign(**{"tip [mm]": "1,234", "mid [mm]": "12.5"}), "'1,234' is not .* between thousands"),
+        (lambda t: t.assign(**{"tip [mm]": "12,5", "mid [mm]": "1.234"}), "'12,5' is not a number"),
+    ],
+)
+def test_marks_that_may_be_either_are_refused(tmp_path, kind, change, message):
+    content = change(table(2.0))
+    path = tmp_path / kind
+    content.to_excel(path, index=False) if kind == "a.xlsx" else content.to_csv(path, index=False, sep=";")
+    with pytest.raises(InputError, match=message):
+        read_runs([path], SIZE)
+
+
 @pytest.mark.parametrize("order", ["levels at each frequency", "levels up and down", "merged cells"])
 def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
     tables = [table(level) for level in LEVELS]
@@ -224,6 +427,59 @@ def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
     np.testing.assert_allclose([run.level for run in runs], LEVELS, rtol=1e-3)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[1].samples, TRUTH[level][1], rtol=1e-9)
+
+
+#: A tenth of a hertz apart, a half-power half-width of the lower mode; and a fifth of that about both resonances.
+COARSE = np.linspace(9.0, 25.0, 161)
+CLOSE = np.r_[np.linspace(11.613, 12.437, 41), np.linspace(18.613, 19.437, 41)]
+
+
+@pytest.mark.parametrize("order", ["levels, then refined", "each refined", "levels two per cent apart"])
+def test_rows_that_refine_a_sweep_join_it(tmp_path, order):
+    levels = (1.0, 1.02) if "apart" in order else (1.0, 2.0)
+    pairs = [(f, level) for level in levels for f in (COARSE, CLOSE)]
+    pairs = pairs if order == "each refined" else sorted(pairs, key=lambda pair: len(pair[0]), reverse=True)
+    content = pd.concat([rows_at(f, level) for f, level in pairs])
+    content.to_csv(tmp_path / "a.csv", index=False)
+    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    assert [run.level for run in runs] == list(levels)
+    assert sum(" and join it" in note for note in summary.notes) == 2
+    f = np.sort([*COARSE, *CLOSE])
+    for run, level in zip(runs, levels, strict=True):
+        np.testing.assert_allclose(run.x, f, rtol=1e-12)
+        for channel, x in zip(run.channels, move(level, f), strict=True):
+            np.testing.assert_allclose(channel.samples, x, rtol=1e-9)
+    record, _ = import_tip(content, tmp_path / "b.csv")
+    for level, (_, rows) in zip(levels, record.groupby("sweep", sort=False), strict=True):
+        np.testing.assert_allclose(rows["amplitude"], 1e-3 * np.abs(move(level, f)[0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        rows_at(CLOSE, 2.0, moved=1.0015),  # by a fifth of a half-width
+        rows_at(CLOSE, 2.0, gain=1.1),
+        rows_at(CLOSE, 4.0),
+        rows_at(np.linspace(9.01, 24.9, 600), 2.0),  # a whole sweep
+        rows_at(COARSE[10:-10] + 0.013, 2.0),  # no closer
+        rows_at(COARSE[26:35], 2.0),  # the same rows again
+    ],
+    ids=["moved", "gain", "level", "whole", "no closer", "copied"],
+)
+def test_rows_that_do_not_agree_stay_apart(tmp_path, second):
+    content = pd.concat([rows_at(COARSE, 2.0), second])
+    content.to_csv(tmp_path / "a.csv", index=False)
+    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    assert sorted(len(run.x) for run in runs) == sorted([len(COARSE), len(second)])
+    assert any("2 sweeps one below the other" in note for note in summary.notes)
+    assert import_tip(content, tmp_path / "b.csv")[0].groupby("sweep").ngroups == 2
+
+
+def test_rows_of_before_a_sweep_do_not_refine_it(tmp_path):
+    content = pd.concat([rows_at(COARSE, 2.0), rows_at(CLOSE, 2.0)])
+    for start, sweeps in ((1000.0, 1), (-1000.0, 2)):
+        timed = content.assign(**{"time [s]": [*range(len(COARSE)), *(start + np.arange(len(CLOSE)))]})
+        assert import_tip(timed, tmp_path / "b.csv")[0].groupby("sweep").ngroups == sweeps
 
 
 def test_a_sweep_up_and_down_is_two(tmp_path):

@@ -11,6 +11,7 @@ import damping as dp
 from damping.arrays import FloatArray
 from damping.records import Finding, audit
 from damping.records.check_sweeps import check_outlier
+from damping.records.odd_levels import ODD, OF_OTHERS, _list_suspects
 from damping.records.view import View
 from damping_validation.truths import OMEGA, TRUTHS, draw_truth
 
@@ -167,3 +168,22 @@ def test_where_levels_do_not_tell_which_is_wrong_all_are_named():
     assert found is not None
     assert found.sweeps == ("L3", "L4")
     assert "do not show which of them is wrong" in found.what
+
+
+def test_suspects_are_few_and_hold_every_odd_level():
+    """Against fits without each level in turn: of 400 levels few are suspects, and no odd one is lost."""
+    rng = np.random.default_rng(5)
+    x = np.sort(rng.uniform(0.0, 3.0, 400))
+    y = x + 0.1 * x**2 + 0.005 * rng.normal(size=400)
+    y[7] += 0.4
+    suspects, odd = _list_suspects(x, y), []
+    for k in range(400):
+        others = np.arange(400) != k
+        for degree in (0, 1, 2):
+            miss = y - np.polyval(np.polyfit(x[others], y[others], degree), x)
+            if abs(miss[k]) > np.log(ODD) and np.abs(miss[others]).max() < OF_OTHERS * abs(miss[k]):
+                odd.append(k)
+    assert suspects == [7] == odd
+    x = np.repeat([1.0, 2.0], 10)  # no parabola; and a level that alone gives the trend its slope
+    assert _list_suspects(x, x) == []
+    assert 0 in _list_suspects(np.r_[0.0, np.ones(9)], np.r_[0.5, np.ones(9)])

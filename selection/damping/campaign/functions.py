@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from damping.campaign.runs import DRIVE, LEVEL, CampaignRun, find_level, find_level_of_ratio, refuse_forces
+from damping.campaign.runs import CampaignRun, find_level_of_ratio, refuse_forces
 from damping.campaign.tracked import Source
 from damping.errors import InputError
+from damping.formats.levels import DRIVE, LEVEL, find_level
 from damping.formats.uff import Function, read_functions
 from damping.records.text import read_bytes
 

@@ -15,7 +15,6 @@ Corrections are a small TOML file, with the names of the printed table::
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -27,18 +26,12 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError, describe_nearest
 from damping.formats.headers import ORDERS
+from damping.formats.levels import DRIVE, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import count, describe_shortened
 
-#: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
-LEVEL = re.compile(
-    r"(?<![\w.,])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:[.,p]\d+)?)[\s_]*(mN|kN|N|lbf|g|m/s(?:\^?2|²))(?![\w/])"
-)
-DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
-#: Names of numbered drive channels, such as ``force_1``.
-NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
 LABEL_AGREES = 0.15  #: a control within this share of the level in its label has that level
 ROLES = ("sensor", "drive", "out")
 CONTROLS = ("average", "maximum")
@@ -257,12 +250,6 @@ def keep_common_sensors(runs: Sequence[CampaignRun]) -> list[CampaignRun]:
     left_out = {name: why for run in runs for name, why in run.left_out.items()}
     common = (tuple(channels[name] for name in kept) for channels in by_name)
     return [replace(run, channels=channels, left_out=left_out) for run, channels in zip(runs, common, strict=True)]
-
-
-def find_level(text: str) -> tuple[float, str] | None:
-    """A level and its unit in a label; None if there is none."""
-    match = LEVEL.search(text)
-    return (float(re.sub("[,p]", ".", match[1])), re.sub("m/s.*", "m/s^2", match[2])) if match else None
 
 
 def find_level_of_ratio(label: str, per: str) -> tuple[float, str]:

@@ -14,11 +14,9 @@ import numpy as np
 from damping.campaign.functions import list_function_runs
 from damping.campaign.runs import (
     LABEL_AGREES,
-    NUMBERED,
     CampaignRun,
     Channel,
     Corrections,
-    find_level,
     keep_common_sensors,
     summarise_runs,
 )
@@ -30,6 +28,7 @@ from damping.formats import check, detect_format
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
+from damping.formats.levels import NUMBERED, find_level
 from damping.formats.quantity import unit
 from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary

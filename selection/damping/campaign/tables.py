@@ -7,11 +7,8 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.runs import (
-    DRIVE,
-    NUMBERED,
     CampaignRun,
     describe_quantity,
-    find_level,
     find_level_of_ratio,
     is_motion,
     refuse_forces,
@@ -20,7 +17,9 @@ from damping.campaign.runs import (
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
+from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
+from damping.formats.refined import SweepMotion, find_refined
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
@@ -169,16 +168,30 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
+    if all(s.is_part for s in first):
+        sweeps = _join_refined(content, sweeps)
     return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
 
 
 @dataclass(frozen=True)
 class _SweepRows:
-    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name."""
+    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name.
+
+    ``rate`` (n,): sweep rate, Hz/s, if known.
+    """
 
     label: str
     x: FloatArray
     values: Mapping[str, Samples]
+    rate: FloatArray | None = None
+
+    def join(self, other: "_SweepRows") -> "_SweepRows":
+        """The rows of both."""
+        x = np.concatenate([self.x, other.x])
+        order = np.argsort(x, kind="stable")
+        values = {name: np.concatenate([column, other.values[name]])[order] for name, column in self.values.items()}
+        rate = None if self.rate is None or other.rate is None else np.concatenate([self.rate, other.rate])[order]
+        return _SweepRows(self.label, x[order], values, rate)
 
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
@@ -192,7 +205,23 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     if lost := int(np.count_nonzero(~measured)):
         content.source.summary.note(f"{count(lost, 'row')} of {of.label!r} left out: without all numbers")
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
-    return _SweepRows(of.label, of.abscissa[order], {name: column[order] for name, column in values.items()})
+    rate, moved = of.extra.get("sweep_rate"), {name: column[order] for name, column in values.items()}
+    return _SweepRows(of.label, of.abscissa[order], moved, None if rate is None else rate[order])
+
+
+def _join_refined(content: _Content, sweeps: Sequence[_SweepRows]) -> list[_SweepRows]:
+    """The sweeps with rows that refine an earlier one in it."""
+    drives = [[sweep.values[reading.name] for reading in content.drives] or [np.ones(len(sweep.x))] for sweep in sweeps]
+    motions = [
+        SweepMotion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
+        for s, of in zip(sweeps, drives, strict=True)
+    ]
+    joined: dict[int, _SweepRows] = {}
+    for k, first in enumerate(find_refined(motions) if content.drives else range(len(sweeps))):
+        joined[first] = joined[first].join(sweeps[k]) if first in joined else sweeps[k]
+        if first != k:
+            content.source.summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
+    return list(joined.values())
 
 
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
@@ -254,5 +283,5 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
         channels.append(
             source.make_channel(name, text, sweep.values[name] * factor, quantity, per_drive=ratio is not None)
         )
-    run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)))
+    run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)), sweep.rate)
     return source.leave_flat(source.set_level(run, sweep.label))

@@ -20,12 +20,12 @@ from damping.campaign.runs import (
     Corrections,
     NamedUnit,
     describe_quantity,
-    find_level,
     split_ratio,
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
 from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor
+from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit

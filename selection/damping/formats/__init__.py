@@ -16,12 +16,14 @@ import numpy as np
 from damping.errors import InputError, naming
 from damping.formats.arrays import list_channels
 from damping.formats.cells import DECIMALS
-from damping.formats.columns import DELIMITERS, Layout, find_roles, open_table
+from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
+from damping.formats.levels import LevelTable, split_levels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.parts import list_part_series
 from damping.formats.quantity import SYSTEMS
+from damping.formats.refined import join_refined
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
@@ -45,25 +47,31 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     check(stated)
     summary = Summary()
     with naming(path):
-        kind = find_format(path, stated, summary)
-        _heeded(stated, kind)
-        if kind in _ARRAYS:
-            return list_part_series(path, kind, stated, summary, max_size), summary
-        data = read_bytes(path, max_size)
-        if kind == "uff":
-            return read_uff(data, summary, stated.datasets, stated.labels), summary
-        if kind == "wav":
-            return list_channels(read_wav(data, stated), stated, summary), summary
-        if kind == "xlsx":
-            data, kind = read_workbook(data, max_size, stated.datasets), "csv"
-            point = "point" if stated.decimal == "auto" else stated.decimal
-            stated = replace(stated, delimiter="tab", decimal=point)
-        return _list_table_series(data, path, kind, stated, summary), summary
+        series = _list_series(path, stated, summary, max_size)
+    is_named = stated.labels or stated.forces  # one for each sweep
+    return series if is_named else join_refined(series, summary), summary
 
 
-def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
-    known = NAMES["amplifier" if kind == "lock-in" else "own"]
+def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+    kind = find_format(path, stated, summary)
+    _heeded(stated, kind)
+    if kind in _ARRAYS:
+        return list_part_series(path, kind, stated, summary, max_size)
+    data = read_bytes(path, max_size)
+    if kind == "uff":
+        return read_uff(data, summary, stated.datasets, stated.labels)
+    if kind == "wav":
+        return list_channels(read_wav(data, stated), stated, summary)
+    if kind == "xlsx":
+        data, kind = read_workbook(data, max_size, stated.datasets, stated.decimal), "csv"
+        stated = replace(stated, delimiter="tab", decimal="point")
     table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
+    tables: list[TextTable] = [*split_levels(table)] or [table]
+    return [series for one in tables for series in _list_table_series(one, path, kind, stated, summary)]
+
+
+def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
+    known = NAMES["amplifier" if kind == "lock-in" else "own"]
     places, response = find_roles(table, stated.columns, known)
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
@@ -94,15 +102,22 @@ def _list_table_series(data: bytes, path: str | Path, kind: str, stated: Stated,
     scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
     force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
+    label, units = Path(path).stem, {role: header.unit for role, header in headers.items() if header.unit}
+    if isinstance(table, LevelTable):
+        label = table.label
+        if not {"force", "force_x"} & set(numbers):
+            level, units["force"] = table.level
+            numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
+            summary.note("caution: the level in the names of columns is taken as the drive in every row")
     facts = FileFacts(
-        units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
+        units=list_units(units, stated),
         response=response or None,
         scaling=scaling,
         peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and response is not None],
         force_scaling=force_scaling,
         angles={role: header.angle for role, header in headers.items() if header.angle},
     )
-    return to_series(numbers, labels, facts, Path(path).stem, summary, peak=kind == "csv")
+    return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
 
 
 def _describe_layout(layout: Layout, skip: int) -> str:
@@ -129,7 +144,7 @@ def check(stated: Stated) -> None:
         ("--delimiter", stated.delimiter, ("auto", *DELIMITERS)),
         ("--decimal", stated.decimal, ("auto", *DECIMALS)),
         *(("--column", role, ROLES) for role in stated.columns),
-        *(("--unit", what, ("force", "response", "energy", "mass", *ABSCISSAS)) for what in stated.units),
+        *(("--unit", what, ("force", "response", "energy", "mass", "sweep_rate", *ABSCISSAS)) for what in stated.units),
         *(("--scale", what, ("force", "response")) for what in stated.scale),
     ]
     for option, value, known in given:

@@ -1,6 +1,7 @@
 """Cells of a text table as numbers: decimal marks, missing values, and marks between thousands."""
 
 import re
+from collections.abc import Collection
 
 from damping.errors import InputError
 from damping.records.text import describe_shortened
@@ -8,20 +9,33 @@ from damping.records.text import describe_shortened
 _MISSING = ("", "nan", "NaN", "NA", "--", "#N/A", "#NV", "n/a")
 #: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
+_OTHER = {"point": ",", "comma": "."}
+#: Marks between thousands that are no decimal marks.
+_APART = "' \u2019\u00a0\u2009\u202f"
+#: A number with marks between its thousands, by decimal mark. The other decimal mark is one of these if it is repeated
+#: or followed by decimals.
+_GROUPED = {
+    name: rf"[+-]?[1-9]\d{{0,2}}((?P<apart>[{_APART}])\d{{3}}((?P=apart)\d{{3}})*([{mark}]\d*)?"
+    rf"|([{_OTHER[name]}]\d{{3}})+[{mark}]\d+|([{_OTHER[name]}]\d{{3}}){{2,}})"
+    for name, mark in DECIMALS.items()
+}
 #: A number or a missing value, by decimal mark.
 NUMBER = {
-    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|#N/A|#NV|n/a|")
+    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|#N/A|#NV|n/a||{_GROUPED[name]}")
     for name, mark in DECIMALS.items()
 }
 #: Digits in groups of three, and such an integer.
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:[.,' \u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?")
+_IN_THREES = re.compile(rf"[+-]?\d{{1,3}}(?:[.,{_APART}]\d{{3}})+(?:[.,]\d*)?")
 _WHOLE = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})*|0")
 #: Other numbers that show that a point is no such mark: one with decimals, thousands without a mark.
 _UNMARKED = re.compile(r".*\.|[+-]?\d{4}")
 
 
 def read_number(cell: str, decimal: str, line: int, column: str) -> float:
-    """The number in a cell; NaN if nothing was measured. Thousands separators are refused."""
+    """The number in a cell; NaN if nothing was measured.
+
+    InputError: no number, or a mark between thousands that may be a decimal mark.
+    """
     text = cell.strip()
     if text in _MISSING:
         return float("nan")
@@ -32,11 +46,28 @@ def read_number(cell: str, decimal: str, line: int, column: str) -> float:
             return float(text.replace(DECIMALS[decimal], "."))
     except ValueError:
         pass
+    if re.fullmatch(_GROUPED[decimal], text):
+        return float(write_plainly(text, decimal))
     hint = f" (is --decimal {name} meant?)" if re.fullmatch(rf"[+-]?\d*[{other}]\d*([eE][+-]?\d+)?", text) else ""
-    grouped = ", without marks between thousands" if _GROUPED.fullmatch(text) else ""
+    grouped = ", without marks between thousands" if _IN_THREES.fullmatch(text) else ""
     message = f"{describe_shortened(text)!r} is not a number{hint}"
     expected = f"a number with a decimal {decimal}{grouped}"
     raise InputError(message, line=line, column=describe_shortened(column), expected=expected)
+
+
+def write_plainly(text: str, decimal: str) -> str:
+    """A number with a decimal point and no marks between thousands; any other text as it is."""
+    if not NUMBER[decimal].fullmatch(text):
+        return text
+    return re.sub(rf"[{_OTHER[decimal]}{_APART}]", "", text).replace(DECIMALS[decimal], ".")
+
+
+def find_decimal(texts: Collection[str]) -> str:
+    """The decimal mark of numbers that were written as text: ``comma`` if some are no numbers with a point, and no
+    number has a point."""
+    commas = {text for text in texts if "," in text and NUMBER["comma"].fullmatch(text)}
+    points = any("." in text and NUMBER["point"].fullmatch(text) for text in texts)
+    return "comma" if not points and any(not _IN_THREES.fullmatch(text) for text in commas) else "point"
 
 
 class Thousands:

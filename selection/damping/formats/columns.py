@@ -25,8 +25,7 @@ _SETTING = ("frequency", "omega", "time")
 
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _COMMENTS = ("#", "%")
-_BREAK = re.compile(r"\s*[\r\n]+\s*")
-_WITH_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_BREAK = re.compile(r"\s*[\r\n]+\s*|[\u00a0\u2009\u202f]")
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
     if delimiter == "comma":
         return "point"
     cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
-    commas = any(_WITH_COMMA.fullmatch(cell) for cell in cells)
+    commas = any("," in cell and NUMBER["comma"].fullmatch(cell) for cell in cells)
     points = any("." in cell and NUMBER["point"].fullmatch(cell) for cell in cells)
     return "comma" if commas and not points else "point"
 
@@ -208,8 +207,9 @@ def find_roles(
     """Places of the columns that have a role, and the response type from a name; '' if that is a single letter.
 
     Args:
-        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, a
-            force beside a frequency and the phase of an amplitude are found by name if not stated; if empty, all are.
+        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, its
+            rate, a force beside a frequency and the phase of an amplitude are found by name if not stated, as are all
+            if it is empty.
         known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
             tables (``headers.recognise``).
 
@@ -222,7 +222,7 @@ def find_roles(
         taken, setting = set(places.values()), not set(_SETTING) & set(places)
         undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is no amplitude
         unphased = "amplitude" in places and not set(PHASES) & set(places)
-        wanted = {"sweep": True, "force": undriven} | dict.fromkeys(_SETTING, setting)
+        wanted = {"sweep": True, "sweep_rate": True, "force": undriven} | dict.fromkeys(_SETTING, setting)
         wanted |= dict.fromkeys(PHASES, unphased)
         unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
         found = {role: place for role, place in unstated.items() if wanted.get(role)}

@@ -102,7 +102,10 @@ def conversion(known: Statements) -> Conversion:
     arm = length.factor if angular else 1.0
     per = force.factor * arm if per_force else 1.0
     of_response = whole.factor / (1.0 if angular else length.factor) * per * stated.scale.get("response", 1.0)
-    of_force = units["force"].factor / (force.factor * arm) if "force" in units else None
+    by_base = "force" in units and units["force"].powers == (0, 1, -2)
+    if by_base:
+        summary.note(f"the drive is an acceleration: force in {length.text}/s^2, for a mode with drive = base")
+    of_force = units["force"].factor / (length.factor if by_base else force.factor * arm) if "force" in units else None
     scaled = None if of_force is None else of_force * stated.scale.get("force", 1.0)
     return Conversion(order, per_force, of_response, scaled)
 

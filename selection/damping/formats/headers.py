@@ -9,7 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi
+from math import log, pi
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ _SCALINGS = (
 )
 #: g rms, Accel [g] (rms)
 _SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
-_SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
+SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
@@ -38,6 +38,17 @@ ABSCISSAS: dict[str, dict[str, float]] = {
     "omega": {"rad/s": 1.0, "rad/sec": 1.0, "1/s": 1.0, "s^-1": 1.0},
     "time": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
 }  # fmt: skip
+
+#: Units of a sweep rate, in lower case: Hz/s in one of them, and whether that is to be multiplied by the frequency.
+RATES = {"hz/s": (1.0, 0), "hz/sec": (1.0, 0), "hz/min": (1 / 60, 0), "khz/s": (1e3, 0)} | {
+    f"{name}/{per}": (log(ratio) / seconds, 1)
+    for ratio, names in (
+        (2.0, ("oct", "oct.", "octave", "octaves", "okt")),
+        (10.0, ("dec", "dec.", "decade", "decades")),
+    )
+    for name in names
+    for per, seconds in (("min", 60.0), ("s", 1.0))
+}
 
 #: Factors from columns of these roles to the lead of the response, rad.
 PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
@@ -98,6 +109,8 @@ def describe_angle(unit: str) -> str:
 
 def parse_header(text: str) -> ColumnHeader:
     """Name, unit and scaling of a header: ``Force [N rms]``, ``Force RMS [N]``, ``force N``, ``Kraft / kN eff``."""
+    if text.strip().lower() in RATES:
+        return ColumnHeader(text, "sweep_rate", text.strip(), title=text)
     rest, last = _take_scaling(text.strip(), apart=True)
     if (inside := _UNIT_WITHIN.search(rest)) and any(find_powers(inside[1]) or ()):
         rest = f"{rest[: inside.start()]}{rest[inside.end() :]} [{inside[1]}]"
@@ -106,7 +119,7 @@ def parse_header(text: str) -> ColumnHeader:
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    scaling = inner or last or first or _name_scaling(_SCALING_WITHIN.search(title))
+    scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title))
     title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
 
@@ -150,6 +163,8 @@ def _is_unit(name: str, text: str) -> bool:
     for abscissa in ABSCISSAS:
         if name in (abscissa, *ROLE_NAMES[abscissa]) and text.lower() in ABSCISSAS[abscissa]:
             return True
+    if name in ROLE_NAMES["sweep_rate"]:
+        return text.lower() in RATES
     if name.startswith(("phase", "lag", "lead", "angle", "theta")):
         return text.lower() in _ANGLES
     if name not in _KNOWN_NAMES and text.lower() in _ANGLES:
@@ -173,7 +188,7 @@ def merge_units(names: Sequence[str], below: Sequence[str]) -> list[str] | None:
 def _names_unit(text: str) -> bool:
     """Whether a text is a unit of an abscissa, an angle, or another quantity."""
     text, _ = _take_scaling(text, apart=False)
-    if text.lower() in {*_ANGLES, *(name for names in ABSCISSAS.values() for name in names)}:
+    if text.lower() in {*_ANGLES, *RATES, *(name for names in ABSCISSAS.values() for name in names)}:
         return True
     return find_powers(text) is not None and not text.isdecimal()
 
@@ -260,7 +275,9 @@ def _measures(word: str, header: ColumnHeader) -> str:
 
 
 def _may_be(role: str, header: ColumnHeader) -> bool:
-    """Whether the unit of a header, if there is one, fits the role."""
+    """Whether the unit of a header, if there is one, fits the role; a sweep rate may be in octaves."""
+    if role == "sweep_rate":
+        return header.unit.lower() in RATES or (not header.unit and header.name.lower() == role)
     if not header.unit or role == "sweep":
         return True
     text = header.unit.lower()

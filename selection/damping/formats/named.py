@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, PHASES, find_abscissa_factor
+from damping.formats.headers import ABSCISSAS, PHASES, RATES, find_abscissa_factor
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
-from damping.formats.sweeps import list_sweeps
+from damping.formats.sweeps import direct_rate, list_sweeps
 
 
 def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
@@ -63,6 +63,7 @@ def to_series(
     if force is not None and _BEHIND_FORCE & set(arrays):  # against whatever reference the force has a phase
         force = np.abs(force)
     extra = ({} if times is None else {"time": times}) | _further(arrays, n)
+    rates = _rates(arrays, facts.units, x, response.shape[1])
     # by its role an amplitude is that of the sine; parts of a phasor may be rms
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     known = replace(
@@ -81,8 +82,9 @@ def to_series(
     series = []
     for k, column in enumerate(response.T):
         of_sweep = None if force is None else force[:, min(k, force.shape[1] - 1)]
-        series.append(Series(f"{name} {k + 1}" if many else name, x, column, of_sweep, is_time, phased, extra, known))
-    return series if many else list_sweeps(series[0], labels, summary)
+        own = extra if rates is None else extra | {"sweep_rate": rates[:, k]}
+        series.append(Series(f"{name} {k + 1}" if many else name, x, column, of_sweep, is_time, phased, own, known))
+    return [direct_rate(row, summary) for row in (series if many else list_sweeps(series[0], labels, summary))]
 
 
 def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
@@ -94,6 +96,20 @@ def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
             raise InputError(f"array of {key} has {columns.shape[1]} columns", expected="one")
         further[key] = columns[:, 0]
     return further
+
+
+def _rates(arrays: Mapping[str, Samples], units: Mapping[str, str], f: FloatArray, k: int) -> FloatArray | None:
+    """Sweep rates (n, k), Hz/s, NaN where not known; None if none is. InputError: a unit that is none of a rate."""
+    if "sweep_rate" not in arrays or not np.isfinite(arrays["sweep_rate"]).any():
+        return None
+    text = units.get("sweep_rate", "Hz/s")
+    if text.lower() not in RATES:
+        raise InputError(
+            f"sweep_rate in {text}", expected="--unit sweep_rate=UNIT of Hz/s, Hz/min, oct/min, oct/s, dec/min"
+        )
+    factor, power = RATES[text.lower()]
+    rates = np.broadcast_to(_real(_spread(arrays["sweep_rate"], len(f), k, "sweep_rate"), "sweep_rate"), (len(f), k))
+    return np.asarray(rates * (factor * f**power)[:, np.newaxis])
 
 
 def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str, *, needed: bool) -> str | None:
@@ -222,7 +238,7 @@ def _magnitude(values: Samples, role: str) -> FloatArray:
 UNIT_OF = (
     dict.fromkeys(("force", "force_x", "force_y"), "force")
     | dict.fromkeys(("response", "x", "y", "amplitude"), "response")
-    | {role: role for role in ("energy", "mass", "amplitude_sd", "force_sd", *ABSCISSAS)}
+    | {role: role for role in ("energy", "mass", "amplitude_sd", "force_sd", "sweep_rate", *ABSCISSAS)}
 )
 
 
@@ -240,7 +256,7 @@ def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
     InputError: parts of a phasor in different units.
     """
     require_alike(of_roles)
-    units = {role: text for role, text in stated.units.items() if role in ABSCISSAS}
+    units = {role: text for role, text in stated.units.items() if role in (*ABSCISSAS, "sweep_rate")}
     for role, text in of_roles.items():
         if role in UNIT_OF:
             units.setdefault(UNIT_OF[role], text)

@@ -25,7 +25,7 @@ from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
 
 #: Roles that a table has once; ``force`` is the drive.
-SETTING = ("sweep", "frequency", "omega", "force")
+SETTING = ("sweep", "frequency", "omega", "force", "sweep_rate")
 _PARTS: dict[str, list[str]] = NAMES["part"]
 _PHASES = ("angle", "lag", "lead")
 _WORD = re.compile(r"[^\W_]+")

@@ -51,6 +51,7 @@ class Series:
     has_phase: bool = True  #: whether the phase is known
     extra: Mapping[str, FloatArray] = field(default_factory=dict)  #: further columns of a record by name
     facts: FileFacts = FileFacts()
+    is_part: bool = False  #: whether only frequency and force tell it from other sweeps of a table
 
 
 @dataclass(frozen=True)

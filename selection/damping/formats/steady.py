@@ -154,6 +154,7 @@ def _usable(row: Series, label: str, known: Statements) -> BoolArray:
 def _left_out(row: Series) -> dict[str, BoolArray]:
     """Rows that are not steady states, by the first reason that applies."""
     columns = {"response": row.response, **({} if row.force is None else {"force": row.force}), **row.extra}
+    columns.pop("sweep_rate", None)  # it may be unknown
     f = row.abscissa
     reasons: dict[str, BoolArray] = {"at 0 Hz": f == 0.0, "without a frequency > 0": ~(np.isfinite(f) & (f > 0.0))}
     for name, values in columns.items():

@@ -32,12 +32,43 @@ def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -
         elif cuts:
             summary.note(f"{len(cuts) + 1} sweeps one below the other are separated by frequency and force")
             labels = [f"{whole.label} {int(np.searchsorted(cuts, row, side='right')) + 1}" for row in rows]
+            whole = replace(whole, is_part=True)
     if labels is None:
         return [whole]
     by_label: dict[str, list[int]] = {}
     for row, label in enumerate(labels):
         by_label.setdefault(label, []).append(row)
     return [_take_rows(whole, label or whole.label, rows) for label, rows in by_label.items()]
+
+
+#: Factor between the sweep rate that a table states and that of its frequencies and times, from which it is reported.
+_RATE_APART = 1.5
+
+
+def direct_rate(row: Series, summary: Summary) -> Series:
+    """The series with a sweep rate below 0 where the frequency falls in the order taken, if all are stated as speeds.
+
+    A caution is noted if frequencies and times move at another rate.
+    """
+    rate = row.extra.get("sweep_rate")
+    if rate is None or len(rate) < 2:
+        return row
+    order = np.argsort(row.extra.get("time", np.zeros(len(rate))), kind="stable")
+    f, way = row.abscissa[order], np.empty(len(rate))
+    turns = np.nan_to_num(np.sign(np.gradient(f)))
+    way[order] = np.where(turns == 0.0, np.sign(f[-1] - f[0]), turns)
+    speeds = np.abs(rate[order])
+    if "time" in row.extra:
+        with np.errstate(all="ignore"):  # rows of one time
+            shown = float(np.nanmedian(np.abs(np.diff(f) / np.diff(row.extra["time"][order]))))
+        stated = float(np.nanmedian(speeds))
+        if stated > 0.0 and not 1.0 / _RATE_APART < shown / stated < _RATE_APART:
+            said = f"the sweep rate is {stated:.3g} Hz/s, by its frequencies and times {shown:.3g} Hz/s"
+            summary.note(f"caution: {row.label!r}: {said}: is its unit right?")
+    if np.any(rate < 0.0) or not np.any((rate > 0.0) & (way < 0.0)):
+        return row
+    summary.note("sweep rates are speeds: below 0 where the frequency falls")
+    return replace(row, extra={**row.extra, "sweep_rate": np.where(rate > 0.0, rate * way, rate)})
 
 
 def _keep_above(above: str, label: str) -> str:

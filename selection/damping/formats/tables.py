@@ -14,8 +14,9 @@ import numpy as np
 from damping.errors import InputError
 from damping.formats import find_format
 from damping.formats.arrays import read_arrays
-from damping.formats.columns import open_table
+from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader, refuse_decibels
+from damping.formats.levels import split_levels
 from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
@@ -54,14 +55,14 @@ def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> 
     data = read_bytes(path, max_size)
     texts = {path.stem: data}
     if kind == "xlsx":
-        sheets = list_sheets(data, max_size)
+        sheets = list_sheets(data, max_size, stated.decimal)
         texts = (
             {title: text for (_, title), text in sheets.items()}
             if len(sheets) > 1
             else {path.stem: b"".join(sheets.values())}
         )
         stated = replace(stated, delimiter="tab", decimal="point")
-    tables = [_lay_out(label, text, stated) for label, text in texts.items()]
+    tables = [table for label, text in texts.items() for table in _lay_out(label, text, stated)]
     with_frequency = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
     if not with_frequency:
         names = ", ".join(header.text for header in tables[0].headers) if tables else "nothing"
@@ -76,13 +77,17 @@ def _no_abscissa(names: str) -> InputError:
     return InputError(f"columns {describe_shortened(names, 80)}: no frequency", expected=_EXPECTED)
 
 
-def _lay_out(label: str, data: bytes, stated: Stated) -> SensorTable:
-    """A text table."""
+def _lay_out(label: str, data: bytes, stated: Stated) -> list[SensorTable]:
+    """A text table, or that of each level if they are side by side."""
     table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
     if table.layout.numbered:
         expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
         raise InputError(f"{label}: the table has no header", expected=expected)
+    of_levels: dict[str, TextTable] = {one.label: one for one in split_levels(table)}
+    return [_make_table(name, one, stated) for name, one in (of_levels or {label: table}).items()]
 
+
+def _make_table(label: str, table: TextTable, stated: Stated) -> SensorTable:
     def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
         roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
         numbers, labels = table.read(roles)

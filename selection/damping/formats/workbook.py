@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damping.errors import AnalysisError, InputError
+from damping.formats.cells import find_decimal, write_plainly
 
 if TYPE_CHECKING:
     from openpyxl.worksheet._read_only import ReadOnlyWorksheet
@@ -29,12 +30,12 @@ def is_workbook(path: str | Path) -> bool:
         return False
 
 
-def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
-    """The one sheet with cells as text; ``chosen``: its number from 1, if several have.
+def read_workbook(data: bytes, most: int, chosen: Sequence[int], decimal: str) -> bytes:
+    """The one sheet with cells as text; ``chosen``: its number from 1, if several have; ``decimal`` as below.
 
     InputError: as of :func:`list_sheets`, or several sheets without a choice.
     """
-    sheets = list_sheets(data, most, chosen)
+    sheets = list_sheets(data, most, decimal, chosen)
     if len(sheets) != 1:
         lines = {number: text.splitlines() for (number, _), text in sheets.items()}
         widths = {number: max(row.count(b"\t") for row in rows) + 1 for number, rows in lines.items()}
@@ -44,8 +45,10 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int]) -> bytes:
     return next(iter(sheets.values()))
 
 
-def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tuple[int, str], bytes]:
+def list_sheets(data: bytes, most: int, decimal: str, chosen: Sequence[int] = ()) -> dict[tuple[int, str], bytes]:
     """Sheets with cells by number from 1 and title: rows as lines, cells between tabs; hidden ones if chosen.
+
+    ``decimal``: of numbers written as text, which have points here: ``point``, ``comma`` or ``auto``.
 
     InputError: no workbook, a broken one, one that unpacks to more than ``most`` bytes or whose sheet is as much text.
     AnalysisError: openpyxl is not installed.
@@ -69,18 +72,26 @@ def list_sheets(data: bytes, most: int, chosen: Sequence[int] = ()) -> dict[tupl
         raise
     except Exception as error:  # whatever a damaged file makes the readers of ZIP, XML and cells raise
         raise InputError(f"no workbook that can be read ({error})", expected=_EXPECTED) from None
-    return {key: _write_rows(rows) for key, rows in tables.items() if any(rows)}
+    return {key: _write_rows(rows, decimal) for key, rows in tables.items() if any(rows)}
 
 
-def _write_rows(rows: Sequence[list[str]]) -> bytes:
+def _write_rows(rows: Sequence[list[object]], decimal: str) -> bytes:
     width = max(map(len, rows))
     first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
     padded = (row if k < first or not row else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
-    return "".join("\t".join(row) + "\n" for row in padded).encode()
+    mark = (
+        find_decimal({cell for row in rows for cell in row if isinstance(cell, str)}) if decimal == "auto" else decimal
+    )
+    texts = (map(str, row) if mark == "point" else (_write_cell(cell, mark) for cell in row) for row in padded)
+    return "".join("\t".join(row) + "\n" for row in texts).encode()
 
 
-def _list_rows(sheet: "ReadOnlyWorksheet", most: int) -> Iterator[list[str]]:
-    """The texts of every row up to its last; none of an empty row.
+def _write_cell(cell: object, decimal: str) -> str:
+    return write_plainly(cell, decimal) if isinstance(cell, str) else str(cell)
+
+
+def _list_rows(sheet: "ReadOnlyWorksheet", most: int) -> Iterator[list[object]]:
+    """The cells of every row up to its last, texts without breaks; none of an empty row.
 
     InputError: more than ``MOST_ROWS`` or ``MOST_COLUMNS``, or cells that are together more than ``most`` characters:
     many cells may hold one long text, and a table has as many cells in every row as in its widest.
@@ -93,9 +104,9 @@ def _list_rows(sheet: "ReadOnlyWorksheet", most: int) -> Iterator[list[str]]:
         if number > MOST_ROWS or size + number * min(width, MOST_COLUMNS) > most:
             what = f"a sheet of more than {MOST_ROWS} rows, or of more than {most} characters"
             raise InputError(what, expected="a smaller sheet, or a larger --max-size")
-        texts = ["" if value is None else " ".join(str(value).split()) for value in row]
-        while texts and not texts[-1]:
-            texts.pop()
-        if len(texts) > MOST_COLUMNS:
-            raise InputError(f"a cell in column {len(texts)}", expected=f"at most {MOST_COLUMNS} columns")
-        yield texts
+        cells = [" ".join(str(value or "").split()) if isinstance(value, str | None) else value for value in row]
+        while cells and cells[-1] == "":
+            cells.pop()
+        if len(cells) > MOST_COLUMNS:
+            raise InputError(f"a cell in column {len(cells)}", expected=f"at most {MOST_COLUMNS} columns")
+        yield cells

@@ -14,8 +14,12 @@ def check_repeats(view: View) -> Finding | None:
     """A sweep that repeats another one, or a multiple of it, to the last digit: noise never repeats itself."""
     copies: list[tuple[Run, Run, float]] = []
     marks = np.array([_mark(run) for run in view.raw])
-    for k, second in enumerate(view.raw):
-        for i in np.flatnonzero((np.abs(marks[:k] - marks[k]) <= _MARKED).all(axis=1)).tolist():
+    by_frequency = np.argsort(marks[:, 1], kind="stable")  # of thousands of runs few have a frequency
+    edges = np.searchsorted(marks[by_frequency, 1], marks[:, 1, np.newaxis] + 2.0 * _MARKED[1] * np.array([-1.0, 1.0]))
+    for k, (second, (low, high)) in enumerate(zip(view.raw, edges.tolist(), strict=True)):
+        near = np.sort(by_frequency[low:high])
+        near = near[near < k]
+        for i in near[(np.abs(marks[near] - marks[k]) <= _MARKED).all(axis=1)].tolist():
             first = view.raw[i]
             factor = _find_factor(first, second)
             if factor is not None and first.sweep != second.sweep:

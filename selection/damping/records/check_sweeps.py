@@ -8,7 +8,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
 from damping.records.odd_levels import WILD
-from damping.records.resonance import find_jump, tabulate_resonances
+from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
 
@@ -90,7 +90,7 @@ def check_edge(view: View) -> Finding | None:
 def check_jump(view: View) -> Finding | None:
     """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
     jumps: dict[str, str] = {}
-    table = tabulate_resonances(view.right).query("method == 'beside'")
+    table = view.resonances.query("method == 'beside'")
     for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
         rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
         F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
@@ -112,7 +112,7 @@ def check_coarse(view: View) -> Finding | None:
     """Sweeps without phases whose largest reading lies well below the resonance, because rows are far apart."""
     if view.record.has_phase or "energy" in view.record.frame.columns:
         return None
-    table = tabulate_resonances(view.right).query("method == 'between'")
+    table = view.resonances.query("method == 'between'")
     largest = view.right.frame.loc[table["row"], ["force", "amplitude"]].to_numpy(dtype=np.float64)
     rise = (table["amplitude"] / table["force"]).to_numpy(dtype=np.float64) * largest[:, 0] / largest[:, 1]
     if not np.any(rise > RISEN):
@@ -242,6 +242,8 @@ def check_mixed_levels(view: View) -> Finding | None:
 
 def _find_levels(view: View, rows: pd.DataFrame) -> list[float]:
     """Forces of the levels in the ``rows`` of one label; empty if there is one level."""
+    if len(rows) == 1:
+        return []
     table = rows.sort_values("frequency", kind="stable")
     frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
     order = np.sort(x)

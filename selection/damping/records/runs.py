@@ -75,6 +75,8 @@ def runs_of(record: Record) -> list[Run]:
 
 def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
     """Rows of one sweep as taken, and the positions of its legs up or down; by frequency if there are no legs."""
+    if len(table) == 1:
+        return table, [np.arange(1)]
     if "time" in table.columns and table["time"].notna().all():
         table = table.sort_values("time", kind="stable")
     step = np.sign(np.diff(table["frequency"].to_numpy(dtype=np.float64)))

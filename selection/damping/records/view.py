@@ -196,6 +196,11 @@ class View:
         return Record(table.reset_index(drop=True), self.record.source)
 
     @cached_property
+    def resonances(self) -> pd.DataFrame:
+        """The resonance of each sweep of the record ``right``."""
+        return tabulate_resonances(self.right)
+
+    @cached_property
     def straight(self) -> bool:
         """Whether most implied masses are from phases or from resonances that are not bent."""
         known = [straight for mass, straight in (leg.mass for leg in self.legs) if np.isfinite(mass)]
@@ -204,7 +209,7 @@ class View:
     @cached_property
     def implied(self) -> pd.DataFrame:
         """One row for each sweep: resonance, mass, damping ratio and phase offset implied by its rows."""
-        table = _replace_steady_amplitudes(tabulate_resonances(self.right), self.right)
+        table = _replace_steady_amplitudes(self.resonances, self.right)
         mass: dict[str, list[float]] = {}
         for leg in self.legs:
             mass.setdefault(leg.run.sweep, []).append(leg.mass[0])

@@ -1,0 +1,109 @@
+"""Levels side by side in a text table: the columns of each level, such as ``0.5 g amp``, as a table of its own."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.columns import TextTable
+from damping.formats.headers import NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
+from damping.formats.quantity import find_powers, unit
+from damping.records.text import describe_shortened
+
+#: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
+LEVEL = re.compile(
+    r"(?<![\w.,])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:[.,p]\d+)?)[\s_]*(mN|kN|N|lbf|g|m/s(?:\^?2|²))(?![\w/])"
+)
+DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
+#: Names of numbered drive channels, such as ``force_1``.
+NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
+_MARKS = " _-@:;,|"  # beside a level
+
+
+def find_level(text: str) -> tuple[float, str] | None:
+    """A level and its unit in a label; None if there is none."""
+    match = LEVEL.search(text)
+    return (float(re.sub("[,p]", ".", match[1])), re.sub("m/s.*", "m/s^2", match[2])) if match else None
+
+
+@dataclass(frozen=True)
+class LevelTable(TextTable):
+    """The columns of one level, their headers without it, and those that all levels share."""
+
+    whole: TextTable
+    places: tuple[int, ...]  #: of its columns in the whole table
+    level: tuple[float, str]  #: with its unit
+
+    @property
+    def label(self) -> str:
+        """The level in words."""
+        return f"{self.level[0]:g} {self.level[1]}"
+
+    def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
+        """As of the whole table."""
+        return self.whole.read({role: self.places[place] for role, place in places.items()})
+
+
+def split_levels(table: TextTable) -> list[LevelTable]:
+    """A table for each level in the names of the columns; none unless two levels or more have the same columns.
+
+    None too if a drive of another kind has a column, as beside sensors called by their range.
+
+    InputError: a drive of that kind has a column, levels are of several kinds, or one is not a peak value.
+    """
+    found = {k: (header, level) for k, header in enumerate(table.headers) if (level := find_level(_space(header.name)))}
+    by_level: dict[tuple[float, str], dict[int, ColumnHeader]] = {}
+    for k, (header, level) in found.items():
+        by_level.setdefault(level, {})[k] = _drop_level(header)
+    columns = [sorted((header.title, header.unit) for header in of.values()) for of in by_level.values()]
+    if len(by_level) < 2 or any(of != columns[0] for of in columns):
+        return []
+    shared = {k: header for k, header in enumerate(table.headers) if k not in found}
+    powers = {unit(text).powers for _, text in by_level}
+    force = recognise([*shared.values()])[0].get("force")
+    drives = [
+        header
+        for k, header in enumerate(shared.values())
+        if k == force or any(of.search(header.name) for of in (DRIVE, NUMBERED)) or find_powers(header.unit) in powers
+    ]
+    if any(header.unit and find_powers(header.unit) not in powers for header in drives):
+        return []
+    if drives or len(powers) > 1:
+        beside = f"{describe_shortened(drives[0].text)!r} beside levels" if drives else "forces and motions as levels"
+        expected = "one kind of level, and no other drive"
+        raise InputError(f"{beside} in the names of columns", line=table.line, expected=expected)
+    _require_peak([header.text for header, _ in found.values()], table.line)
+    return [_take(table, shared | of, level) for level, of in by_level.items()]
+
+
+def _take(table: TextTable, columns: Mapping[int, ColumnHeader], level: tuple[float, str]) -> LevelTable:
+    places = tuple(sorted(columns))
+    headers = tuple(columns[k] for k in places)
+    layout = replace(table.layout, names=tuple(header.text for header in headers))
+    return LevelTable(table.data, table.skip, layout, table.line, headers, table.is_doubtful, table, places, level)
+
+
+def _space(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _drop_level(header: ColumnHeader) -> ColumnHeader:
+    """The header without its level; called amplitude or phase if nothing else is left of its name."""
+    parts = [part.strip(_MARKS) for part in LEVEL.split(_space(header.name), 1)[:: LEVEL.groups + 1]]
+    name = " ".join(filter(None, parts)).strip("()[] ")
+    if not name or name.lower() in NAMES["part"]["amplitude"]:
+        name = "phase" if header.angle else "amplitude"
+    scaling = f" {header.scaling}" if header.scaling and not SCALING_WITHIN.search(name) else ""
+    own = parse_header(f"{name} [{header.unit}{scaling}]" if header.unit else f"{name}{scaling}")
+    return replace(own, text=header.text) if own.text == "phase" else own  # that alone is a lag in rad, as in a record
+
+
+def _require_peak(texts: list[str], line: int) -> None:
+    """Raise InputError for a level such as 0.5 g rms: the word may be of the drive or of the response."""
+    for text in texts:
+        match = LEVEL.search(_space(text))
+        scaled = match and SCALING_WITHIN.match(_space(text)[match.end() :].lstrip(_MARKS))
+        if scaled and not scaled["peak"]:
+            what = f"{describe_shortened(text)!r}: is the level {scaled[0]}, or the response?"
+            raise InputError(what, line=line, expected="peak levels, and of a response amp [mm rms]")
