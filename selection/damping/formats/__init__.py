@@ -67,7 +67,7 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
         stated = replace(stated, delimiter="tab", decimal="point")
     table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
     tables: list[TextTable] = [*split_levels(table)] or [table]
-    return [series for one in tables for series in _list_table_series(one, path, kind, stated, summary)]
+    return [series for level in tables for series in _list_table_series(level, path, kind, stated, summary)]
 
 
 def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
