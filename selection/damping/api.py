@@ -13,9 +13,10 @@ import pandas as pd
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray, Numbers, join_rows
 from damping.errors import InputError, check_flags, check_kind, check_seed
-from damping.extrapolation import list_asked, predict_record
+from damping.extrapolation import predict_record
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
+from damping.extrapolation.requested import list_asked
 from damping.infer import SEED
 from damping.progress import Progress, silent, single_threaded, watch
 from damping.ranking import rank_laws

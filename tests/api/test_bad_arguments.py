@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import damping as dp
 from damping.answers import CurveResult, LoadsResult
-from damping.extrapolation import check_loads
+from damping.extrapolation.requested import check_loads
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
 from damping_reed1970 import data_folder

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation import check_loads
+from damping.extrapolation.requested import check_loads
 from damping.progress import Advance
 from damping.records import require_checks
 from damping.report import count, format_joined

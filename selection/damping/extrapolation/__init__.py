@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, Numbers, join_rows
-from damping.errors import InputError
+from damping.arrays import FloatArray, join_rows
 from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
     LEAST_WEIGHT,
@@ -34,6 +33,7 @@ from damping.extrapolation.judged import judge_rows
 from damping.extrapolation.near import ROUNDING, Plan, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
+from damping.extrapolation.requested import check_loads
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
 from damping.infer.evidence import Estimate, evidence
@@ -44,7 +44,6 @@ from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.progress import Progress, silent
 from damping.ranking import Candidate
 from damping.ranking.candidates import resonant_laws
-from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 
 #: Fewest levels below a held-out level.
@@ -191,55 +190,6 @@ def predict_record(
     asked = forces if len(forces) else np.array(times) * data.tested_force.max()
     options: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
     return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **options)
-
-
-#: Names of the quantities in messages.
-_AMPLITUDES = {"force": "a force amplitude", "amplitude": "an amplitude"}
-
-
-def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = "force") -> np.ndarray:
-    """The forces (or amplitudes, as named by ``what``) as an array (forces,).
-
-    Raises:
-        InputError: no force, a force that is not a number from ``SMALLEST`` to ``LARGEST``, or a level not within 0
-            and 1.
-    """
-    if _count_axes(forces) != 1 or len(forces) == 0:
-        raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
-    for force in forces:
-        if not (_is_number(force) and SMALLEST <= force <= LARGEST):
-            beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
-            raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
-    _check_level(level)
-    return np.array(forces, dtype=float)
-
-
-def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
-    """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
-    _check_level(level)
-    values = [values] if isinstance(values, int | float | np.number) else values
-    return check_loads(values, level, what) if _count_axes(values) != 1 or len(values) else np.empty(0)
-
-
-def _count_axes(values: Numbers) -> int:
-    try:
-        return np.ndim(values)
-    except ValueError:  # lists of unlike lengths
-        return 2
-
-
-def _check_level(level: float) -> None:
-    if not (_is_number(level) and 0.0 < level < 1.0):
-        raise InputError(f"level {_quote(level)}", expected="a probability between 0 and 1, such as 0.9")
-
-
-def _quote(value: object) -> str:
-    """The value in a message; a text in quotes, since "5" is no number."""
-    return repr(value) if isinstance(value, str) else f"{value}"
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def _repeatability(mode: Mode | None) -> float:
