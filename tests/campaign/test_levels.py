@@ -124,6 +124,7 @@ def test_decays_in_two_units_and_below_the_test(tmp_path, few_laws):
         analyse(files, [1e-6])
 
 
+@pytest.mark.slow
 def test_a_level_that_is_read_wrongly_is_named(tmp_path, few_draws):
     """One mode of 1 %: the peak is |1 + H| in closed form, of which one run reads 1.1 times."""
     f = np.geomspace(35.0, 46.0, 300)

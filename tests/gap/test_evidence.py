@@ -324,6 +324,7 @@ def test_a_combination_is_tried_from_its_other_part_where_one_loses_the_motion()
     assert found.leading.key == {"coulomb-friction", "natural-frequency"}
 
 
+@pytest.mark.slow
 def test_what_is_added_to_an_explanation_that_leaves_noise_is_not_crowded_out():
     """Frequencies read 4 % too large: with the frequency goes a mass of -8 %, which sweeps that all deviate hid."""
     found = explain(*sweep_with_friction(1.04, 0.0, seed=7))

@@ -127,7 +127,7 @@ def make_record(lab, states, stiffness, third=None, noise=0.01, floor=0.0015, **
     return Record(pd.concat(tables, ignore_index=True))
 
 
-@pytest.mark.parametrize("added", [False, True])
+@pytest.mark.parametrize("added", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_inertia_that_varies_is_no_spring_that_softens(lab, added):
     """m (q^2 q'' + q q'^2), in closed form, 3 % at the top: third harmonics at the noise, "probability 1.00"."""
     growth = 0.03 * lab.mass / lab.A**2

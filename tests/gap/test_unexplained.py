@@ -64,6 +64,7 @@ def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
     assert found.gap.nominal > 0.8 * all_rows
 
 
+@pytest.mark.slow
 def test_what_several_effects_explain_with_one_noise_is_tried_with_the_next():
     """Noise that is not stated follows what the leading explanation leaves; with each, a search goes another way.
 
@@ -415,6 +416,7 @@ def test_third_harmonics_tell_by_those_that_a_rival_would_have(lab):
         assert (count_beyond(drag[:1], measured), count_beyond(drag, measured)) == (alone, beside)
 
 
+@pytest.mark.slow
 def test_a_stiffness_without_third_harmonics_is_no_spring_of_the_library(lab):
     """That of a cubic one would be 77 times the noise at the largest row; of the mean square of the motion none is."""
     record = lab.measured("stiffness-hardening")

@@ -137,6 +137,7 @@ def test_both_are_converted_to_other_units(copy):
     assert (values["slope"], values["omega_n"]) == (3.0, 12.566370614359172)
 
 
+@pytest.mark.slow
 def test_the_effect_is_found_in_its_own_data(copy):
     _, damping = copy
     damping("sweep", "tilted.toml", *SWEEPS, "--out", "tilted.csv")
