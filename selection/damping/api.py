@@ -278,7 +278,9 @@ def sweep(
     """Steady-state sweeps of a model, as ``damping sweep`` computes them.
 
     Args:
-        force: one amplitude or several, each a sweep. frequency: Hz, rising. method: ``ritz`` or ``time``.
+        force: one amplitude or several, each a sweep.
+        frequency: Hz, rising.
+        method: ``ritz`` or ``time``.
         structure: whether to leave out effects of the rig. Effects of one test are always left out.
 
     Raises:

@@ -34,11 +34,12 @@ CATALOGUE: dict[str, Effect] = {
     )
 }
 
-#: Prior of causes of ``FOREIGN`` that stand for several: contact of either sign is a clearance, a stop or a slap, or
-#: a joint or a support that opens; a partner is an absorber, a tank or a circuit; another power a film or a stream; a
-#: reading drifts in gain or phase. Others are one. Of 220 generated springs, joints and contacts 7 more are doubted
-#: than if both signs of contact share the prior of one: 4 contacts that imitate a hardening spring, and 3 springs.
+#: Prior of causes of ``FOREIGN`` that stand for several: contact is a clearance, a stop or a slap, or with the other
+#: sign a joint or a support that opens; a partner is an absorber, a tank or a circuit; another power a film or a
+#: stream; a reading drifts in gain or phase. Others are one.
 _STANDS_FOR = 3.0
+#: Signs of contact, each with that prior. Of 220 generated springs, joints and contacts 7 more are doubted than if both
+#: share the prior of one: 4 contacts that imitate a hardening spring, and 3 springs.
 _SIGNS = 2.0
 #: Causes outside the library: if one of them explains more than the library can, the cause is not in it.
 FOREIGN: dict[str, Effect] = {

@@ -15,7 +15,7 @@ from damping.formats.series import Samples, Series, Summary
 _AGREES = 0.05
 #: Largest step from row to row over that of the sweep that is refined, and largest range over that sweep's.
 _FINER = 0.5
-#: Fewest rows that two sweeps share, of either.
+#: Fewest rows of the coarse sweep within the range of the fine one, and fewest rows of either.
 _FEWEST_SHARED = 2
 _FEWEST_ROWS = 4
 _GAP = 3.0  # steps beyond which rows are of two resonances
