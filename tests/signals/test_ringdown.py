@@ -240,6 +240,14 @@ def test_two_modes_that_beat_are_named() -> None:
     assert len(decay(t, x).force) > 4  # one alone is none
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.0, False), (0.35, True)])
+def test_a_beat_that_only_slows_the_decay_is_said(share: float, said: bool) -> None:
+    """Modes 2.5 % apart: at 0.35 the sum never grows, since two per cent of damping outrun the beat."""
+    t, x = exponential(0.02, 120)
+    beating = x + share * np.exp(-0.02 * omega_n * t) * np.cos(1.025 * omega_n * t)
+    assert any("frequency swings" in note for note in decay(t, beating).notes) is said
+
+
 def test_a_tone_beside_the_mode_is_said() -> None:
     """Hum of 2 %, 5 % higher, beats with the decay when this has come down to it; alone, it falls to its noise."""
     t, x = exponential(0.008, 120)

@@ -29,7 +29,15 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_limit
-from damping.signals.releases import LARGEST_GROWTH, describe_lost, describe_releases, find_release, find_return
+from damping.signals.releases import (
+    LARGEST_GROWTH,
+    describe_beat,
+    describe_lost,
+    describe_releases,
+    find_release,
+    find_return,
+    report_growth,
+)
 from damping.signals.windows import (
     Window,
     describe_elsewhere,
@@ -151,6 +159,7 @@ def ring_down(
         )
     shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
+    lost += describe_beat(kept[kept["A"] >= again / GROWN])
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
 
 
@@ -159,16 +168,7 @@ def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
     least = np.minimum.accumulate(size)
     grown = np.flatnonzero((size > LARGEST_GROWTH * least) & (size >= GROWN * size[:1]))
     if len(grown):
-        raise _growth(float(t[int(np.argmin(size[: grown[0]]))]))
-
-
-def _growth(since: float) -> AnalysisError:
-    """The error on a decay that grows from the time ``since`` on."""
-    return AnalysisError(
-        f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; choose a part without "
-        "(--start, --end), or a sensor or a blow that moves one mode alone; of several sensors damping campaign "
-        "--modes F1,F2 parts the modes"
-    )
+        raise report_growth(float(t[int(np.argmin(size[: grown[0]]))]))
 
 
 def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
@@ -216,7 +216,7 @@ def _levels(
         raise AnalysisError("; ".join(["no level of the decay can be used", *notes, advice]))
     grown = np.flatnonzero(np.diff(kept["A"]) > 0.0)  # levels fall by more than the noise
     if len(grown):
-        raise _growth(float(kept["t"].iloc[grown[0]]))
+        raise report_growth(float(kept["t"].iloc[grown[0]]))
     if len(edges) > levels:
         notes.append(f"the decay after {t[edges[-1]]:.4g} s is not used: it is cut into {levels} levels")
     return kept, notes
