@@ -13,7 +13,7 @@ import damping as dp
 from damping import extrapolation
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.backbone import Backbone, find_backbone
-from damping.extrapolation.curve import find_crossing, predict_forces, trace_loads
+from damping.extrapolation.curve import NO_RATIO, find_crossing, predict_forces, trace_loads
 from damping.extrapolation.prediction import PARTS, Band, Loads
 from damping.forces import CubicStiffness, Sum, VelocityPower, VelocitySquared, Viscous
 from damping.infer.evidence import brief_evidence
@@ -52,6 +52,18 @@ def test_ratio_is_the_closed_form(viscous, quadratic, peaks):
     np.testing.assert_allclose(traced.damping_ratio.median, ratio(amplitude), rtol=1e-9)
     np.testing.assert_allclose(traced.q.median, 0.5 / ratio(amplitude), rtol=1e-9)
     assert traced.tested.all()
+
+
+def test_an_amplitude_without_a_known_frequency_has_no_ratio_and_says_so(peaks):
+    """ln A beyond what the backbone's powers of amplitude hold as numbers."""
+    A = np.array([1.0, 2.0, 4.0])
+    omega = OMEGA_N * (1.0 - 0.01 * A)
+    asked = np.array([3.0, 1e120])
+    loads = known(0.12 * OMEGA_N * asked, asked)
+    traced = trace_loads(loads, backbone_of(A, omega), peaks(A, 0.12 * omega * A, omega))
+    assert np.isfinite(traced.damping_ratio.median).tolist() == [NO_RATIO not in said for said in traced.cautions]
+    assert NO_RATIO not in traced.cautions[0]
+    assert NO_RATIO in traced.cautions[1]
 
 
 def test_a_power_law_has_a_ratio_of_one_power_less(peaks):

@@ -53,6 +53,8 @@ _MARGIN = 2.5
 #: them gets no further row.
 WITHIN = 9
 SAME = 0.02
+#: Caution on a predicted amplitude without a damping ratio.
+NO_RATIO = "no damping ratio: the frequency of the resonance is not known at this amplitude"
 #: Amplitudes of a plot: over two decades they lie 1.12 times apart; the damping peak of a joint is 1.4 times wide.
 DRAWN = 40
 #: Amplitudes beyond the test of a default curve.
@@ -244,6 +246,8 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     if data.tested_mass is None:  # masses of single levels would move their resonances too
         rows = zip(cautions, RAD_S_PER_HZ * f.median, zeta, strict=True)
         cautions = tuple(_add_jump(so_far, lowest, omega, ratio) for so_far, omega, ratio in rows)
+    unknown = np.isfinite(predicted.median) & ~np.isfinite(zeta)
+    cautions = tuple((NO_RATIO, *so_far) if no else so_far for so_far, no in zip(cautions, unknown, strict=True))
     given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
     low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
