@@ -285,6 +285,16 @@ def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
         assert len([note for note in summary.notes if "the file says mV and m/s^2 is stated" in note]) == cautions
 
 
+@pytest.mark.parametrize("what", ["sweep_rate=oct/min", "energy=J", "mass=kg", "frequency=rpm"])
+def test_a_unit_of_what_the_file_has_not_is_said(tmp_path, what):
+    path = tmp_path / "a.csv"
+    pd.DataFrame({"Time [s]": T, "Acc [m/s^2]": X}).to_csv(path, index=False)
+    name, unit = what.split("=")
+    (said,) = (note for note in read_file(path, Stated(units={name: unit}))[1].notes if "--unit" in note)
+    assert said.startswith(f"caution: --unit {what} changes nothing")
+    assert not any("--unit" in note for note in read_file(path, Stated(units={"time": "s"}))[1].notes)
+
+
 def test_a_motion_in_rms_is_said(tmp_path):
     """A recorder that divides every sample by the square root of 2, or writes the rms of a second each second."""
     path = tmp_path / "a.csv"

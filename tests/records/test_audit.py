@@ -450,6 +450,26 @@ def test_tolerances_in_per_cents_are_doubted(per_cents):
     assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
 
 
+@pytest.mark.parametrize(("unit", "doubts"), [("g", 1), ("N", 0), ("m/s^2", 0)])
+def test_a_base_acceleration_named_in_g_beside_metres_is_doubted(unit, doubts):
+    """Participation 0.2: as 1.96 it would be plausible, and a design level in g would be read in m/s^2."""
+    f = np.linspace(23.0, 27.0, 41)
+    q = 0.2 * 9.81 / ((2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))
+    table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": abs(q), "phase": -np.angle(q)})
+    mode = Mode(name="x", frequency=25.0, drive="base", units=Units(unit, "m", "s"))
+    assert sum("names g" in finding.what for finding in audit(Record(table), mode).findings) == doubts
+
+
+def test_degrees_for_an_angle_in_rad_are_named():
+    f = np.linspace(23.0, 27.0, 41)
+    q = 1.0 / (0.8 * (2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))
+    table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": np.degrees(abs(q))})
+    mode = Mode(name="x", frequency=25.0, mass=0.8, units=Units("N m", "rad", "s"))
+    (finding,) = audit(Record(table.assign(phase=-np.angle(q))), mode).findings
+    assert (finding.check, finding.verdict) == ("units", "refuse")
+    assert "degrees for rad?" in finding.advice
+
+
 @pytest.mark.parametrize("columns", [["phase"], []])
 @pytest.mark.parametrize("back", [1, 2, 3, 4])
 def test_a_row_taken_again_after_a_jump_is_no_mistyped_frequency(back, columns):

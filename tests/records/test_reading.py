@@ -73,6 +73,10 @@ REFUSED = {
     "frequency": (HEAD + "A,1,-10,3,1\n", ", line 2, column frequency: -10; expected a frequency in Hz > 0"),
     "degrees": (HEAD + ROW + "A,1,10,0.5,90\n", ", line 3, column phase: 90; " + DEGREES),
     "negative degrees": (HEAD + ROW + "A,1,10,0.5,-90\n", ", line 3, column phase: -90; " + DEGREES),
+    "third harmonic": (
+        HEAD.replace("phase", "amplitude_3,phase_3") + "A,1,10,0.5,0.1,7.1\n",
+        ", line 2, column phase_3: 7.1; " + DEGREES + ", less whole turns",
+    ),
     "energy": (
         HEAD.replace("phase", "energy") + ROW + "A,1,10,0.5,0\n",
         ", line 3, column energy: 0; expected an energy per cycle > 0",

@@ -20,7 +20,7 @@ from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, o
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
 from damping.formats.levels import LevelTable, split_levels
-from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_alike, to_series
 from damping.formats.parts import list_part_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.refined import join_refined
@@ -109,6 +109,7 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
             level, units["force"] = table.level
             numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
             summary.note("caution: the level in the names of columns is taken as the drive in every row")
+    note_unheeded_units(numbers, stated, summary)
     facts = FileFacts(
         units=list_units(units, stated),
         response=response or None,

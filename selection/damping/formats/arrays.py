@@ -20,7 +20,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
-from damping.formats.named import UNIT_OF, list_units, to_series
+from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, to_series
 from damping.formats.quantity import find_powers
 from damping.formats.sampling import SAMPLING, find_abscissa, find_nearest, last_name, list_times, split
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
@@ -177,6 +177,7 @@ def list_array_series(
         _add_array(role, name, arrays[name], stated, summary)
     texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
     angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
+    note_unheeded_units(names, stated, summary)
     facts = FileFacts(units=list_units(texts, stated), angles=angles)
     return _list_each(names, arrays, facts, Path(path).stem, summary)
 

@@ -104,7 +104,10 @@ def conversion(known: Statements) -> Conversion:
     of_response = whole.factor / (1.0 if angular else length.factor) * per * stated.scale.get("response", 1.0)
     by_base = "force" in units and units["force"].powers == (0, 1, -2)
     if by_base:
-        summary.note(f"the drive is an acceleration: force in {length.text}/s^2, for a mode with drive = base")
+        summary.note(
+            f"the drive is an acceleration: force in {length.text}/s^2, for a mode with drive = base, and the "
+            "amplitude must be the motion relative to the base (damping campaign takes absolute motions too)"
+        )
     of_force = units["force"].factor / (length.factor if by_base else force.factor * arm) if "force" in units else None
     scaled = None if of_force is None else of_force * stated.scale.get("force", 1.0)
     return Conversion(order, per_force, of_response, scaled)

@@ -4,7 +4,7 @@ A lock-in amplifier shows X = R cos(theta), Y = R sin(theta) of a signal R cos(o
 X + i Y is then the phasor with exp(i omega t), and theta > 0 leads. Only the user can state whether R is rms.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import pi
 from typing import cast
@@ -261,3 +261,11 @@ def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
         if role in UNIT_OF:
             units.setdefault(UNIT_OF[role], text)
     return units
+
+
+def note_unheeded_units(roles: Iterable[str], stated: Stated, summary: Summary) -> None:
+    """Caution on stated units of quantities of which the file has no column or array."""
+    absent = stated.units.keys() - {UNIT_OF.get(role, role) for role in roles} - {"force", "response"}
+    for what in sorted(absent):
+        said = f"--unit {what}={stated.units[what]} changes nothing"
+        summary.note(f"caution: {said}: the file has no {what} (give --column {what}=NAME if it has)")

@@ -1,4 +1,4 @@
-"""Checks of levels against the mode file: mass, frequency and damping."""
+"""Checks of the mode file: of levels against its mass, frequency and damping, and of what it states itself."""
 
 from math import log
 
@@ -8,7 +8,7 @@ from damping.arrays import FloatArray
 from damping.forces import component
 from damping.records.check_levels import FAR_MASS, FAR_MASS_WITHOUT_PHASE, compare_masses, list_medians
 from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, name_unit
-from damping.records.mode import Mode
+from damping.records.mode import Mode, Units
 from damping.records.view import Finding, View, take_median
 
 FAR_FREQUENCY = 1.1  #: the same for the frequency of the lowest level, where a resonance is bent least
@@ -127,3 +127,28 @@ def _free_of_added_mass(view: View, mode: Mode) -> FloatArray:
     table = view.implied.sort_values("force", kind="stable")
     added = list_medians(view, view.record.added_masses, table)
     return np.asarray(table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + added / mode.mass))
+
+
+LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
+
+
+def check_tolerances(view: View) -> Finding | None:
+    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
+    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
+    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
+    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
+    if not large:
+        return None
+    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
+    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
+
+
+def check_base_unit(view: View) -> Finding | None:
+    """A base acceleration named in g beside a length: answers, and design levels, are in length/time^2."""
+    units = view.mode.units if view.mode and view.mode.drive == "base" else Units()
+    of_base = units.of_base_drive.force
+    if units.force != "g" or not of_base:
+        return None
+    what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
+    advice = f"give the column force, and design levels, in {of_base}"
+    return Finding("units", "caution", what, advice, view.record.sweeps)

@@ -31,7 +31,7 @@ UNIT_FACTORS: dict[str, float] = {
 #: Factors within one system of units.
 SCALING_FACTORS = {"rms for peak": 2.0**0.5, "peak-to-peak for peak": 2.0, "peak-to-peak for rms": 2.0 * 2.0**0.5}
 #: All factors that a ratio of masses may mean.
-FACTORS = UNIT_FACTORS | SCALING_FACTORS
+FACTORS = UNIT_FACTORS | SCALING_FACTORS | {"degrees for rad": 180.0 / pi}
 #: Factors between frequencies.
 FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
 
@@ -196,20 +196,6 @@ def check_velocity(view: View) -> Finding | None:
     what = f"the amplitude at row {row + 1} moves at {velocity[row]:.3g} m/s, which no structure survives"
     advice = "are accelerations or velocities given as displacements, or is the unit of length another?"
     return Finding("units", "caution", what, advice, view.record.sweeps)
-
-
-LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
-
-
-def check_tolerances(view: View) -> Finding | None:
-    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
-    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
-    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
-    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
-    if not large:
-        return None
-    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
-    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
 
 
 def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:

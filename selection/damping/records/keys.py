@@ -55,7 +55,9 @@ def _list_tests(column: Mapping[str, str]) -> list[Test]:
     wanted = f"{column['meaning']} {column['range']}"
     # numbers <= 0 have a test of their own
     magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
-    turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), "radians within -2 pi..2 pi (phases in degrees?)")
+    within = "radians within -2 pi..2 pi (phases in degrees?)"
+    within += ", less whole turns" if column["column"] == "phase_3" else ""  # three times a lag passes 2 pi
+    turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), within)
     positive, least = [(lambda x: x > 0.0, wanted), magnitude], [(lambda x: x >= 0.0, wanted), magnitude]
     return {"> 0": positive, ">= 0": least, "radians": [turn]}.get(column["range"], [])
 
