@@ -280,7 +280,8 @@ def fit_coefficients(
     A = np.array([metres * point.amplitude for point in points]) / np.where(at_force, share, 1.0)
     F = np.array([newtons * point.force for point in points]) * np.where(at_force, 1.0, share)
     if not np.all(np.isfinite(A) & np.isfinite(F)):
-        raise AnalysisError("coefficients need force and amplitude of each level: a form loads/1 or curve/1")
+        form = "a form loads/1 or curve/1 (of a campaign: damping curve of modes/NAME/record.csv in its folder)"
+        raise AnalysisError(f"coefficients need force and amplitude of each level: {form}")
     columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]
     scale = columns.max(axis=0)
     linear, quadratic = nnls(columns / scale, np.ones(len(F)))[0] / scale

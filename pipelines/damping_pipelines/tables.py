@@ -57,7 +57,9 @@ def regress(
     if plots is not None:
         refuse_unwritable(plots, folder=True)
     # what is not allowed is refused before any table is read
-    Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
+    chosen = Choice(**{"method" if name == "select" else name: value for name, value in choice.items()})
+    if chosen.method == "none" and chosen.criterion != Choice().criterion:
+        print(f"damping: --criterion {chosen.criterion} changes nothing without --select", file=sys.stderr)
     results = run_regress(data, response, terms, max_size, **choice)
     regressions = [result.regression for result in results]
     drawn = {} if plots is None else {plots / name: text for name, text in deviation_plots(regressions).items()}

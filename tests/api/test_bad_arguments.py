@@ -47,6 +47,8 @@ def test_a_mass_may_be_left_out_where_the_base_is_shaken():
     assert dp.Mode(name="m", frequency=25.0, drive="base").mass == 1.0
     with pytest.raises(dp.InputError, match="no mass in"):
         dp.Mode(name="m", frequency=25.0)
+    with pytest.raises(dp.InputError, match="no frequency in"):
+        dp.Mode(name="m", mass=1.0)
     with pytest.raises(dp.InputError, match="is nan"):
         dp.Mode(name="m", frequency=25.0, mass=float("nan"), drive="base")
     with pytest.raises(dp.InputError, match="column name: is None; expected a text"):

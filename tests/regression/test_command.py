@@ -335,3 +335,13 @@ def test_a_table_too_long_to_list_is_refused(run: Run, tmp_path: Path) -> None:
     assert (code, out) == (1, "")
     assert err.count("\n") == 1
     assert "100002 rows; every deviation is listed, of 100000 rows at most" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [((), False), (("--criterion", "aic"), True), (("--criterion", "aic", "--select", "backward"), False)],
+)
+def test_a_criterion_without_a_selection_is_said(run: Run, shoe: Path, options: tuple[str, ...], said: bool) -> None:
+    code, _, err = run(shoe, "--response", "y", "--terms", "x, z", *options)
+    assert code == 0
+    assert ("--criterion aic changes nothing without --select" in err) is said

@@ -112,8 +112,8 @@ class Mode:
     InputError: what :func:`read_mode` refuses.
     """
 
-    name: str
-    frequency: float
+    name: str = "mode"
+    frequency: float = math.nan
     mass: float = math.nan
     drive: str = "force"
     tolerance: Tolerance = Tolerance()
@@ -125,12 +125,11 @@ class Mode:
     source: str = ""
 
     def __post_init__(self) -> None:
+        given = {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")}
         written: dict[str, Any] = {
-            "mode": {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")},
+            "mode": {name: value for name, value in given.items() if value is not getattr(type(self), name)},
             **{name: getattr(self, name) for name in ("repeatability", "units", "rig", "damping", "effects")},
-        }
-        if written["mode"]["mass"] is type(self).mass:  # the default object: no mass was given
-            del written["mode"]["mass"]
+        }  # without default objects, which were not given
         for name, value in _checked(TomlTable(_as_written(written), (), self.source or "mode", ""), self.name).items():
             object.__setattr__(self, name, _fixed(value))
 
