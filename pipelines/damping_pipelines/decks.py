@@ -90,8 +90,8 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
     check_outputs({"--out": out}, *list_files(source))
     form, content = read_damping(source, record)
     drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
-    if code == "openfast" and form.drive != "force":
-        raise AnalysisError(f"{source}: coefficients are of a force, and this form is of {form.drive}")
+    if code == "openfast" and "base acceleration" in (form.drive, drive):
+        raise AnalysisError(f"{source}: coefficients are of a force, and this form is of base acceleration")
     levels, missing = _list_levels(form, drive, unit)
     if not levels:
         why = "; ".join(missing) or "write it with damping curve or extrapolate"

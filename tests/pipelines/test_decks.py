@@ -364,6 +364,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
         ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
         ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
+        ({**CAMPAIGN, "level_name": "base acceleration"}, "openfast", "this form is of base acceleration", 1),
         ({**FORM, "drive": "base acceleration"}, "openfast", "of a force, and this form is of base acceleration", 1),
     ],
 )
