@@ -242,6 +242,10 @@ def _show(answer: Campaign, out: Path) -> None:
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
     to.print(peaks)
+    to.print(
+        "±: standard error. low to high: 90 % band, at a tested level measured on its own rows, at a design level "
+        "predictive, averaged over laws by weight."
+    )
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
         notched = [f"{mode.name} at {describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]

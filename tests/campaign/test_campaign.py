@@ -291,7 +291,9 @@ def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
 
 def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, few_draws):
     out = tmp_path / "out"
-    assert damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8).code == 0
+    run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8)
+    assert run.code == 0
+    assert "±: standard error. low to high: 90 % band" in run.out
     answer = json.loads((out / "campaign.json").read_text())
     assert answer["format"] == "campaign/1"
     assert answer["levels"] == list(LEVELS)
