@@ -460,6 +460,22 @@ def test_a_base_acceleration_named_in_g_beside_metres_is_doubted(unit, doubts):
     assert sum("names g" in finding.what for finding in audit(Record(table), mode).findings) == doubts
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("amplitude_sd", 0.5, "amplitude_sd is 20 times"),  # 0.5 per cent of 0.025
+        ("force_sd", 2.0, "force_sd is 2 times"),
+        ("phase_sd", 1.5, "phase_sd is 1.5 rad"),
+        ("amplitude_sd", 0.001, ""),
+        ("phase_sd", 0.01, ""),
+    ],
+)
+def test_uncertainties_larger_than_the_values_are_doubted(column, value, said):
+    row = {"sweep": ["a"], "force": 1.0, "frequency": 60.0, "amplitude": 0.025, "phase": 1.57, column: value}
+    found = [one.what for one in audit(Record(pd.DataFrame(row))).findings if one.check == "units"]
+    assert [what[: len(said)] for what in found] == [said] * bool(said)
+
+
 def test_degrees_for_an_angle_in_rad_are_named():
     f = np.linspace(23.0, 27.0, 41)
     q = 1.0 / (0.8 * (2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))

@@ -53,6 +53,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_velocity, ()),
     (check_model.check_tolerances, ()),
     (check_model.check_base_unit, ()),
+    (check_model.check_uncertainties, ()),
     (check_units.check_phase_offset, ()),
     (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),

@@ -143,6 +143,21 @@ def check_tolerances(view: View) -> Finding | None:
     return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
 
 
+def check_uncertainties(view: View) -> Finding | None:
+    """Columns of standard uncertainties that exceed the values, as per cents do, or another unit."""
+    record, large = view.record, []
+    for name in ("amplitude_sd", "force_sd", "phase_sd"):
+        if name in record.frame:
+            value = 1.0 if name == "phase_sd" else record.column(name.removesuffix("_sd"))
+            share = float(np.nanmedian(record.frame[name] / value))
+            if share > LARGEST_TOLERANCE:
+                large.append(f"{name} is {share:.3g} " + ("rad" if name == "phase_sd" else "times the value beside it"))
+    if not large:
+        return None
+    advice = "is it in per cent, in degrees, or in another unit? give it in the unit of its column"
+    return Finding("units", "caution", " and ".join(large), advice, record.sweeps)
+
+
 def check_base_unit(view: View) -> Finding | None:
     """A base acceleration named in g beside a length: answers, and design levels, are in length/time^2."""
     units = view.mode.units if view.mode and view.mode.drive == "base" else Units()
