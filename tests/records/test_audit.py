@@ -476,6 +476,17 @@ def test_uncertainties_larger_than_the_values_are_doubted(column, value, said):
     assert [what[: len(said)] for what in found] == [said] * bool(said)
 
 
+@pytest.mark.parametrize("labelled", [True, False])
+def test_sweeps_whose_rows_have_a_label_each_are_named(labelled):
+    f, force = np.tile(np.linspace(24.0, 26.0, 21), 2), np.repeat([1.0, 2.0], 21)
+    q = force / ((2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * force**0.1 * f))
+    labels = np.repeat(["a", "b"], 21) if labelled else [f"{k}" for k in range(42)]
+    rows = {"sweep": labels, "force": force, "frequency": f, "amplitude": abs(q), "phase": -np.angle(q)}
+    record = Record(pd.DataFrame(rows))
+    found = audit(record, Mode(name="x", frequency=25.0, mass=1.0)).findings
+    assert [one.check for one in found] == ["mixed-levels"] * (not labelled)
+
+
 def test_degrees_for_an_angle_in_rad_are_named():
     f = np.linspace(23.0, 27.0, 41)
     q = 1.0 / (0.8 * (2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))

@@ -87,7 +87,7 @@ class FitVerdict:
             "poor": f"the leading law, {self.law}, {poorly}: it {by}; a law of less weight fits",
             "none fits": f"{none}: the leading law, {self.law}, {by}",
         }
-        rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: is the stated noise right?"
+        rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))
 
 

@@ -220,6 +220,26 @@ BEYOND_INERTIA = 2.0
 LIGHTEST = 5e-4  #: damping ratio from which that inertia takes a mass that is not stated
 
 
+#: Fewest rows at one force, with lags on both sides of resonance beyond this distance from pi/2, that are a sweep.
+FEWEST_OF_SWEEP = 5
+BESIDE_RESONANCE = 0.25 * pi
+
+
+def check_unlabelled(view: View) -> Finding | None:
+    """Rows with a label each that are sweeps: at one force their lags turn through resonance."""
+    table = view.record.frame
+    if "phase" not in table or table["sweep"].nunique() < len(table):
+        return None
+    turns = table.groupby("force")["phase"].agg(["size", "min", "max"])
+    passes = (turns["min"] < 0.5 * pi - BESIDE_RESONANCE) & (turns["max"] > 0.5 * pi + BESIDE_RESONANCE)
+    sweeps = int(np.sum(passes & (turns["size"] >= FEWEST_OF_SWEEP)))
+    if not sweeps:
+        return None
+    what = f"every row has a label of its own, though rows at one force turn through resonance ({sweeps} such forces)"
+    advice = "give the rows of one sweep one label: with its own, each row counts as a level"
+    return Finding("mixed-levels", "caution", what, advice, view.record.sweeps)
+
+
 def check_mixed_levels(view: View) -> Finding | None:
     """Several force levels under one label: their rows alternate over the same frequencies, or are single peaks.
 
