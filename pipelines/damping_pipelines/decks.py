@@ -28,7 +28,7 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.near import ROUNDING
+from damping.extrapolation.plan import ROUNDING
 from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit

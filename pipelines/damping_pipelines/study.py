@@ -21,8 +21,7 @@ from damping.extrapolation.curve import (
     trace_loads,
 )
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import Plan, plan_loads
+from damping.extrapolation.plan import Plan, judge_rows, plan_loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember

@@ -29,8 +29,7 @@ from damping.extrapolation.draws import (
     share_out,
     vary_priors,
 )
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import ROUNDING, Plan, plan_loads
+from damping.extrapolation.plan import ROUNDING, Plan, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.extrapolation.requested import check_loads
@@ -137,7 +136,7 @@ def extrapolate_loads(
     """Predict resonant amplitudes at ``forces``; every prediction of the project comes from here.
 
     Args:
-        data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`).
+        data: rows near resonance (:func:`damping.extrapolation.prepared.near_resonance`).
         level: content of the bands.
         mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
         laws: candidates, by default :func:`resonant_laws`.

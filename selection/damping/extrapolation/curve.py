@@ -26,9 +26,9 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import NEAREST, ROUNDING
+from damping.extrapolation.levels import OF_PREDICTED, describe_bistability
+from damping.extrapolation.plan import NEAREST, ROUNDING
 from damping.extrapolation.prediction import REFUSAL, Band, Loads, list_cautions
-from damping.extrapolation.states import OF_PREDICTED, describe_bistability
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST

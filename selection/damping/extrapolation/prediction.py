@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
-from damping.extrapolation.near import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
+from damping.extrapolation.plan import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
 
