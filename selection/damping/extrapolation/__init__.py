@@ -71,22 +71,16 @@ def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """Predictions, with the laws, weights and draws they come from.
+    """Predictions, with the laws, weights and draws they come from."""
 
-    Attributes:
-        plan: laws and weights. members: the averaged laws, with draws. loads: predictions at the requested forces.
-        mode: of the structure, None if unknown. seed: of all draws.
-        levels: candidate further levels, then the design force (the largest requested and allowed one); or empty.
-        spreads: draws of each member at the requested forces, then at ``levels``.
-    """
-
-    plan: Plan
-    members: tuple[Member, ...]
-    loads: Loads
-    mode: Mode | None
-    seed: int
+    plan: Plan  #: laws and weights
+    members: tuple[Member, ...]  #: the averaged laws, with draws
+    loads: Loads  #: predictions at the requested forces
+    mode: Mode | None  #: of the structure, None if unknown
+    seed: int  #: of all draws
+    #: candidate further levels, then the design force (the largest requested and allowed one); or empty
     levels: FloatArray
-    spreads: tuple[Spread, ...]
+    spreads: tuple[Spread, ...]  #: draws of each member at the requested forces, then at ``levels``
 
     def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""

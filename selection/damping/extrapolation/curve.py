@@ -63,21 +63,15 @@ FARTHEST = (NEAREST, 2.0)
 
 @dataclass(frozen=True)
 class Curve:
-    """Resonances at rising amplitudes, or at the requested points.
+    """Resonances at rising amplitudes, or at the requested points."""
 
-    Attributes:
-        level: content of the bands. amplitude, force: the given one of the two has no band. frequency: Hz.
-        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the given
-            force, lies within the range of the fitted rows. cautions: a tuple for each row.
-    """
-
-    level: float
-    amplitude: Interval
-    force: Interval
-    frequency: Interval
-    damping_ratio: Interval
-    tested: BoolArray
-    cautions: tuple[tuple[str, ...], ...]
+    level: float  #: content of the bands
+    amplitude: Interval  #: a given one has no band
+    force: Interval  #: likewise
+    frequency: Interval  #: Hz
+    damping_ratio: Interval  #: of critical damping
+    tested: BoolArray  #: whether the amplitude, or the given force, lies within the range of the fitted rows
+    cautions: tuple[tuple[str, ...], ...]  #: a tuple for each row
 
     @property
     def q(self) -> Interval:

@@ -28,17 +28,12 @@ _TINY = 1e-300
 
 @dataclass(frozen=True)
 class Trend:
-    """Local exponents between neighbouring levels, lowest first.
+    """Local exponents between neighbouring levels, lowest first."""
 
-    Attributes:
-        force: geometric mean of the two forces, (levels - 1,). p, sd: exponent and its standard deviation by the
-            scatter of resonances, (levels - 1,). z: change of p over the test or at its top level, as a standard normal
-            deviate (:func:`find_change`); NaN with fewer than three levels.
-    """
-
-    force: FloatArray
-    p: FloatArray
-    sd: FloatArray
+    force: FloatArray  #: geometric mean of the two forces, (levels - 1,)
+    p: FloatArray  #: exponent, (levels - 1,)
+    sd: FloatArray  #: its standard deviation by the scatter of resonances, (levels - 1,)
+    #: change of p over the test or at its top level, a standard normal deviate; NaN with fewer than three levels
     z: float
 
     @property

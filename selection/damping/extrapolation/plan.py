@@ -34,25 +34,17 @@ ROUNDING = 1e-3
 
 @dataclass(frozen=True)
 class Plan:
-    """Laws, weights and limits of a prediction.
+    """Laws, weights and limits of a prediction."""
 
-    Attributes:
-        data: rows near resonance. laws: by weight on these rows, largest first. trend: local exponents. limit: force
-            beyond which predictions are refused; infinite if there is none. fit: whether the leading law fits the
-            levels. bistable: caution, empty if there is none or the mass is unknown. joint: evidence of the levels'
-            frequencies for a slipping joint. excluded: laws that rows away from resonance contradict. state: the
-            mass for which predictions hold, if the levels had several.
-    """
-
-    data: Observations
-    laws: tuple[Candidate, ...]
-    trend: Trend
-    limit: float
-    fit: FitVerdict
-    bistable: str = ""
-    joint: JointEvidence = ANY_JOINT
-    excluded: str = ""
-    state: str = ""
+    data: Observations  #: rows near resonance
+    laws: tuple[Candidate, ...]  #: by weight on these rows, largest first
+    trend: Trend  #: local exponents
+    limit: float  #: force beyond which predictions are refused; infinite if there is none
+    fit: FitVerdict  #: whether the leading law fits the levels
+    bistable: str = ""  #: caution, empty if there is none or the mass is unknown
+    joint: JointEvidence = ANY_JOINT  #: evidence of the levels' frequencies for a slipping joint
+    excluded: str = ""  #: laws that rows away from resonance contradict
+    state: str = ""  #: the mass for which predictions hold, if the levels had several
     units: Units | None = None
 
     @property

@@ -87,19 +87,13 @@ def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple
 
 @dataclass(frozen=True)
 class PreparedRecord:
-    """A record prepared for ranking and prediction.
+    """A record prepared for ranking and prediction."""
 
-    Attributes:
-        given: record and mode as read, for the diagnosis. measured: rows under a force, as swept and as steady states,
-            and their mode. findings: of the audit. all_rows: the rows that laws are ranked on.
-        notes: sentences on what was changed.
-    """
-
-    given: tuple[Record, Mode | None]
-    measured: Measured
-    findings: Audit
-    all_rows: Observations
-    notes: tuple[str, ...]
+    given: tuple[Record, Mode | None]  #: record and mode as read, for the diagnosis
+    measured: Measured  #: rows under a force, as swept and as steady states, and their mode
+    findings: Audit  #: of the audit
+    all_rows: Observations  #: the rows that laws are ranked on
+    notes: tuple[str, ...]  #: sentences on what was changed
 
     @property
     def mode(self) -> Mode:

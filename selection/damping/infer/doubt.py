@@ -94,16 +94,13 @@ OF_FRICTION = 20.0
 
 
 class JointEvidence(NamedTuple):
-    """Evidence of the resonances for a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A.
+    """Evidence of the resonances for a joint."""
 
-    ``informative``: whether the resonances tell anything; if all levels have one frequency they do not. ``failing``:
-    certainty, 0 to 1, that damping fails at the top of the test without a slipping joint, as of an eddy-current damper
-    beyond its critical speed.
-    """
-
-    probability: float = JOINTS
-    fall: float = 0.0
-    informative: bool = False
+    probability: float = JOINTS  #: of a joint
+    fall: float = 0.0  #: of stiffness over the loss F/A
+    informative: bool = False  #: whether the resonances tell anything; if all levels have one frequency they do not
+    #: certainty, 0 to 1, that damping fails at the top of the test without a slipping joint, as of an eddy-current
+    #: damper beyond its critical speed
     failing: float = 0.0
 
 
