@@ -61,12 +61,11 @@ def saturate(most: Floats, held: Floats, omega: Floats) -> tuple[Floats, Floats]
 class SlippingForce(GrowingForce):
     """Force of joints less their ``stiffness`` times q, which is no force while they stick.
 
-    ``stiffness`` k is what slip loses (force/length), ``limit`` A1 the amplitude at which it starts or at which it is
-    complete. The mode's frequency is that of the stuck state.
+    The mode's frequency is that of the stuck state.
     """
 
-    stiffness: Floats
-    limit: Floats
+    stiffness: Floats  #: k, what slip loses (force/length)
+    limit: Floats  #: A1, the amplitude at which it starts or at which it is complete
 
     name: ClassVar[str] = "slip"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)

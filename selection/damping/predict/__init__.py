@@ -26,15 +26,12 @@ from damping.records.view import View, take_median
 
 @dataclass(frozen=True)
 class Measured:
-    """Steady states under a modal force, their mode (None if none is given) and notes on what was changed.
-
-    ``driven``: the rows under that force as swept, for the diagnosis, in which the sweep rate is a cause itself.
-    """
+    """Steady states under a modal force."""
 
     record: Record
-    mode: Mode | None
-    driven: Record
-    notes: tuple[str, ...] = ()
+    mode: Mode | None  #: None if none is given
+    driven: Record  #: the rows under that force as swept, for the diagnosis, in which the sweep rate is a cause itself
+    notes: tuple[str, ...] = ()  #: on what was changed
 
 
 def prepare(record: Record, mode: Mode | None = None) -> Measured:

@@ -43,17 +43,13 @@ _LARGEST_LEAD = 0.3
 
 @dataclass(frozen=True)
 class Rate:
-    """A sweep rate in octaves per minute (negative: downwards) and its standard error.
-
-    ``severity``: largest (df/dt)/(2 zeta f)^2 of the record; ``misfit``: root mean square residual of ln a, and
-    ``steady_misfit`` that of steady states whose stiffness and damping change with amplitude.
-    """
+    """A sweep rate in octaves per minute (negative: downwards) and its standard error."""
 
     octaves_a_minute: float
     standard_error: float
-    severity: float
-    misfit: float
-    steady_misfit: float
+    severity: float  #: largest (df/dt)/(2 zeta f)^2 of the record
+    misfit: float  #: root mean square residual of ln a
+    steady_misfit: float  #: that of steady states whose stiffness and damping change with amplitude
 
 
 def envelope(
