@@ -39,19 +39,16 @@ MODES = (1, 2)
 
 @dataclass(frozen=True)
 class Studies:
-    """Results of the chapters.
+    """Results of the chapters."""
 
-    ``loops, slip``: section 2.4. ``lines``: section 4.1, a mode each. ``curves``: section 4.2. ``levels``: Tables 4.IV
-    and 4.V by mode and what is held (``xi``, ``coefficient``). ``force_lines``: section 4.3. The others: chapter V.
-    """
-
-    loops: HysteresisLoops
-    slip: SlipEquivalent
-    lines: tuple[SweepLines, ...]
-    curves: AmplitudeFrequency
+    loops: HysteresisLoops  #: section 2.4
+    slip: SlipEquivalent  #: likewise
+    lines: tuple[SweepLines, ...]  #: section 4.1, a mode each
+    curves: AmplitudeFrequency  #: section 4.2
+    #: Tables 4.IV and 4.V by mode and what is held (``xi``, ``coefficient``)
     levels: dict[tuple[int, str], LevelMethods]
-    force_lines: tuple[SweepLines, ...]
-    nine: Mapping[str, pd.DataFrame]
+    force_lines: tuple[SweepLines, ...]  #: section 4.3
+    nine: Mapping[str, pd.DataFrame]  #: chapter V, as the next
     false: FalseTerms
     circular: Circularity
     surface: EnergySurface

@@ -75,26 +75,20 @@ _RANGE = 100.0
 
 @dataclass(frozen=True)
 class Coverage:
-    """One trial of the bands; arrays over ``RATIOS``.
+    """One trial of the bands; arrays over ``RATIOS``."""
 
-    ``levels``, ``span``, ``noise``: as drawn. ``winner``: law of largest weight; ``true``: whether it is the law of the
-    structure. ``ratio``: force over the largest tested one. ``refused``: no prediction. ``above``, ``below``: whether
-    the next test lies beyond that end. ``width``: ln(high/low). ``oracle``: the width with the true form known, NaN if
-    the library does not have it. ``error``: ln(median/true amplitude).
-    """
-
-    levels: int
-    span: float
-    noise: float
-    winner: str
-    true: bool
-    ratio: FloatArray
-    refused: BoolArray
-    above: BoolArray
-    below: BoolArray
-    width: FloatArray
-    oracle: FloatArray
-    error: FloatArray
+    levels: int  #: as drawn
+    span: float  #: likewise
+    noise: float  #: likewise
+    winner: str  #: law of largest weight
+    true: bool  #: whether it is the law of the structure
+    ratio: FloatArray  #: force over the largest tested one
+    refused: BoolArray  #: no prediction
+    above: BoolArray  #: whether the next test lies beyond that end
+    below: BoolArray  #: likewise
+    width: FloatArray  #: ln(high/low)
+    oracle: FloatArray  #: the width with the true form known, NaN if the library does not have it
+    error: FloatArray  #: ln(median/true amplitude)
 
 
 def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = None) -> Coverage:

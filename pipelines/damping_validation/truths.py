@@ -44,16 +44,13 @@ Parts = dict[float, ComplexArray]
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure drawn at random: ``log_C`` and ``log_omega`` at the table's ln A, generalized ``mass``.
-
-    ``law`` is its own in the library, if it has one.
-    """
+    """A structure drawn at random."""
 
     name: str
-    log_C: FloatArray
-    log_omega: FloatArray
-    mass: float
-    law: Law | None
+    log_C: FloatArray  #: at the table's ln A
+    log_omega: FloatArray  #: likewise
+    mass: float  #: generalized
+    law: Law | None  #: its own in the library, if it has one
 
     def amplitude(self, force: FloatArray) -> FloatArray:
         """Resonant amplitude at each force: the first A at which C rises through it; infinite where none does."""

@@ -16,19 +16,15 @@ from damping_reed1970 import by_point, columns, load_table
 
 
 class PlanarOscillator(NamedTuple):
-    """Mass M, viscous coefficient C (equal in all directions), principal frequencies in rad/s, angle theta in rad.
+    """A mode in two principal planes as a sensor sees it; fields may be arrays that broadcast with the frequency."""
 
-    As a sensor sees it: ``R``, motion in phase with the force that is not this mode's, per unit of modal force, and
-    ``lag`` of all readings, rad. Fields may be arrays that broadcast with the frequency.
-    """
-
-    M: Floats
-    C: Floats
-    omega_p: Floats
+    M: Floats  #: mass
+    C: Floats  #: viscous coefficient, equal in all directions
+    omega_p: Floats  #: principal frequency, rad/s, as the next
     omega_y: Floats
-    theta: Floats
-    R: Floats = 0.0
-    lag: Floats = 0.0
+    theta: Floats  #: angle, rad
+    R: Floats = 0.0  #: motion in phase with the force that is not this mode's, per unit of modal force
+    lag: Floats = 0.0  #: of all readings, rad
 
 
 def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:

@@ -44,14 +44,12 @@ _REFINED = 5  # starts that are followed down: the best of the grid
 
 @dataclass(frozen=True)
 class Phasors:
-    """What is fitted: ``q`` = A exp(-i phi), modal force ``F`` and ``omega`` in rad/s, each (n,).
+    """What is fitted, each (n,)."""
 
-    The standard deviation of its components is ``constant`` or ``proportional`` to the measured amplitude.
-    """
-
-    q: ComplexArray
-    F: FloatArray
-    omega: FloatArray
+    q: ComplexArray  #: A exp(-i phi)
+    F: FloatArray  #: modal force
+    omega: FloatArray  #: rad/s
+    #: standard deviation of components: one for all, or in proportion to the measured amplitude
     noise: Noise = "constant"
 
     @property
@@ -66,17 +64,14 @@ class Phasors:
 
 @dataclass(frozen=True)
 class PlanarFit:
-    """A least-squares fit: the model, theta in rad, and which of its parameters were ``fitted``.
+    """A least-squares fit."""
 
-    ``standard_errors``: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted.
-    ``residuals``: complex, (model - measured)/shape, (n,). ``SSE``: sum of their squares, 2 n numbers.
-    """
-
-    model: PlanarOscillator
-    fitted: tuple[str, ...]
+    model: PlanarOscillator  #: theta in rad
+    fitted: tuple[str, ...]  #: which of its parameters
+    #: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted
     standard_errors: Mapping[str, float]
-    residuals: ComplexArray
-    SSE: float
+    residuals: ComplexArray  #: complex, (model - measured)/shape, (n,)
+    SSE: float  #: sum of their squares, 2 n numbers
 
     @property
     def xi(self) -> float:

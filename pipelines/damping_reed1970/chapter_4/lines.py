@@ -112,14 +112,12 @@ def average_laws(ranking: Ranking) -> Loads:
 
 @dataclass(frozen=True)
 class SweepLines:
-    """The three sweeps of a mode, ``points``, with the lines through them, ``lines``: a figure's data.
-
-    ``exponents``: of the refitted power law and of the printed one, for the figure of forces.
-    """
+    """The three sweeps of a mode and the lines through them: a figure's data."""
 
     mode: int
     points: pd.DataFrame
     lines: pd.DataFrame
+    #: of the refitted power law and of the printed one, for the figure of forces
     exponents: tuple[float, float] = (np.nan, np.nan)
 
 
