@@ -26,7 +26,7 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance
 from damping.predict.steady import resonant_amplitude
 from damping.records.mode import Mode
-from damping_validation.truths import OMEGA, Truth, draw_truth, peaks, sweeps
+from damping_validation.truths import OMEGA, Truth, draw_truth, log_uniform, peaks, sweeps
 
 #: Forces predicted, relative to the largest tested one.
 RATIOS = (1.5, 2.0, 4.0)
@@ -99,7 +99,7 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)
     levels = int(rng.integers(LEVELS[0], LEVELS[1] + 1))
-    span, noise = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (SPANS, NOISES))
+    span, noise = log_uniform(rng, *SPANS), log_uniform(rng, *NOISES)
     tested = np.geomspace(span**-0.5, span**0.5, levels)
     swept = rng.random() < SWEPT_SHARE
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
@@ -133,7 +133,7 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
 
 def _read_frequencies(data: Observations, truth: Truth, rng: np.random.Generator) -> Observations:
     """The same with the resonance frequency of each level as it is read, or with one for all."""
-    noise = np.exp(rng.uniform(*np.log(FREQUENCY_NOISES)))
+    noise = log_uniform(rng, *FREQUENCY_NOISES)
     omega = truth.omega(truth.amplitude(data.tested_force)) * np.exp(noise * rng.standard_normal(len(data.A)))
     return data if rng.random() < ONE_FREQUENCY else replace(data, omega=omega, tested_omega=omega)
 

@@ -24,7 +24,7 @@ from scipy.special import chdtrc
 from damping.arrays import ComplexArray, FloatArray
 from damping.signals import PrincipalPlanes
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response, receptance
 
 Noise = Literal["constant", "proportional"]
 
@@ -164,8 +164,7 @@ def _jacobian(data: Phasors, model: PlanarOscillator, free: tuple[str, ...]) -> 
     """Derivatives of the residuals by the parameters ``free``, (n, k)."""
     M, C, omega_p, omega_y, theta, _, lag = model
     omega, along, across, turn = data.omega, np.cos(theta) ** 2, np.sin(theta) ** 2, np.exp(-1j * lag)
-    p = 1.0 / (M * (omega_p**2 - omega**2) + 1j * C * omega)
-    y = 1.0 / (M * (omega_y**2 - omega**2) + 1j * C * omega)
+    p, y = receptance(M, C, omega_p, omega), receptance(M, C, omega_y, omega)
     by_name = {
         "omega_p": -along * 2.0 * M * omega_p * p**2 * turn,
         "omega_y": -across * 2.0 * M * omega_y * y**2 * turn,

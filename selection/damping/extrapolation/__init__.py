@@ -10,7 +10,6 @@ As a check within the record, its higher levels can be left out and predicted fr
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,7 +28,7 @@ from damping.extrapolation.draws import (
     share_out,
     vary_priors,
 )
-from damping.extrapolation.plan import ROUNDING, Plan, judge_rows, plan_loads
+from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.extrapolation.requested import check_loads
@@ -84,7 +83,7 @@ class Extrapolation:
 
     def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
-        known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
+        known = (self.plan.data, self.loads.level, self.seed, self.plan, find_repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
         return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
@@ -158,7 +157,7 @@ def extrapolate_loads(
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() * (1.0 + ROUNDING) else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, _repeatability(mode), seed)
+    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
     at_asked = [spread.at(slice(len(requested))) for spread in spreads]
     loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
@@ -179,15 +178,18 @@ def predict_record(
 
     ``estimate``, ``fresh``: see :func:`extrapolate_loads`.
     """
-    data, mode = prepared.data, prepared.mode
-    asked = forces if len(forces) else np.array(times) * data.tested_force.max()
-    options: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
-    return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **options)
-
-
-def _repeatability(mode: Mode | None) -> float:
-    """Stated relative standard uncertainty of a level's amplitude; 0 if unknown."""
-    return (mode.repeatability.amplitude if mode else None) or 0.0
+    data = prepared.data
+    return extrapolate_loads(
+        data,
+        forces if len(forces) else np.array(times) * data.tested_force.max(),
+        level,
+        seed,
+        mode=prepared.mode,
+        all_rows=prepared.all_rows,
+        estimate=estimate,
+        fresh=fresh,
+        progress=progress,
+    )
 
 
 def sample_candidate(law: Candidate, data: Observations, forces: np.ndarray, seed: int) -> Posterior:

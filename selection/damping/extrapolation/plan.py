@@ -58,6 +58,11 @@ class Plan:
         return np.asarray(force <= self.limit * (1.0 + ROUNDING))
 
 
+def find_repeatability(mode: Mode | None) -> float:
+    """Stated relative standard uncertainty of a level's amplitude; 0 if unknown."""
+    return (mode and mode.repeatability.amplitude) or 0.0
+
+
 def plan_loads(
     data: Observations,
     laws: Sequence[Law],
@@ -82,8 +87,7 @@ def plan_loads(
     ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
     planned = tuple(row for row in ranked.candidates if row.evidence)
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].weighed.draws))
-    repeats = (mode and mode.repeatability.amplitude) or 0.0
-    stated = float(np.sqrt(repeats**2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
+    stated = float(np.sqrt(find_repeatability(mode) ** 2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
     exponents = trend(data, float(np.median(scatter)), (stated, CERTAIN) if stated > MOST else EXPECTED)

@@ -136,6 +136,12 @@ def find_largest(loads: Loads | None) -> int | None:
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
 
 
+def list_design_cautions(result: RecordResult) -> tuple[str, ...]:
+    """Cautions at the largest design force that has a prediction, or at the last where none has."""
+    i, design = find_largest(result.design), result.design
+    return () if design is None else design.cautions[-1 if i is None else i]
+
+
 def list_refused(result: RecordResult) -> list[str]:
     """Why the largest design force has no prediction, if a smaller one has: the answer is then for another force."""
     i, design = find_largest(result.design), result.design
@@ -180,6 +186,4 @@ def _collect_cautions(result: RecordResult) -> Iterator[str]:
     rough = [s for s in result.posteriors if s.leave_one_out.caution]
     if rough:
         yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
-    i = find_largest(result.design)
-    if result.design is not None:
-        yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
+    yield from list_design_cautions(result)
