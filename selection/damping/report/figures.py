@@ -200,13 +200,13 @@ def draw_design_loads(
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, grid.level, units.force, length, grid.limit)
     predictions = words.format_joined(
-        f"at {words.format_force_text(force, units.force)} median {words.number(median)} {length} "
+        f"at {words.format_force_text(force, units.force)} median {words.format_quantity(median, length)} "
         f"({words.number(low)} to {words.number(high)}), linear {words.number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
     )
-    low, high = data.tested_force.min(), data.tested_force.max()
+    tested_forces = words.format_between(data.tested_force.min(), data.tested_force.max(), units.force)
     description = (
-        f"Tested from {words.number(low)} to {words.number(high)} {units.force}; beyond that extrapolated. "
+        f"Tested from {tested_forces}; beyond that extrapolated. "
         f"Resonant amplitude with its {100 * grid.level:g} per cent predictive interval: {predictions}."
     )
     return Drawn(figure, f"{title}: resonant amplitude against force", description)
