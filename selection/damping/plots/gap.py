@@ -78,9 +78,9 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     with_phase = bool(measured["phase"].notna().any())
     quantities = ("amplitude", "phase") if with_phase else ("amplitude",)
     kinds, bands = len(quantities), -(-len(sweeps) // _PER_ROW)
-    ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
-    figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
-    axes = figure.subplots(bands * kinds, min(_PER_ROW, len(sweeps)), squeeze=False, height_ratios=ratios)
+    height, ratios = (3.1, [1.5, 1.0]) if with_phase else (2.1, [1.0])
+    grid = bands * kinds, min(_PER_ROW, len(sweeps))
+    figure, axes = build_panels(height * bands + 0.5, *grid, squeeze=False, height_ratios=ratios * bands)
     for ax in axes.flat:
         ax.set_visible(False)
     for number, sweep in enumerate(sweeps):
