@@ -76,13 +76,10 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
 
 
-def _draw_fitted(result: RecordResult) -> Drawn | None:
+def _draw_fitted(result: RecordResult) -> Drawn:
     """Measured rows and the leading law: sweeps over frequency, or resonances as amplitude over force."""
     best, data, units = result.ranking.weighted()[0], result.data, result.mode.units
-    if best.fit is None:
-        return None
-    force = best.fit.force
-    record, frame = result.record, result.record.frame
+    force, record, frame = best.fitted.force, result.record, result.record.frame
     factor, length = words.choose_length(units.length, data.tested_amplitude.max())
     swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
     if swept and result.backbone:
