@@ -77,15 +77,15 @@ _RANGE = 100.0
 class Coverage:
     """One trial of the bands; arrays over ``RATIOS``."""
 
-    levels: int  #: as drawn
-    span: float  #: likewise
-    noise: float  #: likewise
+    levels: int  #: tested
+    span: float  #: largest over smallest tested force
+    noise: float  #: standard deviation of ln A
     winner: str  #: law of largest weight
     true: bool  #: whether it is the law of the structure
     ratio: FloatArray  #: force over the largest tested one
     refused: BoolArray  #: no prediction
-    above: BoolArray  #: whether the next test lies beyond that end
-    below: BoolArray  #: likewise
+    above: BoolArray  #: whether the next test lies above the band
+    below: BoolArray  #: whether it lies below
     width: FloatArray  #: ln(high/low)
     oracle: FloatArray  #: the width with the true form known, NaN if the library does not have it
     error: FloatArray  #: ln(median/true amplitude)

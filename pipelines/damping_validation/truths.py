@@ -48,7 +48,7 @@ class Truth:
 
     name: str
     log_C: FloatArray  #: at the table's ln A
-    log_omega: FloatArray  #: likewise
+    log_omega: FloatArray  #: at the table's ln A
     mass: float  #: generalized
     law: Law | None  #: its own in the library, if it has one
 

@@ -137,7 +137,7 @@ class SlipEquivalent:
 
     slip: Loop  #: loop of the joint
     printed: Loop  #: of C3 q'^2 sgn q' by Eq. 2.4.4 as printed, about the joint's mean slope
-    corrected: Loop  #: the same as corrected
+    corrected: Loop  #: of C3 q'^2 sgn q' by Eq. 2.4.4 corrected, about the joint's mean slope
     error: pd.DataFrame  #: against amplitude, C3 fixed at the reference
     energies: pd.DataFrame  #: amplitude over A1, exact energy, as printed (2.4.3), by each fixed C3; in units of K A1^2
 

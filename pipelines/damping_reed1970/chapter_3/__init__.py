@@ -20,8 +20,8 @@ class PlanarOscillator(NamedTuple):
 
     M: Floats  #: mass
     C: Floats  #: viscous coefficient, equal in all directions
-    omega_p: Floats  #: principal frequency, rad/s, as the next
-    omega_y: Floats
+    omega_p: Floats  #: first principal frequency, rad/s
+    omega_y: Floats  #: second principal frequency, rad/s
     theta: Floats  #: angle, rad
     R: Floats = 0.0  #: motion in phase with the force that is not this mode's, per unit of modal force
     lag: Floats = 0.0  #: of all readings, rad

@@ -34,7 +34,7 @@ class Chapter3:
     effect: pd.DataFrame  #: amplitude and phase after each step
     curves: pd.DataFrame  #: with one damping for all points (:func:`tabulate_fitted_curves`)
     fits: Fits  #: of the planar oscillator
-    posteriors: Posteriors  #: likewise
+    posteriors: Posteriors  #: of the planar oscillator
     bands: Mapping[str, PlanarBand]  #: of the sampled posteriors by data
 
 

@@ -70,7 +70,7 @@ class EnergyFit:
     run: Run = "E4"  #: which inputs of Table 5.IV were used
     rows: tuple[int | None, int | None] = (None, None)  #: the points fitted
     fitted: str = ""  #: printed column of fitted energy, where there is one
-    percent: str = ""  #: that of per cent deviation
+    percent: str = ""  #: printed column of per cent deviation, where there is one
 
     def data(self, version: Version) -> Points:
         """A, omega, E of the points fitted."""

@@ -31,7 +31,7 @@ class ManyFits:
 
     members: BoolArray  #: (m, k)
     coefficients: FloatArray  #: (m, r, k), 0 for terms left out
-    t_ratios: FloatArray  #: likewise
+    t_ratios: FloatArray  #: (m, r, k), 0 for terms left out
     sse: FloatArray  #: (m, r)
     n: int  #: number of observations of each response
 

@@ -88,9 +88,9 @@ class Backbone:
     Bayesian linear regression for each of `list_shapes`, ``CHANGES`` and scatters is averaged by evidence.
     """
 
-    amplitude: FloatArray  #: of the tested resonances, (sweeps,), as the next two
-    omega: FloatArray  #: rad/s
-    mass: FloatArray
+    amplitude: FloatArray  #: of the tested resonances, (sweeps,)
+    omega: FloatArray  #: of the tested resonances, rad/s, (sweeps,)
+    mass: FloatArray  #: of the tested resonances, (sweeps,)
     mass_sd: float  #: relative standard uncertainty
     scatter: float = 0.0  #: relative, of a frequency from sweep to sweep, as the mode states it; 0 if it does not
 

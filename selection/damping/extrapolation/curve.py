@@ -66,8 +66,8 @@ class Curve:
     """Resonances at rising amplitudes, or at the requested points."""
 
     level: float  #: content of the bands
-    amplitude: Interval  #: a given one has no band
-    force: Interval  #: likewise
+    amplitude: Interval  #: without a band where it was given
+    force: Interval  #: without a band where it was given
     frequency: Interval  #: Hz
     damping_ratio: Interval  #: of critical damping
     tested: BoolArray  #: whether the amplitude, or the given force, lies within the range of the fitted rows

@@ -130,10 +130,10 @@ class Band:
     name: str
     weight: float
     median: FloatArray
-    low: FloatArray  #: predictive, as the next
-    high: FloatArray
-    credible_low: FloatArray  #: of the law's amplitude alone, as the next
-    credible_high: FloatArray
+    low: FloatArray  #: predictive
+    high: FloatArray  #: predictive
+    credible_low: FloatArray  #: of the law's amplitude alone
+    credible_high: FloatArray  #: of the law's amplitude alone
 
 
 @dataclass(frozen=True)

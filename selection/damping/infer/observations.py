@@ -40,9 +40,9 @@ class Observations(SweepRows):
     A: FloatArray  #: amplitude
     D: FloatArray  #: force in quadrature E/(pi A)
     R: FloatArray  #: size of the force in phase with displacement
-    tested_force: FloatArray  #: of the phase resonance of each sweep, (sweeps,), as the next two
-    tested_amplitude: FloatArray
-    tested_omega: FloatArray
+    tested_force: FloatArray  #: of the phase resonance of each sweep, (sweeps,)
+    tested_amplitude: FloatArray  #: there, (sweeps,)
+    tested_omega: FloatArray  #: there, rad/s, (sweeps,)
     amplitude_is_input: bool = False  #: amplitudes were given and forces follow from them, as in a free decay
     #: generalized mass that the record gives for each sweep, NaN for those without; None without any
     tested_mass: FloatArray | None = None

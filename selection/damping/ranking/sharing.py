@@ -54,7 +54,7 @@ class SharedShape:
 
     name: str  #: of the parameter
     pooled: tuple[float, float, float]  #: median and ends of the 90 % interval of the shared value
-    each: tuple[tuple[float, float, float], ...]  #: likewise for each record alone
+    each: tuple[tuple[float, float, float], ...]  #: the same of each record alone
     log_odds: float  #: ln evidence for one shared value less that for separate values
 
 

@@ -26,10 +26,10 @@ class Fit:
     """A fitted model. Statistics are NaN without degrees of freedom."""
 
     names: tuple[str, ...]  #: of the terms (k)
-    coefficients: FloatArray  #: (k,), as the next three
-    std_errors: FloatArray
-    t_ratios: FloatArray
-    p_values: FloatArray  #: two-sided, Student's t
+    coefficients: FloatArray  #: (k,)
+    std_errors: FloatArray  #: (k,)
+    t_ratios: FloatArray  #: (k,)
+    p_values: FloatArray  #: two-sided, Student's t, (k,)
     covariance: FloatArray  #: of the coefficients, (k, k)
     active: BoolArray  #: False for terms that a constraint holds at 0 (they have no statistics), (k,)
     observed: FloatArray  #: (n,)
