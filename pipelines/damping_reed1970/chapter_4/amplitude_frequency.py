@@ -128,7 +128,7 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
         force=force,
         eta_squared=eta_squared,
         phase=phase_lag(force, A, omega_n * np.sqrt(eta_squared), M, omega_n),
-        delta=F / (M * omega_n**2 * A) - below,
+        delta=undamped_distance(A, F, M, omega_n) - below,
         epsilon=vertical_difference(force, A, F, M, omega_n),
         percent=100.0 * (1.0 - below * M * omega_n**2 * A / F),
     )

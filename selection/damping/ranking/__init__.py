@@ -26,7 +26,6 @@ from damping.ranking.candidates import (
     candidate_laws,
     group_equivalents,
     held_out_errors,
-    learn_noise,
     percent_errors,
 )
 from damping.ranking.coefficients import Coefficient, describe_tails, tabulate_coefficients
@@ -151,7 +150,7 @@ def weigh_laws(
     fits, failed = _fit_laws(laws, data)
     for row in failed:
         done(row.name)
-    groups = group_equivalents(fits, data, learn_noise(fits, data)) if fits else []
+    groups = group_equivalents(fits, data) if fits else []
     rows = _weigh(groups, data, seed, done, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:
