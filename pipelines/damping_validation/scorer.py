@@ -141,23 +141,23 @@ _TYPICAL_ROWS = (120, 180)
 
 @dataclass(frozen=True)
 class Goal:
-    """At least ``low`` and at most ``high``; None where the figure has no goal."""
+    """A goal of a figure; none where both are None."""
 
-    low: float | None = None
-    high: float | None = None
+    low: float | None = None  #: at least
+    high: float | None = None  #: at most
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One row of the table: measured value (None without cases), its 95 % interval, cases, goal. ``share``: of 1."""
+    """One row of the table."""
 
     name: str
     goal: Goal
-    measured: float | None = None
-    low: float | None = None
-    high: float | None = None
+    measured: float | None = None  #: None without cases
+    low: float | None = None  #: end of its 95 % interval
+    high: float | None = None  #: the other end
     cases: int = 0
-    share: bool = True
+    share: bool = True  #: whether the value is a share of 1
 
     @property
     def met(self) -> bool | None:

@@ -140,10 +140,10 @@ class Chains:
 
 @dataclass(frozen=True, kw_only=True)
 class Posterior(Chains):
-    """Draws of a law's posterior; ``coordinates``: the law and the meaning of ``x``, ``log_z``: its log evidence."""
+    """Draws of a law's posterior."""
 
-    coordinates: Coordinates
-    log_z: float
+    coordinates: Coordinates  #: the law and the meaning of ``x``
+    log_z: float  #: log evidence of the law
 
     @property
     def draws(self) -> FloatArray:

@@ -30,15 +30,15 @@ from damping.report.page import Block, Section, write_blocks
 
 @dataclass(frozen=True)
 class LawPosterior:
-    """A sampled law with its checks; ``of_source`` marks a law the source report states, ``file`` is its netCDF."""
+    """A sampled law with its checks."""
 
     law: Law
     weight: float
     posterior: Posterior
     leave_one_out: LeaveOneOut
     check: PredictiveCheck
-    of_source: bool
-    file: bytes = b""
+    of_source: bool  #: whether the source report states this law
+    file: bytes = b""  #: its netCDF
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class RecordResult:
 
 @dataclass(frozen=True)
 class FurtherPage:
-    """A separate page; ``file``: its address relative to the report, without ending (``reproduction/page``)."""
+    """A separate page."""
 
-    file: str
+    file: str  #: its address relative to the report, without ending (``reproduction/page``)
     title: str
     sections: Sequence[Section]
 
@@ -94,15 +94,15 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A whole study; ``inputs``: file name to SHA-256, ``versions``: package to version, ``exhibits``: joining it."""
+    """A whole study."""
 
     title: str
     seed: int
     level: float
     records: tuple[RecordResult, ...]
-    inputs: Mapping[str, str]
-    versions: Mapping[str, str]
-    exhibits: tuple[Exhibit, ...] = ()
+    inputs: Mapping[str, str]  #: file name to SHA-256
+    versions: Mapping[str, str]  #: package to version
+    exhibits: tuple[Exhibit, ...] = ()  #: what joins it
 
 
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
