@@ -427,6 +427,9 @@ def test_a_wrong_sign_of_one_sweep_names_it_and_leaves_the_others():
     (sign,) = [finding for finding in every.findings if finding.check == "phase-sign"]
     assert sign.advice == "negate it (lead_deg where the file is imported)"
     assert sign.what.startswith("the phase falls through -pi/2")
+    parts[1] = parts[1].assign(phase=np.arctan(np.tan(np.angle(Z))))  # negated, it would be wrong on both sides
+    (sign,) = [f for f in audit(Record(pd.concat(parts, ignore_index=True))).findings if f.check == "phase-sign"]
+    assert sign.advice == "add pi where it is negative in sweep B, and leave the others as they are"
 
 
 @pytest.mark.parametrize(("length", "times", "doubted"), [("m", 1.0, False), ("mm", 1e3, False), ("m", 142.1e3, True)])

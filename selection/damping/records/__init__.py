@@ -42,7 +42,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_copies.check_copied_rows, ("several-modes", "sensor-saturation")),
     (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", *_OF_LEVELS)),
     (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
-    (check_units.check_phase_sign, ("phase-offset", "energy")),
+    (check_units.check_phase_sign, ("phase-offset", "energy", "sweep-rate")),
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
     (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),

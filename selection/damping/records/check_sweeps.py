@@ -147,7 +147,7 @@ def check_several_modes(view: View) -> Finding | None:
     if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
         advice = (
             f"the mode file's {view.mode.frequency:.4g} Hz lies between them: if a part tuned to it splits the mode "
-            "(an absorber, a fluid), cut nothing; damping gap with --despite several-modes decides"
+            "(an absorber, a fluid), or the force drops, cut nothing; damping gap with --despite several-modes decides"
         )
     sweeps = label_sweeps(run for run, _ in further)
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
