@@ -138,9 +138,9 @@ def pair_parts(starts: Sequence[float], ends: Sequence[float]) -> list[Part]:
         raise InputError(f"{len(starts)} times --start and {len(ends)} times --end", expected=expected)
     parts = list(zip_longest(starts, ends)) or [(None, None)]
     times = [time for part in parts for time in part if time is not None]
-    wrong = next((pair for pair in pairwise(times) if not pair[0] <= pair[1]), None)
-    if wrong or any(start == end is not None for start, end in parts):
-        before, after = wrong or times[:2]
+    wrong = [pair for pair in pairwise(times) if not pair[0] <= pair[1]]
+    wrong += [(start, end) for start, end in parts if start is not None and start == end]
+    for before, after in wrong[:1]:
         raise InputError(f"--start and --end: {before:g} s before {after:g} s", expected="rising, each part for itself")
     return parts
 

@@ -112,7 +112,7 @@ def require_finite(name: str, values: Samples) -> None:
 
 #: Names of columns beside x and y which show that these are readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}
-_MOTIONS = ("response", "x", "y", "amplitude")
+_RESPONSES = ("response", "x", "amplitude")  # roles; a y belongs to its x
 
 
 def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, *, many: bool) -> None:
@@ -121,8 +121,9 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     ``many``: ``damping campaign`` reads all responses of such a file.
     """
     in_table = {parse_header(name.strip()).name.lower() for name in names}
-    if not set(_MOTIONS) & set(of_role):
-        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
+    if not set(_RESPONSES) & set(of_role):
+        others = {name for role, name in of_role.items() if role != "y"}
+        free = [name.strip() for name in names if name.strip() and name not in others]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
         words = {word for name in free for word in re.findall(r"[^\W_]+", name.lower())}
         many |= bool(words & {*NAMES["part"]["angle"], *NAMES["part"]["y"]})  # phases or parts of several sensors
