@@ -19,9 +19,9 @@ from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
-from damping.formats.refined import SweepMotion, find_refined
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary
+from damping.formats.sweeps import SweepMotion, find_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.text import count, describe_shortened
 

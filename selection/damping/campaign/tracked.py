@@ -24,7 +24,7 @@ from damping.campaign.runs import (
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
-from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor
+from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, lower_name
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
@@ -178,7 +178,7 @@ def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
     """Whether a table is of motions against time: it has a time beside them, and no frequency."""
     names = [header.name.lower() for header in headers if header.text]
     frequencies = {*ROLE_NAMES["frequency"], *ROLE_NAMES["omega"]}
-    has_frequency = any((h.name if len(h.name) == 1 else h.name.lower()) in frequencies for h in headers)  # f, not F
+    has_frequency = any(lower_name(header.name) in frequencies for header in headers)
     return not has_frequency and len(names) > 1 and bool(set(ROLE_NAMES["time"]) & set(names))
 
 

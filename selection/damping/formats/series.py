@@ -31,9 +31,8 @@ class FileFacts:
     per_force: bool | None = None  #: whether it is a ratio to force
     scaling: str | None = None  #: a name of ``SCALINGS``
     force_scaling: str | None = None  #: scaling of the force, if separate
-    peak_assumed: Collection[
-        str
-    ] = ()  #: of ``response`` and ``force``: neither a header nor a role says that it is peak
+    #: Of ``response`` and ``force`` those of which neither a header nor a role says that they are peak values.
+    peak_assumed: Collection[str] = ()
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers

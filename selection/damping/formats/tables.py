@@ -56,17 +56,13 @@ def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> 
     texts = {path.stem: data}
     if kind == "xlsx":
         sheets = list_sheets(data, max_size, stated.decimal)
-        texts = (
-            {title: text for (_, title), text in sheets.items()}
-            if len(sheets) > 1
-            else {path.stem: b"".join(sheets.values())}
-        )
+        several = {title: text for (_, title), text in sheets.items()}
+        texts = several if len(sheets) > 1 else {path.stem: b"".join(sheets.values())}
         stated = replace(stated, delimiter="tab", decimal="point")
     tables = [table for label, text in texts.items() for table in _lay_out(label, text, stated)]
     with_frequency = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
     if not with_frequency:
-        names = ", ".join(header.text for header in tables[0].headers) if tables else "nothing"
-        raise _no_abscissa(names)
+        raise _no_abscissa(", ".join(header.text for header in tables[0].headers))
     for table in tables:
         if table not in with_frequency:
             summary.note(f"{path.name}: sheet {table.label!r} is skipped: no column of frequency")
@@ -103,7 +99,7 @@ def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> 
     Groups without a frequency have that of the top of the file.
     """
     known = read_arrays(path, kind, [], None, rows=(0, 1)).known
-    wrong = next((name for name in stated.columns.values() if not {name, *map(_leaf, [name])} & _names(known)), None)
+    wrong = next((name for name in stated.columns.values() if not _names([name]) & _names(known)), None)
     if wrong is not None:
         raise InputError(f"no array {describe_shortened(wrong)!r}", expected=describe_shortened(", ".join(known), 100))
     groups: dict[str, list[str]] = {}
@@ -136,7 +132,7 @@ def _names(known: Iterable[str]) -> set[str]:
 
 def _find_rows(names: Sequence[str], stated: Stated) -> dict[str, int]:
     """Arrays of the roles ``SETTING`` in a group, stated ones if they are in it."""
-    there = {role: _leaf(name) for role, name in stated.columns.items() if {name, _leaf(name)} & _names(names)}
+    there = {role: _leaf(name) for role, name in stated.columns.items() if _names([name]) & _names(names)}
     return find_setting([describe_array(name, "") for name in names], there)
 
 
