@@ -19,7 +19,8 @@ from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
-from damping.signals.ringdown import PERIODS, Decay, ring_down
+from damping.signals.ringdown import Decay, ring_down
+from damping.signals.windows import PERIODS
 from damping_pipelines.store import check_outputs, write_json, write_text
 from damping_pipelines.terminal import PlainTable, console, parse_number, parse_pairs, report_findings
 

@@ -13,7 +13,7 @@ from scipy.signal import find_peaks, oaconvolve, welch
 from damping.arrays import FloatArray
 from damping.campaign.sensors import FOLLOWS
 from damping.errors import AnalysisError
-from damping.signals.ringdown import list_weights
+from damping.signals.windows import list_weights
 
 PARTS = (8, 4, 2)  #: parts of a record whose spectra are averaged, from the least noise to the finest resolution
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power

@@ -260,9 +260,8 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     drive_unit = content.find_unit(content.drives[0], "force") if content.drives else ""
     ratios = {name: split_ratio(text, drive_unit) for name, text in units.items()}
     if content.drives:
-        drive = stated.join_controls(
-            [stated.of(reading.name).scale * sweep.values[reading.name] for reading in content.drives]
-        )
+        controls = (reading.name for reading in content.drives)
+        drive = stated.join_controls([stated.of(name).scale * sweep.values[name] for name in controls])
     else:
         label = sweep.label.replace("_", " ")
         per = next((parts[1] for parts in ratios.values() if parts), None)
@@ -278,10 +277,8 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     channels = []
     for name, ratio in ratios.items():
         text, per = ratio or (units[name], drive_unit)
-        factor = unit(drive_unit).factor / unit(per).factor
+        values = sweep.values[name] * (unit(drive_unit).factor / unit(per).factor)
         quantity = describe_quantity(text, name)
-        channels.append(
-            source.make_channel(name, text, sweep.values[name] * factor, quantity, per_drive=ratio is not None)
-        )
+        channels.append(source.make_channel(name, text, values, quantity, per_drive=ratio is not None))
     run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)), sweep.rate)
     return source.leave_flat(source.set_level(run, sweep.label))

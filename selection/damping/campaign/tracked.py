@@ -151,9 +151,8 @@ class Source:
         """The run of spectra without sensors whose amplitudes stand at a ceiling under a steady drive."""
         assert run.drive is not None
         require_finite(f"drive of {run.label}", run.drive)
-        drive, limits = np.abs(run.drive), {}
-        for channel in run.channels:
-            limits[channel.name] = find_ceiling(np.abs(channel.samples), drive, per_force=channel.per_drive)
+        drive, of = np.abs(run.drive), run.channels
+        limits = {one.name: find_ceiling(np.abs(one.samples), drive, per_force=one.per_drive) for one in of}
         return self.leave_clipped(limits, run)
 
     def leave_clipped(self, limits: Mapping[str, float | None], run: CampaignRun) -> CampaignRun:
