@@ -20,9 +20,9 @@ from damping.formats.arrays import list_array_series, list_channels
 from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES
 from damping.formats.levels import LevelTable, split_levels
-from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.named import UNIT_OF, list_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.sampling import find_rows
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
@@ -111,6 +111,7 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
     places, response = find_roles(table, stated.columns, known)
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
+    require_linear(headers)
     if "auto" in (stated.delimiter, stated.decimal):
         summary.add("table", _describe_layout(table.layout, stated.skip), "found in the file")
     if not stated.columns and kind != "csv":
@@ -118,8 +119,6 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
             if set(parts) <= set(numbers):
                 numbers = {role: values for role, values in numbers.items() if role not in twice}
     for role, header in headers.items():
-        if role in UNIT_OF:
-            refuse_decibels(role, header.text)
         if role in numbers or role == "sweep":
             source = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", source)
@@ -130,7 +129,6 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
     headers = {role: header for role, header in headers.items() if role in numbers}
     if stated.rate is not None and "amplitude" not in stated.columns and "amplitude" in numbers:  # a signal
         numbers["response"], headers["response"] = numbers.pop("amplitude"), headers.pop("amplitude")
-    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)

@@ -228,20 +228,26 @@ def _list_each(
     names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
     """Series from arrays; a role has one array for each sweep, or a single one for all."""
-    count = max(len(arrays[name]) for name in names.values())
-    uneven = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
-    if uneven is not None:
-        number = len(arrays[names[uneven]])
-        raise InputError(f"{number} arrays of {uneven} beside {count} of others", expected=f"1 or {count}")
+    sweeps = list_members(list(names.values()), arrays)
     series: list[Series] = []
-    for k in range(count):
-        of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
-        label = stem if count == 1 else f"{stem} {k + 1}"
-        labels = None
-        if "sweep" in of_role:
-            labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
-        series += to_series(of_role, labels, facts, label, summary, peak=True)
+    for k, values in enumerate(sweeps, 1):
+        of_role = dict(zip(names, values, strict=True))
+        labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)] if "sweep" in of_role else None
+        series += to_series(of_role, labels, facts, stem if len(sweeps) == 1 else f"{stem} {k}", summary, peak=True)
     return series
+
+
+def list_members(names: Sequence[str], arrays: Mapping[str, list[Samples]]) -> list[list[Samples]]:
+    """The arrays of some names, sweep by sweep: of a name one for each, or a single one for all.
+
+    InputError: another number of arrays.
+    """
+    count = max(len(arrays[name]) for name in names)
+    for name in names:
+        if len(arrays[name]) not in (1, count):
+            what = f"{len(arrays[name])} arrays {describe_shortened(name)!r} beside {count} of others"
+            raise InputError(what, expected=f"1 or {count}")
+    return [[arrays[name][min(k, len(arrays[name]) - 1)] for name in names] for k in range(count)]
 
 
 def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, PHASES, RATES, find_abscissa_factor
+from damping.formats.headers import ABSCISSAS, PHASES, RATES, ColumnHeader, find_abscissa_factor, refuse_decibels
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 from damping.formats.sweeps import direct_rate, list_sweeps
 
@@ -248,6 +248,14 @@ def require_alike(texts: Mapping[str, str]) -> None:
         named = {role: texts[role] for role in parts if texts.get(role)}
         if len(set(named.values())) > 1:
             raise InputError(" and ".join(f"{role} in {text}" for role, text in named.items()), expected="one unit")
+
+
+def require_linear(headers: Mapping[str, ColumnHeader]) -> None:
+    """Raise InputError if columns by role are in decibels, or parts of a phasor in different units or scalings."""
+    for role, header in headers.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, header.text)
+    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
 
 
 def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:

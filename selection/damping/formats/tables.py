@@ -13,11 +13,11 @@ import numpy as np
 
 from damping.errors import InputError
 from damping.formats import find_format
-from damping.formats.arrays import read_arrays
+from damping.formats.arrays import list_members, read_arrays
 from damping.formats.columns import TextTable, open_table
-from damping.formats.headers import ColumnHeader, refuse_decibels
+from damping.formats.headers import ColumnHeader
 from damping.formats.levels import split_levels
-from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
@@ -141,18 +141,11 @@ def _read_group(
 ) -> list[SensorTable]:
     contents = read_arrays(path, kind, names, max_size)
     names = [name for name in names if name in contents.arrays]
-    count = max(len(contents.arrays[name]) for name in names)
-    uneven = next((name for name in names if len(contents.arrays[name]) not in (1, count)), None)
-    if uneven is not None:
-        raise InputError(f"{len(contents.arrays[uneven])} arrays {uneven} beside {count}", expected=f"1 or {count}")
-    tables = []
-    for k in range(count):
-        values = [contents.arrays[name][min(k, len(contents.arrays[name]) - 1)] for name in names]
-        columns = [
-            (describe_array(name, contents.units.get(name, "")), x) for name, x in zip(names, values, strict=True)
-        ]
-        columns = _split_sensors(columns, _find_rows(names, stated))
-        tables.append(_join_arrays(label if count == 1 else f"{label} {k + 1}", columns, stated))
+    headers = [describe_array(name, contents.units.get(name, "")) for name in names]
+    sweeps, tables = list_members(names, contents.arrays), []
+    for k, values in enumerate(sweeps, 1):
+        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
+        tables.append(_join_arrays(label if len(sweeps) == 1 else f"{label} {k}", columns, stated))
     return tables
 
 
@@ -201,10 +194,7 @@ def list_reading_series(
     InputError: decibels, parts in different units, or values that cannot be of these roles.
     """
     headers = {role: table.headers[place] for role, place in roles.items()}
-    for role, header in headers.items():
-        if role in UNIT_OF:
-            refuse_decibels(role, header.text)
-    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
+    require_linear(headers)
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         angles={role: header.angle for role, header in headers.items() if header.angle},
