@@ -99,6 +99,8 @@ def _peaks(t: FloatArray, x: FloatArray, parts: int) -> tuple[list[float], list[
 
     First those below an eighth of the sampling rate, whose decay can be analysed, then those above.
     """
+    if len(t) < parts:
+        return [], []
     rate = (len(t) - 1) / (t[-1] - t[0])
     f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // parts * 2, axis=1)
     power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)

@@ -29,7 +29,7 @@ from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
-from damping.records.text import describe_cell, describe_shortened, read_bytes
+from damping.records.text import count, describe_cell, describe_shortened, read_bytes
 from damping.signals.histories import track_sine
 from damping.signals.windows import UNEVEN, describe_uneven
 
@@ -141,7 +141,8 @@ class Source:
     def make_decay(
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
     ) -> CampaignRun:
-        """The run of motions against time without a drive: a free decay."""
+        """The run of motions against time without a drive: a free decay. InputError: times that do not rise."""
+        find_step(label, t)
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
         run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)))
@@ -168,6 +169,15 @@ class Source:
             expected = "a run within the range of its sensors"
             raise InputError(f"every sensor of {run.label!r} is clipped", expected=expected)
         return replace(run.without(clipped), left_out=why)
+
+
+def find_step(label: str, t: FloatArray) -> float:
+    """Mean step of times (n,), s. InputError: a single one, or times that do not rise."""
+    step = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    if not step > 0.0:
+        expected = "two samples or more, at rising times"
+        raise InputError(f"{label}: {count(len(t), 'sample')} from {t[0]:g} to {t[-1]:g} s", expected=expected)
+    return step
 
 
 BLOCK = 8_000_000  #: characters of a table that are read together
