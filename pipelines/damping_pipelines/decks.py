@@ -252,9 +252,8 @@ class Coefficients:
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()
         if self.alone:
-            return (
-                f"one level (force {at}) does not separate linear from quadratic damping: right only at its amplitude"
-            )
+            inseparable = f"one level (force {at}) does not separate linear from quadratic damping"
+            return f"{inseparable}: right only at its amplitude"
         text = f"differs from the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
         if abs(self.miss) <= MOST_MISFIT:
             return f"{text})"

@@ -248,9 +248,8 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
     content.source.summary.add("phases", sense, "follows: a passive structure absorbs energy")
     if is_lead:
         return sweeps
-    return [
-        replace(s, values={name: np.conj(v) if name in angular else v for name, v in s.values.items()}) for s in sweeps
-    ]
+    lags = [{name: np.conj(sweep.values[name]) for name in angular} for sweep in sweeps]
+    return [replace(sweep, values={**sweep.values, **lag}) for sweep, lag in zip(sweeps, lags, strict=True)]
 
 
 def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:

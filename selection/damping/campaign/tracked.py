@@ -104,9 +104,8 @@ class Source:
             return replace(run, level=level)
         g = STANDARD_GRAVITY_M_S2
         if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
-            self.summary.note(
-                f"{self.file.name}: values labelled g are in m/s^2 (according to {control}) and read as such"
-            )
+            said = f"values labelled g are in m/s^2 (according to {control}) and read as such"
+            self.summary.note(f"{self.file.name}: {said}")
             channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
             return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
         self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
@@ -246,9 +245,8 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
         while block := stream.read(BLOCK):
             rest = stream.readline(BLOCK)
             if len(rest) == BLOCK:
-                raise InputError(
-                    f"a line of more than {BLOCK} characters", expected="rows of time, drive and responses"
-                )
+                expected = "rows of time, drive and responses"
+                raise InputError(f"a line of more than {BLOCK} characters", expected=expected)
             block += rest
             text = block.replace(",", ".") if layout.decimal == "comma" else block
             try:

@@ -96,10 +96,9 @@ def _note_excitation(entries: Sequence[DataSet], summary: Summary) -> None:
     other = next((text for text in texts if _BROADBAND.search(text)), None)
     if other is not None:
         damping = "shows the damping of that motion, not of a sine of the amplitude of its level"
-        use = (
-            "if damping changes with amplitude, levels and predictions are wrong: measure with a stepped or swept sine"
-        )
-        summary.note(f"caution: {describe_shortened(other)!r}: a function of such an excitation {damping}; {use}")
+        wrong = "if damping changes with amplitude, levels and predictions are wrong"
+        said = f"a function of such an excitation {damping}; {wrong}: measure with a stepped or swept sine"
+        summary.note(f"caution: {describe_shortened(other)!r}: {said}")
     elif texts:
         summary.note("functions are taken as measured with a stepped or swept sine of the amplitude of their level")
 

@@ -68,9 +68,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     the mode file's mass then holds.
     """
     numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
-    columns = _Columns(
-        required=keys.REQUIRED_COLUMNS, numbers=numbers, text=keys.TEXT_COLUMNS, blank=keys.BLANK_COLUMNS
-    )
+    columns = _Columns(keys.REQUIRED_COLUMNS, numbers, keys.TEXT_COLUMNS, keys.BLANK_COLUMNS)
     with naming(path):
         if str(path).lower().endswith(".toml"):
             raise InputError("a TOML file in the place of a record", expected="RECORD.csv")

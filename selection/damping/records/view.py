@@ -31,14 +31,7 @@ from damping.records.outliers import (
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
-from damping.records.runs import (
-    FEWEST_ROWS,
-    WHITE,
-    Run,
-    has_resonance,
-    measure_whiteness,
-    runs_of,
-)
+from damping.records.runs import FEWEST_ROWS, WHITE, Run, has_resonance, measure_whiteness, runs_of
 
 SURE = 0.2  #: relative scatter beyond which the mass from pairs of rows is unknown
 #: Largest phase offset, rad, that is subtracted from the lags; a larger one means another kind of phase.
@@ -182,9 +175,8 @@ class View:
         rates = pd.Series(np.abs(list_rates(self.record, of_rig)))
         fastest = rates.groupby(self.record.frame["sweep"].to_numpy()).max()
         etas = self.implied["sweep"].map(fastest) / width**2
-        return {
-            str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], etas, width, strict=True) if w > 0.0
-        }
+        rows = zip(self.implied["sweep"], etas, width, strict=True)
+        return {str(sweep): float(eta) for sweep, eta, w in rows if w > 0.0}
 
     @cached_property
     def sensed(self) -> float | None:

@@ -145,10 +145,9 @@ def ring_down(
         lost.append(f"of several releases only that at {times[first]:.4g} s is used; {others} takes each")
     returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, len(window.offsets))
     if (again := returned / window.omega_0**order) > 0.0:
+        stays = f"motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside"
         doubt = f"levels below {again / GROWN:.3g} are doubtful; choose a part without, or another sensor"
-        lost.append(
-            f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
-        )
+        lost.append(f"caution: {stays}: {doubt}")
     shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     return _decay(kept, mass, noise, [*jitter, *lost, *notes])
