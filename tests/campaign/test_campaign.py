@@ -662,6 +662,14 @@ def test_a_decay_of_a_few_samples_shows_no_mode(tmp_path):
         analyse([tmp_path / "a.csv"])
 
 
+def test_rows_at_one_frequency_show_no_mode(tmp_path):
+    """Where the user named a mode, they gave its damping to 5 %, by nothing but their scatter."""
+    rows = "".join(f"5,1,{1.0 + 0.01 * np.sin(k)},{k}\n" for k in range(40))
+    (tmp_path / "a.csv").write_text(f"frequency [Hz],force [N],tip [m],tip phase [deg]\n{rows}")
+    with pytest.raises(AnalysisError, match="no resonance in run 'a': it has no two different frequencies"):
+        analyse([tmp_path / "a.csv"], frequencies=[5.0])
+
+
 @pytest.mark.parametrize(
     ("gap", "rows", "said"),
     [
