@@ -128,12 +128,10 @@ def _weigh(
     estimate = remember(evidence)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
-        rankings = [
-            rank_laws(
-                record.prepared.all_rows, settings.seed, candidates, _prefixed(done, record.settings.name), estimate
-            )
-            for record, candidates in zip(inputs, laws, strict=True)
-        ]
+        rankings = []
+        for record, candidates in zip(inputs, laws, strict=True):
+            advance = _prefixed(done, record.settings.name)
+            rankings.append(rank_laws(record.prepared.all_rows, settings.seed, candidates, advance, estimate))
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
     return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
 

@@ -16,7 +16,7 @@ from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
-from damping.records.order import find_misplaced_rows
+from damping.records.outliers import find_misplaced_rows
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances

@@ -19,8 +19,8 @@ from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
 from damping.records.base_drive import Participation, find_participation, shake
 from damping.records.mode import Mode
-from damping.records.order import list_rates
 from damping.records.record import Record
+from damping.records.rows import list_rates
 from damping.records.view import View, take_median
 
 

@@ -22,8 +22,8 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wr
 from damping.errors import AnalysisError
 from damping.records.check_sweeps import FAST
 from damping.records.implied import NEAR, sense_rate
-from damping.records.order import list_rates
 from damping.records.record import Record
+from damping.records.rows import list_rates
 from damping.records.runs import runs_of
 
 #: (df/dt)/(2 zeta f)^2 below which peaks are not corrected: they are off by less, 0.1 % in amplitude, than the noise

@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_ceiling, check_copies, check_levels, check_model, check_sweeps, check_units
+from damping.records import check_ceiling, check_copies, check_levels, check_sweeps, check_units
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -56,7 +56,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),
     (check_ceiling.check_ceiling, ()),
-    (check_model.check_beyond_model, ()),
+    (check_levels.check_beyond_model, ()),
 )
 
 
