@@ -186,7 +186,8 @@ def _follow_levels(
     directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
     root = np.linalg.cholesky(rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond)))
     sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
-    return of_levels, to_levels, follow, directions * np.sqrt(np.maximum(variance, 0.0)), sd_within, root
+    directions = directions * np.sqrt(np.maximum(variance, 0.0))
+    return tuple(map(np.asarray, (of_levels, to_levels, follow, directions, sd_within, root)))
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:
