@@ -1,6 +1,5 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
-import gc
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, Future, as_completed
@@ -35,7 +34,7 @@ from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines import COLLECT_DRAWN, give_back_memory, start_pool
+from damping_pipelines import collect_drawn, give_back_memory, start_pool
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.terminal import progress, report_findings
@@ -76,7 +75,6 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
-    gc.set_threshold(COLLECT_DRAWN)
     path = settings_file or files.default_study()
     settings = files.read_settings(path)
     if seed is not None:
@@ -110,7 +108,8 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
         rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
-        give_back_memory()  # before all that is drawn
+        give_back_memory()
+        collect_drawn()  # from here on
         records = tuple(
             _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.number == k))
             for k, record in enumerate(inputs)

@@ -51,8 +51,9 @@ FEWEST_BELOW = 2
 FRESH_DRAWS = 1536
 #: Least reduction of ln(high/low) of a band by a further level: ends differ by as much from seed to seed.
 LEAST_GAIN = 0.01
-#: Forces predicted at once: the draws at each take 4 MB until their quantiles are known.
-AT_ONCE = 10
+#: Forces predicted at once: the draws at each take up to 4 MB until their quantiles are known. Each block draws the
+#: paths anew: fewer and larger ones take less time.
+AT_ONCE = 16
 
 
 def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:

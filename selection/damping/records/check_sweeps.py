@@ -90,7 +90,7 @@ def check_edge(view: View) -> Finding | None:
 def check_jump(view: View) -> Finding | None:
     """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
     jumps: dict[str, str] = {}
-    table = view.resonances.query("method == 'beside'")
+    table = view.resonances[view.resonances["method"] == "beside"]
     for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
         rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
         F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
@@ -112,7 +112,7 @@ def check_coarse(view: View) -> Finding | None:
     """Sweeps without phases whose largest reading lies well below the resonance, because rows are far apart."""
     if view.record.has_phase or "energy" in view.record.frame.columns:
         return None
-    table = view.resonances.query("method == 'between'")
+    table = view.resonances[view.resonances["method"] == "between"]
     largest = view.right.frame.loc[table["row"], ["force", "amplitude"]].to_numpy(dtype=np.float64)
     rise = (table["amplitude"] / table["force"]).to_numpy(dtype=np.float64) * largest[:, 0] / largest[:, 1]
     if not np.any(rise > RISEN):

@@ -194,7 +194,7 @@ class View:
             for leg in self.legs:
                 if leg.run.sweep in self.wrong_sign:
                     table.loc[leg.run.rows, "phase"] = leg.lag
-        return Record(table.reset_index(drop=True), self.record.source)
+        return Record.trusted(table.reset_index(drop=True), self.record.source)
 
     @cached_property
     def resonances(self) -> pd.DataFrame:
